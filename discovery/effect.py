@@ -1,0 +1,153 @@
+"""What a physical effect is: one named, cited, unit-carrying contribution to the equation of motion.
+
+A new effect is one small class in one file: its parameters as class attributes and one expression in the symbols of
+`discovery.symbols`. Simulation, fit, posterior, attribution, report row, catalogue page and contract tests follow.
+
+>>> from discovery.registry import catalogue
+>>> catalogue()["cubic_stiffness"].expression()
+beta*delta**4/4
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from discovery.parameters import Parameter
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+__all__ = ["ARM", "OSCILLATOR", "Closure", "Dissipation", "Drive", "Effect", "Kinetic", "Load", "Memory", "Potential", "Sensor"]
+
+#: Kinds of system on which an effect can act.
+ARM, OSCILLATOR = "flexible_arm", "oscillator"
+
+
+class Effect(ABC):
+    """One contribution to the mechanics, the drive or the reading of a system.
+
+    Subclass one of the kinds below, declare `Parameter` attributes and write the expression. The class docstring holds
+    the formula and its meaning; `cite` names the source.
+    """
+
+    kind: ClassVar[str]
+    #: Kinds of system on which the effect is meaningful.
+    systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
+    #: Where the law comes from.
+    cite: ClassVar[str] = ""
+
+    @classmethod
+    def id(cls) -> str:
+        """Return the word that users see: the class name in snake case."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """Return the declared parameters in the order of the class body."""
+        found: dict[str, Parameter] = {}
+        for owner in reversed(cls.__mro__):
+            found.update({n: p for n, p in vars(owner).items() if isinstance(p, Parameter)})
+        return tuple(found.values())
+
+    @classmethod
+    def title(cls) -> str:
+        """Return the first sentence of the docstring."""
+        return (inspect.getdoc(cls) or "").partition("\n")[0].rstrip(".")
+
+    def __repr__(self) -> str:
+        return f"<{self.kind} effect {self.id()}({', '.join(p.name for p in self.parameters())})>"
+
+
+class Kinetic(Effect):
+    """A kinetic energy T of channel rates, per unit inertia [q^2 s^-2]."""
+
+    kind = "kinetic"
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return T."""
+
+
+class Potential(Effect):
+    """A potential energy V of channel positions (and time), per unit inertia [q^2 s^-2]."""
+
+    kind = "potential"
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return V."""
+
+
+class Dissipation(Effect):
+    """A Rayleigh dissipation function D, even in the channel rates, per unit inertia [q^2 s^-3]."""
+
+    kind = "dissipation"
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return D."""
+
+
+class Load(Effect):
+    """A load given by its power P, linear in the channel rates, per unit inertia [q^2 s^-3]."""
+
+    kind = "load"
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return P."""
+
+
+class Closure(Effect):
+    """A static law rho/l of the deflection that others use (the radius law)."""
+
+    kind = "closure"
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return rho/l [-]."""
+
+
+class Memory(Effect):
+    """A load that depends on states of its own."""
+
+    kind = "memory"
+
+    @abstractmethod
+    def states(self) -> dict[sp.Symbol, sp.Expr]:
+        """Return each extra state with its time derivative."""
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return the power P of the load, per unit inertia [q^2 s^-3]."""
+
+
+class Drive(Effect):
+    """What the system really receives instead of the recorded input."""
+
+    kind = "drive"
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return the effective motor angle (or input u) in terms of the recorded one and time."""
+
+
+class Sensor(Effect):
+    """What the instrument reports instead of the state; override what the instrument changes."""
+
+    kind = "sensor"
+
+    def arm_reading(self, tip_x: sp.Expr, tip_y: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        """Return the reported tip position [m] for the true one [m]."""
+        return tip_x, tip_y
+
+    def oscillator_reading(self, output: sp.Expr) -> sp.Expr:
+        """Return the reported output for the true one."""
+        return output
+
+    def lateness(self) -> sp.Expr | int:
+        """Return the age of the reported state [s]; positive when the instrument is late."""
+        return 0

@@ -1,0 +1,1 @@
+"""One physical effect a file; siblings do not know each other."""

@@ -1,0 +1,27 @@
+"""An instrument whose zero angle is not the true one."""
+
+import sympy as sp
+
+from discovery.effect import Sensor
+from discovery.parameters import Normal, Parameter
+
+
+class AngleOffset(Sensor):
+    r"""The frame of the camera is turned against the encoder's zero.
+
+    .. math:: \theta_\mathrm{read} = \theta_t + \theta_0
+
+    For an oscillator the reported output is shifted by the same amount.
+    """
+
+    cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"
+    theta_0 = Parameter("q", "angle offset", (-0.5, 0.5), Normal(0.0, 0.02), starts=(0.003, -0.003), latex=r"\theta_0")
+
+    def arm_reading(self, tip_x, tip_y):
+        """Return the position in the turned frame."""
+        cosine, sine = sp.cos(self.theta_0), sp.sin(self.theta_0)
+        return cosine * tip_x - sine * tip_y, sine * tip_x + cosine * tip_y
+
+    def oscillator_reading(self, output):
+        """Return the shifted output."""
+        return output + self.theta_0

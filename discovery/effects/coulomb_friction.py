@@ -1,0 +1,24 @@
+"""Dry friction of the tip."""
+
+import sympy as sp
+
+from discovery.effect import Dissipation
+from discovery.parameters import HalfNormal, LogNormal, Parameter
+from discovery.symbols import v2
+
+
+class CoulombFriction(Dissipation):
+    r"""Dry friction of constant size against the motion of the tip.
+
+    .. math:: D = f_c \left(\sqrt{v_t^2 + v_c^2} - v_c\right)
+
+    The force is :math:`f_c v_t / \sqrt{v_t^2 + v_c^2}`: sliding friction, made smooth within the creep speed v_c.
+    """
+
+    cite = "Coulomb (1785); regularised as in Armstrong-Helouvry et al., Automatica 30 (1994) 1083"
+    f_c = Parameter("s^-2 q", "dry friction", (0.0, 1.0), HalfNormal(0.05), starts=(0.001, 0.01), latex="f_c")
+    v_c = Parameter("s^-1 q", "creep speed", (1e-5, 0.1), LogNormal(7e-4, 1.0), default=7e-4, shape=True, fixed=True, latex="v_c")
+
+    def expression(self):
+        """Return D."""
+        return self.f_c * (sp.sqrt(v2 + self.v_c**2) - self.v_c)

@@ -1,0 +1,18 @@
+"""An instrument that is late."""
+
+from discovery.effect import Sensor
+from discovery.parameters import Normal, Parameter
+
+
+class SensorDelay(Sensor):
+    r"""The reported output is older than its time stamp.
+
+    .. math:: y_\mathrm{read}(t) = y(t - \tau)
+    """
+
+    cite = "Ljung, System Identification (1999), section 4.2"
+    tau = Parameter("s", "delay", (-0.3, 0.3), Normal(0.0, 0.05), starts=(0.01, -0.01), latex=r"\tau")
+
+    def lateness(self):
+        """Return the delay [s]."""
+        return self.tau

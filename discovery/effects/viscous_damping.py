@@ -1,0 +1,21 @@
+"""Viscous friction of the tip."""
+
+from discovery.effect import Dissipation
+from discovery.parameters import HalfNormal, Parameter
+from discovery.symbols import v2
+
+
+class ViscousDamping(Dissipation):
+    r"""Viscous friction, proportional to the speed of the tip.
+
+    .. math:: D = \tfrac12\, \xi\, v_t^2
+
+    With a constant radius this is the term :math:`\xi \dot\theta_t` of the paper's equation (15).
+    """
+
+    cite = "source paper, equation (15)"
+    xi = Parameter("s^-1", "viscous damping", (0.0, 20.0), HalfNormal(2.0), starts=(0.01,), latex=r"\xi")
+
+    def expression(self):
+        """Return D."""
+        return self.xi * v2 / 2

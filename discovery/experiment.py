@@ -1,0 +1,134 @@
+"""A recording made ready for simulation: its smooth drive, its noise, and how readings become its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.effect import ARM
+from discovery.recording import Recording
+from discovery.rig import Rig
+from discovery.simulate import DriveLike
+
+__all__ = ["Experiment", "make_experiment"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One recording with its smooth input.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was measured.
+    drive : DriveLike or None
+        The input made smooth.
+    rig : Rig
+        The system.
+    fitted_samples : int or None
+        Only so many samples, from the first, are fitted; the rest is held out. None: all.
+    """
+
+    recording: Recording
+    drive: DriveLike | None
+    rig: Rig
+    fitted_samples: int | None = None
+
+    @property
+    def fitted(self) -> slice:
+        """Samples that may be fitted."""
+        return slice(0, self.fitted_samples)
+
+    @property
+    def is_arm(self) -> bool:
+        """Whether the system is a flexible arm."""
+        return self.rig.kind == ARM
+
+    @cached_property
+    def motor_angle(self) -> FloatArray:
+        """Smooth motor angle at the samples [rad], zeros for an oscillator, shape (n,)."""
+        if not self.is_arm or self.drive is None:
+            return np.zeros(self.recording.time.size)
+        return self.drive.evaluate(self.recording.time)[0]
+
+    def channels(self, reading: FloatArray) -> FloatArray:
+        """Return the recorded channels for simulated readings.
+
+        Parameters
+        ----------
+        reading : ndarray, shape (n, r, k)
+            Tip x, y [m] of an arm, or the output of an oscillator.
+
+        Returns
+        -------
+        ndarray, shape (n, c, k)
+        """
+        names = self.recording.channels
+        if names in (("tip_x", "tip_y"), ("output",)):
+            return reading
+        x, y = reading[:, 0], reading[:, 1]
+        if names == ("tip_angle",):
+            return np.unwrap(np.arctan2(y, x), axis=0)[:, None]
+        c, s = np.cos(self.motor_angle)[:, None], np.sin(self.motor_angle)[:, None]
+        return (c * y - s * x)[:, None]
+
+    @cached_property
+    def deflection(self) -> FloatArray:
+        """Measured deflection theta_t - theta_m [rad] (an oscillator: the output), NaN in gaps, shape (n,)."""
+        out = self.recording.output
+        names = self.recording.channels
+        if names == ("tip_x", "tip_y"):
+            relative = np.arctan2(out[:, 1], out[:, 0]) - self.motor_angle
+            return (relative + np.pi) % (2 * np.pi) - np.pi
+        if names == ("tip_angle",):
+            return out[:, 0] - self.motor_angle
+        if names == ("tip_deflection",):
+            assert self.rig.length is not None
+            return np.arcsin(np.clip(out[:, 0] / self.rig.length.value, -1, 1))
+        return out[:, 0]
+
+    @cached_property
+    def initial_guess(self) -> tuple[float, float]:
+        """Deflection and its rate at the first sample, from a parabola through the first samples."""
+        t, d = self.recording.time, self.deflection
+        good = np.flatnonzero(np.isfinite(d))
+        first = good[: max(4, min(9, good.size))]
+        noise = np.nanmax(self.recording.noise) / (self.rig.length.value if self.rig.length else 1.0)
+        # More samples while a straight line still describes them within the noise.
+        for count in (16, 32, 64):
+            if count > good.size:
+                break
+            part = good[:count]
+            line = np.polynomial.Polynomial.fit(t[part], d[part], 2)
+            if np.std(d[part] - line(t[part])) > 1.5 * noise:
+                break
+            first = part
+        fit = np.polynomial.Polynomial.fit(t[first], d[first], min(2, first.size - 1))
+        return float(fit(t[0])), float(fit.deriv()(t[0]))
+
+    def weights(self) -> FloatArray:
+        """Return 1/noise of every fitted sample and channel, zero in gaps and held-out parts, shape (n, c)."""
+        out = self.recording.output
+        weights = np.where(np.isfinite(out), 1.0 / self.recording.noise, 0.0)
+        keep = np.zeros(len(out), bool)
+        keep[self.fitted] = True
+        weights[~keep] = 0.0
+        return weights
+
+
+def make_experiment(recording: Recording, rig: Rig, *, fitted_samples: int | None = None) -> Experiment:
+    """Return the experiment of a recording: its input is made smooth here, once."""
+    from discovery.drive import build_drive
+
+    return Experiment(recording, build_drive(recording, rig), rig, fitted_samples)
+
+
+def largest_deflection(experiments: Sequence[Experiment]) -> float:
+    """Return the largest measured deflection of the fitted samples [q], robust against single outliers."""
+    return max(float(np.nanquantile(np.abs(e.deflection[e.fitted]), 0.999)) for e in experiments)

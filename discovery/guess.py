@@ -1,0 +1,83 @@
+"""Where a fit starts: equation-error regression for a system with input, a scan of the stiffness for all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from discovery.experiment import Experiment
+from discovery.model import Model
+from discovery.problem import Bench, NaturalUnits, Problem
+
+__all__ = ["scan"]
+
+#: Stiffness over the square of the dominant frequency.
+_STIFFNESS = np.concatenate([np.geomspace(0.3, 0.8, 12, endpoint=False), np.geomspace(0.8, 1.5, 140), np.geomspace(1.55, 4, 12)])
+_DAMPING = (0.003, 0.03)
+
+
+def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[str, float]:
+    """Return g, xi, alpha of q'' = g u - xi q' - alpha q by least squares on smoothed derivatives."""
+    from discovery.differentiate import smooth
+
+    rows, targets = [], []
+    for e in experiments:
+        r = e.recording
+        trajectory = smooth(r.time[e.fitted], r.output[e.fitted, 0], float(r.noise[0]))
+        assert r.input is not None
+        rows.append(np.column_stack([r.input[e.fitted], -trajectory.rate, -trajectory.value]))
+        targets.append(trajectory.acceleration)
+    matrix, target = np.concatenate(rows), np.concatenate(targets)
+    size = np.linalg.norm(matrix, axis=0)
+    g, xi, alpha = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size
+    low = (0.1 / units.time) ** 2
+    return {"g": float(g), "xi": float(max(xi, 1e-4 / units.time)), "alpha": float(max(alpha, low))}
+
+
+def scan(
+    model: Model, experiments: Sequence[Experiment], units: NaturalUnits, given: Mapping[str, float]
+) -> dict[str, float]:
+    """Return start values for `fit`.
+
+    Free-run residuals have many minima in the stiffness (whole periods slip), so a grid of stiffnesses and dampings is
+    simulated at once and the best one is returned; with a measured input, the grid is centred on the regression of the
+    smoothed acceleration.
+
+    Parameters
+    ----------
+    model : Model
+        With a free `alpha`.
+    experiments : sequence of Experiment
+        Recordings.
+    units : NaturalUnits
+        Natural units.
+    given : mapping of str to float
+        Values that are not guessed.
+    """
+    values = dict(given)
+    centre = units.time**-2
+    damping = [d / units.time for d in _DAMPING]
+    if "g" in model.free:
+        regressed = _regression(experiments, units)
+        values = {**regressed, **values}
+        centre = regressed["alpha"]
+        damping.append(regressed["xi"])
+    coarse = min(0.1 * units.time, 0.5 / (centre**0.5 * model.mechanics.highest_frequency({**model.known, **values})))
+    if "g" in model.free:
+        coarse = min(coarse, float(np.median(np.diff(experiments[0].recording.time))))
+    problem = Problem(model, Bench(model.base, model.effects, experiments, coarse), units, {})
+    start = problem.start(values)
+    alphas = centre * _STIFFNESS
+    grid = np.repeat(start[:, None], alphas.size * len(damping), axis=1)
+    grid[problem.free.index("alpha")] = np.tile(alphas, len(damping))
+    if "xi" in problem.free:
+        grid[problem.free.index("xi")] = np.repeat(damping, alphas.size)
+    cost = np.empty(grid.shape[1])
+    for first in range(0, grid.shape[1], 64):
+        part = slice(first, first + 64)
+        residual = problem.bench.residuals(*problem.expand(grid[:, part]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            cost[part] = np.einsum("nk,nk->k", residual, residual)
+    best = grid[:, int(np.nanargmin(cost))]
+    return {**dict(zip(problem.free, best.tolist(), strict=False)), **given}

@@ -1,0 +1,34 @@
+"""The bases: the mechanics of the bare system, one file each."""
+
+from __future__ import annotations
+
+from discovery.errors import InputError
+from discovery.mechanics.base import Base
+
+__all__ = ["Base", "base_names", "get_base"]
+
+
+def _bases() -> dict[str, Base]:
+    from discovery.mechanics import constant_radius, elastica, oscillator, reduced
+
+    bases = (constant_radius.BASE, reduced.BASE, elastica.BASE, elastica.TWO_MODES, oscillator.BASE)
+    return {base.name: base for base in bases}
+
+
+def base_names() -> tuple[str, ...]:
+    """Return the names of all bases."""
+    return tuple(_bases())
+
+
+def get_base(name: str) -> Base:
+    """Return one base.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
+    bases = _bases()
+    if name not in bases:
+        raise InputError(f"There is no base called {name!r}; known are {', '.join(bases)}.")
+    return bases[name]

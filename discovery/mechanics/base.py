@@ -1,0 +1,191 @@
+"""What a base is: coordinates, inertia, and the channels on which effects push.
+
+A base hands over straight-line mathematics: a list of assignments, the mass matrix M and bias force of
+M(q) q'' = force + sum over channels of J^T F, and for every channel its value or rate, its Jacobian dc/dq and the part
+of its acceleration that does not contain q''. `discovery.compile` turns this into a kernel.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.effect import ARM
+from discovery.parameters import Normal, Parameter
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+__all__ = ["ArmBase", "Base", "Channel", "Mechanics", "lagrangian_mechanics"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One quantity on which effects push.
+
+    Parameters
+    ----------
+    value : sympy.Expr
+        The quantity (a position-like channel) or rate.
+    jacobian : tuple of sympy.Expr
+        Derivative with respect to the coordinates (of a rate: to the coordinate rates).
+    bias : sympy.Expr
+        For a rate: its time derivative at zero coordinate accelerations.
+    """
+
+    value: sp.Expr
+    jacobian: tuple[sp.Expr, ...]
+    bias: sp.Expr | int = 0
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """The mathematics of a base, ready to be printed.
+
+    Parameters
+    ----------
+    coordinates, rates : tuple of sympy.Symbol
+        q and q'.
+    assignments : tuple of (sympy.Symbol, sympy.Expr)
+        Intermediate values in order of computation.
+    channels : mapping of sympy.Symbol to Channel
+        What the symbols of `discovery.symbols` are in this base.
+    mass : tuple of tuple of sympy.Expr
+        Mass matrix per unit of effective inertia.
+    force : tuple of sympy.Expr
+        Inertial forces at zero q'' (centrifugal, Coriolis, base acceleration), on the right-hand side.
+    """
+
+    coordinates: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Symbol, ...]
+    assignments: tuple[tuple[sp.Symbol, sp.Expr], ...]
+    channels: Mapping[sp.Symbol, Channel]
+    mass: tuple[tuple[sp.Expr, ...], ...]
+    force: tuple[sp.Expr, ...]
+
+
+class Base(ABC):
+    """The bare mechanics of a system: subclass and describe one."""
+
+    name: ClassVar[str]
+    #: Kind of system that it describes.
+    system: ClassVar[str]
+    #: Number of coordinates.
+    n_coordinates: ClassVar[int]
+    #: Effects whose physics is already in this base, and which it therefore replaces.
+    provides: ClassVar[frozenset[str]] = frozenset()
+    #: Parameter sets simulated side by side in one block of the kernel.
+    lanes: ClassVar[int] = 32
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """Return the parameters of the bare system."""
+        return tuple(p for owner in reversed(cls.__mro__) for p in vars(owner).values() if isinstance(p, Parameter))
+
+    @abstractmethod
+    def mechanics(self) -> Mechanics:
+        """Return the mathematics."""
+
+    @abstractmethod
+    def reading(self, closure: sp.Expr | None) -> tuple[sp.Expr, ...]:
+        """Return the true output in terms of coordinates and theta_m: tip x, y in lengths of the arm, or the coordinate.
+
+        `closure` is rho/l as a function of `delta` where the model declares a radius law.
+        """
+
+    @abstractmethod
+    def initial_coordinates(
+        self, deflection: NDArray, rate: NDArray, drive: Sequence[float]
+    ) -> tuple[NDArray, NDArray]:
+        """Return q, q' of shape (n_coordinates, k) for tip deflections [q] and rates [q/s] of shape (k,).
+
+        `drive` holds theta_m, theta_m' at that time (zeros for an oscillator).
+        """
+
+    def highest_frequency(self, values: Mapping[str, float]) -> float:
+        """Return the highest small-amplitude angular frequency over sqrt(alpha); it limits the step."""
+        return 1.0
+
+
+class ArmBase(Base):
+    """A base of the flexible arm: lengths are in units of the arm's length, which the reading needs."""
+
+    system = ARM
+    length = Parameter("m", "length of the arm", (1e-3, 100.0), Normal(1.0, 1.0), default=1.0, fixed=True, latex="l")
+
+    def initial_coordinates(self, deflection, rate, drive):
+        """Return the tip angle and its rate."""
+        return (drive[0] + deflection)[None], (drive[1] + rate)[None]
+
+
+def _total_derivative(expression: sp.Expr, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> sp.Expr:
+    from discovery.symbols import alpha_m, omega_m, theta_m
+
+    pairs = [*zip(q, qd, strict=True), (theta_m, omega_m), (omega_m, alpha_m)]
+    import sympy as sp
+
+    return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
+
+
+def lagrangian_mechanics(
+    q: sp.Symbol,
+    qd: sp.Symbol,
+    *,
+    kinetic: sp.Expr,
+    theta: sp.Expr,
+    delta: sp.Expr,
+    tip: tuple[sp.Expr, sp.Expr],
+    radius: sp.Expr,
+    elastic: sp.Expr,
+) -> Mechanics:
+    """Return the mechanics of a base with one coordinate from its kinetic energy and geometry.
+
+    Parameters
+    ----------
+    q, qd : sympy.Symbol
+        Coordinate and rate.
+    kinetic : sympy.Expr
+        Kinetic energy per unit inertia [q^2 s^-2].
+    theta, delta : sympy.Expr
+        Tip angle and deflection.
+    tip : tuple of sympy.Expr
+        Tip position in lengths of the arm.
+    radius : sympy.Expr
+        Distance of the tip from the hub, in lengths.
+    elastic : sympy.Expr
+        Elastic energy per unit stiffness U [q^2].
+
+    Returns
+    -------
+    Mechanics
+        Euler-Lagrange: d/dt dT/dq' - dT/dq = sum of generalised forces.
+    """
+    import sympy as sp
+
+    from discovery import symbols as s
+
+    mass = sp.simplify(sp.diff(kinetic, qd, 2))
+    momentum = sp.diff(kinetic, qd)
+    pairs = [(q, qd), (s.theta_m, s.omega_m), (s.omega_m, s.alpha_m)]
+    bias = sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(kinetic, q)
+    channels: dict[sp.Symbol, Channel] = {}
+    for symbol, rate_symbol, expression in (
+        (s.theta, s.omega, theta),
+        (s.delta, s.delta_dot, delta),
+        (s.x, s.v_x, tip[0]),
+        (s.y, s.v_y, tip[1]),
+    ):
+        jacobian = sp.diff(expression, q)
+        rate = _total_derivative(expression, [q], [qd])
+        channels[symbol] = Channel(expression, (jacobian,))
+        channels[rate_symbol] = Channel(rate, (jacobian,), _total_derivative(rate, [q], [qd]))
+    speed2 = sp.simplify(channels[s.v_x].value ** 2 + channels[s.v_y].value ** 2)
+    channels[s.v2] = Channel(speed2, (sp.simplify(sp.diff(speed2, qd)),))
+    channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
+    channels[s.rho] = Channel(radius, (sp.Integer(0),))
+    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.simplify(-bias),))

@@ -1,0 +1,172 @@
+"""The exact arm: an inextensible rod with distributed mass in a few curvature modes (PAPER i)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+from scipy.linalg import eigh
+
+from discovery import symbols as s
+from discovery.mechanics.base import ArmBase, Channel, Mechanics
+from discovery.mechanics.rod_shapes import bending_matrix, mass_matrix, polynomials, quadrature, reduced_shapes, static_shapes
+from discovery.parameters import Normal, Parameter
+
+__all__ = ["BASE", "TWO_MODES", "Elastica", "ElasticaTwoModes"]
+
+
+class Elastica(ArmBase):
+    r"""Lagrange's equations of theta(s, t) = theta_m + sum_k q_k phi_k(s), see `discovery.mechanics.rod_shapes`.
+
+    Large deflection, radius, tension, centrifugal and Coriolis terms, the rod's mass and the second bending mode are
+    all contained; bending stiffness enters through `linear_stiffness` (alpha = 3 EI / (m_eff l^3),
+    m_eff = m + 33 m_r / 140), the rod through mu = m_r / m. Positions are integrated by cumulative Gauss-Legendre
+    quadrature. All vectors are in the frame of the hub: inner products do not care, and the bending angles stay small.
+    """
+
+    name = "elastica"
+    n_coordinates = 3
+    nodes = 6
+    lanes = 8
+    provides = frozenset({"cubic_stiffness", "quintic_stiffness", "radius_law", "distributed_mass"})
+
+    mu = Parameter("1", "rod mass over tip mass", (0.0, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
+
+    @cached_property
+    def _weights(self) -> np.ndarray:
+        return reduced_shapes(self.n_coordinates)
+
+    @cached_property
+    def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shapes (n, nodes) at the quadrature nodes, weights, and the cumulative matrix."""
+        s_nodes, weights, cumulative = quadrature(self.nodes)
+        return self._weights @ polynomials(s_nodes), weights, cumulative
+
+    @cached_property
+    def _symbols(self) -> tuple[tuple[sp.Symbol, ...], tuple[sp.Symbol, ...]]:
+        n = self.n_coordinates
+        return sp.symbols(f"q_1:{n + 1}", real=True), sp.symbols(f"qd_1:{n + 1}", real=True)
+
+    def mechanics(self) -> Mechanics:
+        """Return the mathematics."""
+        n, nodes = self.n_coordinates, self.nodes
+        q, qd = self._symbols
+        phi, weights, cumulative = self._nodes
+        program: list[tuple[sp.Symbol, sp.Expr]] = []
+
+        def name(label: str, expression: sp.Expr) -> sp.Symbol:
+            symbol = sp.Symbol(label, real=True)
+            program.append((symbol, sp.sympify(expression)))
+            return symbol
+
+        tip_share = name("m_t", 1 / (1 + sp.Rational(33, 140) * self.mu))
+        sine, cosine, rate = [], [], []
+        for a in range(nodes):
+            bend = name(f"psi_{a}", sum(float(phi[k, a]) * q[k] for k in range(n)))
+            sine.append(name(f"sn_{a}", sp.sin(bend)))
+            cosine.append(name(f"cs_{a}", sp.cos(bend)))
+            rate.append(name(f"rt_{a}", s.omega_m + sum(float(phi[k, a]) * qd[k] for k in range(n))))
+        # Rows 0 .. nodes-1 are the quadrature points, row `nodes` is the tip.
+        points = range(nodes + 1)
+
+        def integrate(label: str, density: list[sp.Expr]) -> list[sp.Symbol]:
+            named = [name(f"{label}d{b}", density[b]) for b in range(nodes)]
+            return [
+                name(f"{label}{a}", sum(float(cumulative[a, b]) * named[b] for b in range(nodes))) for a in points
+            ]
+
+        px = [integrate(f"px{k}_", [-float(phi[k, b]) * sine[b] for b in range(nodes)]) for k in range(n)]
+        py = [integrate(f"py{k}_", [float(phi[k, b]) * cosine[b] for b in range(nodes)]) for k in range(n)]
+        tip_x = name("tip_x", sum(float(weights[b]) * cosine[b] for b in range(nodes)))
+        tip_y = name("tip_y", sum(float(weights[b]) * sine[b] for b in range(nodes)))
+        # Acceleration at zero q'': base acceleration and centripetal part.
+        ax = integrate("ax_", [-s.alpha_m * sine[b] - rate[b] ** 2 * cosine[b] for b in range(nodes)])
+        ay = integrate("ay_", [s.alpha_m * cosine[b] - rate[b] ** 2 * sine[b] for b in range(nodes)])
+        share = [self.mu * float(weights[a]) for a in range(nodes)] + [sp.Integer(1)]
+
+        def inner(ux, uy, vx, vy) -> sp.Expr:
+            return tip_share * sum(share[a] * (ux[a] * vx[a] + uy[a] * vy[a]) for a in points)
+
+        mass = [[sp.Integer(0)] * n for _ in range(n)]
+        for i in range(n):
+            for j in range(i + 1):
+                mass[i][j] = mass[j][i] = name(f"M_{i}{j}", inner(px[i], py[i], px[j], py[j]))
+        force = tuple(name(f"B_{i}", -inner(px[i], py[i], ax, ay)) for i in range(n))
+
+        jx, jy = [px[k][nodes] for k in range(n)], [py[k][nodes] for k in range(n)]
+        vx = name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
+        vy = name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
+        channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax[nodes], ay[nodes], q, qd)
+        return Mechanics(q, qd, tuple(program), channels, tuple(map(tuple, mass)), force)
+
+    def _channels(self, tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd) -> dict[sp.Symbol, Channel]:
+        """Return the channels from the tip's motion, given along the axes of the hub."""
+        n = self.n_coordinates
+        c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
+        radius2 = tip_x**2 + tip_y**2
+        deflection = sp.atan2(tip_y, tip_x)
+        turning = (tip_x * vy - tip_y * vx) / radius2
+        j_angle = tuple((tip_x * jy[k] - tip_y * jx[k]) / radius2 for k in range(n))
+        # d/dt of (x v_y - y v_x)/rho^2 is (x a_y - y a_x)/rho^2 - 2 (rho rho'/rho^2) theta'.
+        angle_bias = (tip_x * ay - tip_y * ax) / radius2 - 2 * turning * (tip_x * vx + tip_y * vy) / radius2
+        stiffness = bending_matrix(self._weights) / 3
+        bending = [[float(stiffness[i, j]) for j in range(n)] for i in range(n)]
+        pull = tuple(sum(bending[i][j] * q[j] for j in range(n)) for i in range(n))
+        j_x = tuple(c * jx[k] - sn * jy[k] for k in range(n))
+        j_y = tuple(sn * jx[k] + c * jy[k] for k in range(n))
+        zero = (sp.Integer(0),) * n
+        return {
+            s.theta: Channel(s.theta_m + deflection, j_angle),
+            s.omega: Channel(turning, j_angle, angle_bias),
+            s.delta: Channel(deflection, j_angle),
+            s.delta_dot: Channel(turning - s.omega_m, j_angle, angle_bias - s.alpha_m),
+            s.x: Channel(c * tip_x - sn * tip_y, j_x),
+            s.y: Channel(sn * tip_x + c * tip_y, j_y),
+            s.v_x: Channel(c * vx - sn * vy, j_x, c * ax - sn * ay),
+            s.v_y: Channel(sn * vx + c * vy, j_y, sn * ax + c * ay),
+            s.v2: Channel(vx**2 + vy**2, tuple(2 * (vx * jx[k] + vy * jy[k]) for k in range(n))),
+            s.U: Channel(sum(q[i] * pull[i] for i in range(n)) / 2, pull),
+            s.rho: Channel(sp.sqrt(radius2), zero),
+        }
+
+    def reading(self, closure):
+        """Return the tip position in lengths of the arm."""
+        q, _ = self._symbols
+        phi, weights, _ = self._nodes
+        bend = [sum(float(phi[k, a]) * q[k] for k in range(self.n_coordinates)) for a in range(self.nodes)]
+        tip_x = sum(float(weights[a]) * sp.cos(bend[a]) for a in range(self.nodes))
+        tip_y = sum(float(weights[a]) * sp.sin(bend[a]) for a in range(self.nodes))
+        c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
+        return c * tip_x - sn * tip_y, sn * tip_x + c * tip_y
+
+    @cached_property
+    def _static_fit(self) -> np.ndarray:
+        """Coefficients (n, 6) of the static q_k(delta) in delta, delta^3, ..., delta^11: the manifold of slow motion."""
+        deflections = np.linspace(0.05, 1.3, 26)
+        powers = deflections[:, None] ** np.arange(1, 12, 2)
+        return np.linalg.lstsq(powers, static_shapes(self._weights, deflections).T, rcond=None)[0].T
+
+    def initial_coordinates(self, deflection, rate, drive):
+        """Return the shape of a slow motion through this deflection at this rate."""
+        deflection, rate = np.atleast_1d(deflection), np.atleast_1d(rate)
+        exponents = np.arange(1, 12, 2)[:, None]
+        q = self._static_fit @ deflection**exponents
+        slope = self._static_fit @ (exponents * deflection ** (exponents - 1))
+        return q, slope * rate
+
+    def highest_frequency(self, values: Mapping[str, float]) -> float:
+        """Return the highest small-amplitude angular frequency over sqrt(alpha)."""
+        mass = mass_matrix(self._weights, values["mu"])
+        return float(np.sqrt(eigh(bending_matrix(self._weights) / 3, mass, eigvals_only=True)[-1]))
+
+
+class ElasticaTwoModes(Elastica):
+    """The exact arm with two curvature modes: faster, but its static shape is off at large deflection."""
+
+    name = "elastica_2"
+    n_coordinates = 2
+
+
+BASE, TWO_MODES = Elastica(), ElasticaTwoModes()

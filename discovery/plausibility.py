@@ -1,0 +1,227 @@
+"""Refuse recordings that no sensor of this rig can have produced, and say what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.errors import InputError
+from discovery.io import Table
+from discovery.rig import Rig
+
+__all__ = ["check_arm", "check_signals"]
+
+FloatArray = npt.NDArray[np.float64]
+
+MINIMUM_SAMPLES = 50
+# Room for errors of scale and origin that are effects to be found, not mistakes of the file.
+LENGTH_MARGIN = 0.10
+NEAREST = 0.2
+LARGEST_TURN = 4.0 * np.pi
+LARGEST_DEFLECTION = np.pi
+# Where the rig does not tell the period [s]; the arms of the literature swing faster.
+SLOWEST_SWING = 20.0
+
+
+def check_signals(
+    table: Table,
+    names: Mapping[str, str],
+    start: int,
+    time: FloatArray,
+    inputs: FloatArray | None,
+    outputs: Mapping[str, FloatArray],
+) -> None:
+    """Check what holds for a recording of any system.
+
+    Parameters
+    ----------
+    table : Table
+        The file, for the messages.
+    names : mapping of str to str
+        Signal (``"time"``, ``"motor_angle"``, ...) to the name of its column.
+    start : int
+        Row of the file at which the arrays begin.
+    time, inputs : array, shape (n,)
+        In SI units; there may be no input.
+    outputs : mapping of str to array, shape (n,)
+        The channels; empty where only times and inputs are given.
+
+    Raises
+    ------
+    InputError
+        If times are missing or do not increase, the input has a gap, a sensor is dead or the record is too short.
+    """
+    label = names.get("time", "")
+    if np.isnan(time).any():
+        row = int(np.argmax(np.isnan(time)))
+        raise InputError(
+            f"{table.path}, column {label!r}, {table.where(start + row)}: the time is missing. "
+            "Remove the row; only outputs may have gaps."
+        )
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        fault = "the same time as the row before" if steps[row - 1] == 0 else "earlier than the row before"
+        raise InputError(
+            f"{table.path}, column {label!r}, {table.where(start + row)}: {time[row]:.9g} s is {fault}. "
+            "Times must strictly increase: sort the rows, remove repeated ones, and export times with enough digits."
+        )
+    if inputs is not None and np.isnan(inputs).any():
+        row = int(np.argmax(np.isnan(inputs)))
+        column = names.get("motor_angle", names.get("input", "input"))
+        raise InputError(
+            f"{table.path}, column {column!r}, {table.where(start + row)}: the input is missing. The motion cannot be "
+            "computed across a gap in the input: fill it, or cut the recording there."
+        )
+    if not outputs:
+        if time.size < 2:
+            raise InputError(f"{table.path} is too short: {time.size} rows. A prediction needs at least 2.")
+        return
+    if time.size < MINIMUM_SAMPLES:
+        raise InputError(
+            f"{table.path} is too short: {time.size} rows, and at least {MINIMUM_SAMPLES} are needed. Record longer "
+            f"or faster."
+        )
+    for channel, values in outputs.items():
+        finite = values[np.isfinite(values)]
+        if finite.size > 0 and np.ptp(finite) == 0:
+            raise InputError(
+                f"{table.path}, column {names[channel]!r}: every reading, from {table.where(start)} on, is "
+                f"{finite[0]:.6g}. "
+                "The sensor is dead or not connected: check it and record again."
+            )
+        if finite.size < MINIMUM_SAMPLES:
+            raise InputError(
+                f"{table.path}, column {names[channel]!r} is too short: {finite.size} readings in {time.size} rows, "
+                f"and at "
+                f"least {MINIMUM_SAMPLES} are needed. Close the gaps or record longer."
+            )
+
+
+def check_arm(
+    table: Table,
+    names: Mapping[str, str],
+    start: int,
+    rig: Rig,
+    time: FloatArray,
+    inputs: FloatArray | None,
+    outputs: Mapping[str, FloatArray],
+) -> None:
+    """Check that a flexible arm of this length can have moved like this; arguments as in `check_signals`.
+
+    Raises
+    ------
+    InputError
+        If lengths look like millimetres, angles like degrees or times like milliseconds given in SI units, if the tip
+        leaves the reach of the arm, or if the record is shorter than one swing.
+    """
+    assert rig.length is not None  # read_rig demands it of an arm
+    length = rig.length.value
+    assert inputs is not None  # the column is required
+    _check_motor(table, names["motor_angle"], start, inputs)
+    if not outputs:
+        return
+    _check_duration(table, names["time"], rig, time)
+    if "tip_x" in outputs:
+        _check_reach(table, names, start, length, np.hypot(outputs["tip_x"], outputs["tip_y"]))
+        direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
+        # The camera does not count turns.
+        deflection = np.angle(np.exp(1j * (direction - inputs)))
+        _check_follows(table, names["motor_angle"], start, inputs, direction, deflection)
+    elif "tip_angle" in outputs:
+        deflection = outputs["tip_angle"] - inputs
+        worst = int(np.nanargmax(np.abs(deflection)))
+        if abs(deflection[worst]) > LARGEST_DEFLECTION:
+            raise InputError(
+                f"{table.path}, column {names['tip_angle']!r}, {table.where(start + worst)}: the tip would be "
+                f"deflected by "
+                f"{deflection[worst]:.4g} rad from the motor's direction, more than half a turn. If one of the angles "
+                f"is in "
+                "degrees, rename its column to end in _deg; the angle of the tip must not jump by full turns."
+            )
+    else:
+        values = outputs["tip_deflection"]
+        worst = int(np.nanargmax(np.abs(values)))
+        if abs(values[worst]) > (1.0 + LENGTH_MARGIN) * length:
+            raise _beyond(table, names["tip_deflection"], start + worst, abs(values[worst]), length)
+
+
+def _check_motor(table: Table, column: str, start: int, inputs: FloatArray) -> None:
+    turn = float(np.ptp(inputs))
+    if turn > LARGEST_TURN:
+        row = int(np.argmax(np.abs(inputs - inputs[0])))
+        raise InputError(
+            f"{table.path}, column {column!r}, {table.where(start + row)}: the motor would turn by {turn:.4g} rad, "
+            f"more than "
+            "two full turns. If the angle is in degrees, rename the column to 'motor_angle_deg'."
+        )
+
+
+def _check_duration(table: Table, column: str, rig: Rig, time: FloatArray) -> None:
+    """Refuse records shorter than a swing, and sampling too slow to see one."""
+    duration, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    period = SLOWEST_SWING
+    if rig.length and rig.tip_mass and rig.flexural_rigidity:
+        # Linear arm (eq. 12 of the paper) with the whole rod's mass at the tip: longer than the true period.
+        mass = rig.tip_mass.value + (rig.beam_mass.value if rig.beam_mass else 0.0)
+        period = 2.0 * np.pi * np.sqrt(mass * rig.length.value**3 / (3.0 * rig.flexural_rigidity.value))
+        if duration < period:
+            raise InputError(
+                f"{table.path}, column {column!r}: the record is too short: it lasts {duration:.4g} s, less than one "
+                f"swing "
+                f"of this arm ({period:.3g} s). Record longer, or correct the unit in the column's name."
+            )
+    if step > 0.25 * period:
+        raise InputError(
+            f"{table.path}, column {column!r}: the samples are {step:.4g} s apart, too far for an arm that swings in "
+            f"{period:.3g} s. If the times are in milliseconds, rename the column to 'time_ms'; else sample faster."
+        )
+
+
+def _beyond(table: Table, column: str, row: int, distance: float, length: float) -> InputError:
+    if distance > 30.0 * length:
+        cure = f"If it is in millimetres, rename the columns to end in _mm ('{column.rsplit('_', 1)[0]}_mm')."
+    else:
+        cure = (
+            "Correct length_m in the rig file, the unit of the column, or the camera's origin, which must be the hub."
+        )
+    return InputError(
+        f"{table.path}, column {column!r}, {table.where(row)}: the tip would be {distance:.4g} m from the hub of an "
+        f"arm that "
+        f"is {length:.4g} m long. {cure}"
+    )
+
+
+def _check_reach(table: Table, names: Mapping[str, str], start: int, length: float, radius: FloatArray) -> None:
+    columns = f"{names['tip_x']}' and '{names['tip_y']}"
+    farthest = int(np.nanargmax(radius))
+    if radius[farthest] > (1.0 + LENGTH_MARGIN) * length:
+        raise _beyond(table, columns, start + farthest, float(radius[farthest]), length)
+    if radius[farthest] < NEAREST * length:
+        raise InputError(
+            f"{table.path}, columns '{columns}', {table.where(start + farthest)}: the tip is never farther from the "
+            f"hub than "
+            f"{radius[farthest]:.4g} m, but the arm is {length:.4g} m long. Correct length_m in the rig file or the "
+            f"unit in "
+            "the columns' names, and measure from the hub."
+        )
+
+
+def _check_follows(
+    table: Table, column: str, start: int, inputs: FloatArray, direction: FloatArray, deflection: FloatArray
+) -> None:
+    """Refuse a motor angle in degrees: it runs away from the tip, by 57 radians for each."""
+    finite = np.isfinite(direction)
+    turn = float(np.ptp(inputs[finite]))
+    follows = float(np.ptp(np.unwrap(direction[finite])))
+    far = float(np.nanmax(np.abs(deflection)))
+    if turn > 1.0 and (turn > 20.0 * follows or (turn > 2.0 * np.pi and far > 0.9 * LARGEST_DEFLECTION)):
+        row = int(np.argmax(np.abs(inputs - inputs[0])))
+        raise InputError(
+            f"{table.path}, column {column!r}, {table.where(start + row)}: the motor would turn by {turn:.4g} rad "
+            f"while the "
+            f"tip's direction changes by {follows:.3g} rad. If the angle is in degrees, rename the column to "
+            "'motor_angle_deg'."
+        )

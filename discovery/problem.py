@@ -1,0 +1,243 @@
+"""From a model and experiments to residuals: what is fitted, in which units, between which bounds, from which start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.effect import ARM
+from discovery.experiment import Experiment, largest_deflection
+from discovery.model import Model
+from discovery.parameters import Parameter, natural_scale
+from discovery.registry import get_effect
+from discovery.simulate import Simulator
+
+__all__ = ["Bench", "NaturalUnits", "Problem", "known_values", "natural_units"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NaturalUnits:
+    """Natural time [s], coordinate [q] and length [m] of a problem; declarations are numbers in these."""
+
+    time: float
+    coordinate: float
+    length: float
+    #: Size of the input of an oscillator, in its unit.
+    drive: float = 1.0
+
+    def scale(self, parameter: Parameter) -> float:
+        """Return the size of one natural unit of a parameter, in the problem's units."""
+        unit = natural_scale(parameter.unit, time=self.time, coordinate=self.coordinate, length=self.length)
+        return unit / self.drive if parameter.name == "g" else unit
+
+
+def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
+    """Return the natural units of recordings: the inverse dominant angular frequency, amplitude and length.
+
+    The frequency is that of the largest peak of the pooled periodogram of the deflection; an arm's natural angle is
+    one radian, because its geometry is nonlinear on that scale.
+    """
+    from scipy.signal import lombscargle
+
+    frequencies: list[float] = []
+    for experiment in experiments:
+        t, d = experiment.recording.time[experiment.fitted], experiment.deflection[experiment.fitted]
+        good = np.isfinite(d)
+        t, d = t[good], d[good] - d[good].mean()
+        keep = slice(None, None, max(1, t.size // 20_000))
+        span, gap = t[-1] - t[0], float(np.median(np.diff(t[keep])))
+        if np.allclose(np.diff(t), np.diff(t).mean(), rtol=1e-3):
+            power = np.abs(np.fft.rfft(d * np.hanning(d.size), 4 * d.size)) ** 2
+            grid = 2 * np.pi * np.fft.rfftfreq(4 * d.size, float(np.diff(t).mean()))
+            first = int(np.searchsorted(grid, 4 * np.pi / span))
+            frequencies.append(float(grid[first + np.argmax(power[first:])]))
+        else:
+            grid = np.linspace(4 * np.pi / span, 0.5 * np.pi / gap, 4000)
+            frequencies.append(float(grid[np.argmax(lombscargle(t[keep], d[keep], grid))]))
+    arm = experiments[0].is_arm
+    length = experiments[0].rig.length
+    inputs = [e.recording.input for e in experiments if e.recording.input is not None]
+    return NaturalUnits(
+        time=1.0 / float(np.median(frequencies)),
+        coordinate=1.0 if arm else largest_deflection(experiments),
+        length=length.value if length is not None else 1.0,
+        drive=1.0 if arm or not inputs else float(max(np.abs(u).max() for u in inputs)),
+    )
+
+
+def known_values(experiment: Experiment) -> dict[str, float]:
+    """Return the parameters that the rig file fixes: length and mass ratio of an arm; no input gain without input."""
+    rig = experiment.rig
+    if rig.kind != ARM:
+        return {} if experiment.recording.input is not None else {"g": 0.0}
+    known = {"length": rig.length.value if rig.length else 1.0, "mu": 0.0}
+    if rig.beam_mass is not None and rig.tip_mass is not None:
+        known["mu"] = rig.beam_mass.value / rig.tip_mass.value
+    return known
+
+
+class Bench:
+    """Simulators of one base with a common set of effects on all experiments: many problems share them.
+
+    Parameters
+    ----------
+    base : str
+        Name of the base.
+    effects : sequence of str
+        Every effect that any problem on this bench may use.
+    experiments : sequence of Experiment
+        Recordings.
+    step : float
+        Longest integration step [s].
+    """
+
+    def __init__(self, base: str, effects: Sequence[str], experiments: Sequence[Experiment], step: float) -> None:
+        self.base, self.effects, self.experiments, self.step = base, tuple(effects), tuple(experiments), step
+        self.simulators = [Simulator(base, self.effects, e.recording.time, e.drive, step=step) for e in experiments]
+        self.names = self.simulators[0].names
+        self._weights = [e.weights() for e in experiments]
+        self._targets = [np.where(w > 0, e.recording.output, 0.0) for e, w in zip(experiments, self._weights, strict=True)]
+
+    @classmethod
+    def like(cls, other: Bench, step: float) -> Bench:
+        """Return the same bench with another step."""
+        return cls(other.base, other.effects, other.experiments, step)
+
+    def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
+        """Return simulated channels of every experiment, each (n, c, k).
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (p, k)
+            In the order of `names`.
+        initial : ndarray, shape (experiments, 2, k)
+            Initial deflection and rate in every experiment.
+        """
+        return [
+            e.channels(simulate(parameters, initial[i, 0], initial[i, 1]))
+            for i, (e, simulate) in enumerate(zip(self.experiments, self.simulators, strict=True))
+        ]
+
+    def residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
+        """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k)."""
+        k = parameters.shape[1]
+        parts = []
+        for channels, target, weight in zip(self.predict(parameters, initial), self._targets, self._weights, strict=True):
+            parts.append(((channels - target[:, :, None]) * weight[:, :, None]).reshape(-1, k))
+        return np.concatenate(parts)
+
+    @cached_property
+    def n_data(self) -> int:
+        """Number of finite fitted samples over all channels."""
+        return int(sum((w > 0).sum() for w in self._weights))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One model to be fitted on a bench: which numbers are free, and what the others are.
+
+    Parameters
+    ----------
+    model : Model
+        Its effects must be among those of the bench.
+    bench : Bench
+        The simulators.
+    units : NaturalUnits
+        Natural units.
+    gaussian : mapping of str to (mean, sd)
+        Free parameters known from the rig within an uncertainty; bounded at three standard deviations.
+    """
+
+    model: Model
+    bench: Bench
+    units: NaturalUnits
+    gaussian: Mapping[str, tuple[float, float]]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Free physical parameters, then initial deflection and rate of every experiment."""
+        initial = [f"{n}[{e.recording.name}]" for e in self.bench.experiments for n in ("delta_0_init", "rate_0_init")]
+        return (*self.free, *initial)
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """Free physical parameters: the model's own and those known only within an uncertainty."""
+        extra = tuple(n for n in self.gaussian if n in self.model.parameters and n not in self.model.free)
+        return (*self.model.free, *extra)
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """Typical size of every free number."""
+        sizes = [
+            self.gaussian[n][1] if n in self.gaussian else self._declared_width(self.model.parameters[n])
+            for n in self.free
+        ]
+        # Initial values are known from the data to a small part of the amplitude.
+        q, rate = 0.01 * self.units.coordinate, 0.01 * self.units.coordinate / self.units.time
+        return np.array([*sizes, *([q, rate] * len(self.bench.experiments))])
+
+    def _declared_width(self, parameter: Parameter) -> float:
+        return parameter.prior.width * self.units.scale(parameter)
+
+    @cached_property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of every free number."""
+        lower, upper = [], []
+        for name in self.free:
+            if name in self.gaussian:
+                mean, sd = self.gaussian[name]
+                lower.append(mean - 3 * sd)
+                upper.append(mean + 3 * sd)
+            else:
+                parameter = self.model.parameters[name]
+                unit = self.units.scale(parameter)
+                lower.append(parameter.bounds[0] * unit)
+                upper.append(parameter.bounds[1] * unit)
+        free_start = [np.inf] * (2 * len(self.bench.experiments))
+        return np.array([*lower, *(-np.array(free_start))]), np.array([*upper, *free_start])
+
+    def start(self, values: Mapping[str, float]) -> FloatArray:
+        """Return a start vector: `values` where given, else rig values or declared starts, and measured initial states."""
+        x = []
+        for name in self.free:
+            if name in values:
+                x.append(values[name])
+            elif name in self.gaussian:
+                x.append(self.gaussian[name][0])
+            else:
+                parameter = self.model.parameters[name]
+                first = parameter.starts[0] if parameter.starts else parameter.default
+                x.append(first * self.units.scale(parameter))
+        for e in self.bench.experiments:
+            guess = e.initial_guess
+            x += [values.get(f"delta_0_init[{e.recording.name}]", guess[0]), values.get(f"rate_0_init[{e.recording.name}]", guess[1])]
+        return np.array(x)
+
+    @cached_property
+    def _template(self) -> tuple[FloatArray, NDArray[np.int64]]:
+        declared = {p.name: p for p in self.model.mechanics.parameters()}
+        for effect in self.bench.effects:
+            declared.update({p.name: p for p in get_effect(effect).parameters()})
+        values = [
+            self.model.known[n] if n in self.model.known else declared[n].default * self.units.scale(declared[n])
+            for n in self.bench.names
+        ]
+        return np.array(values), np.array([self.bench.names.index(n) for n in self.free], dtype=np.int64)
+
+    def expand(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return kernel parameters (p, k) and initial states (experiments, 2, k) of free vectors (m, k)."""
+        template, where = self._template
+        parameters = np.repeat(template[:, None], x.shape[1], axis=1)
+        parameters[where] = x[: len(self.free)]
+        return parameters, x[len(self.free) :].reshape(len(self.bench.experiments), 2, -1)
+
+    def prior_residuals(self, x: FloatArray) -> FloatArray:
+        """Return (value - mean)/sd of the parameters known from the rig, shape (g, k)."""
+        rows = [(x[self.free.index(n)] - m) / sd for n, (m, sd) in self.gaussian.items() if n in self.free]
+        return np.array(rows).reshape(len(rows), x.shape[1])

@@ -1,0 +1,223 @@
+"""From a base and a sum of effects to straight-line mathematics: derivatives of the state and reading of the instrument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import sympy as sp
+
+from discovery import symbols as s
+from discovery.effect import ARM, Effect
+from discovery.errors import InputError
+from discovery.mechanics import get_base
+from discovery.mechanics.base import Channel
+from discovery.registry import get_effect
+
+__all__ = ["RECORDED", "Program", "build_program"]
+
+#: Recorded input with its first two derivatives; an oscillator uses the value only.
+RECORDED = sp.symbols("r_0 r_1 r_2", real=True)
+
+Assignments = list[tuple[sp.Symbol, sp.Expr]]
+_RATES = {s.theta: s.omega, s.delta: s.delta_dot, s.x: s.v_x, s.y: s.v_y}
+
+
+@dataclass(frozen=True)
+class Program:
+    """Straight-line mathematics of one base with a set of effects.
+
+    Parameters
+    ----------
+    parameters : tuple of str
+        Order of the parameters.
+    states : tuple of sympy.Symbol
+        Coordinates, rates, then the states of memory effects.
+    n_coordinates : int
+        Number of coordinates.
+    drive : tuple of (sympy.Symbol, sympy.Expr)
+        What the system receives, from the recorded input and time.
+    derivative : tuple of (sympy.Symbol, sympy.Expr)
+        Assignments that end in `slopes`.
+    slopes : tuple of sympy.Expr
+        Time derivative of each state.
+    reading : tuple of sympy.Expr
+        What the instrument reports: tip x, y [m], or the output.
+    lateness : sympy.Expr
+        Age of the reported state [s].
+    """
+
+    parameters: tuple[str, ...]
+    states: tuple[sp.Symbol, ...]
+    n_coordinates: int
+    drive: tuple[tuple[sp.Symbol, sp.Expr], ...]
+    derivative: tuple[tuple[sp.Symbol, sp.Expr], ...]
+    slopes: tuple[sp.Expr, ...]
+    reading: tuple[sp.Expr, ...]
+    lateness: sp.Expr
+
+
+def _drive(effects: list[Effect], system: str) -> Assignments:
+    if system != ARM:
+        value: sp.Expr = RECORDED[0]
+        for effect in effects:
+            value = effect.expression().subs(s.u, value)
+        return [(s.u, value)]
+    value = RECORDED[0]
+    for effect in effects:
+        value = effect.expression().subs(s.theta_m, value)
+
+    def rate(expression: sp.Expr) -> sp.Expr:
+        pairs = ((RECORDED[0], RECORDED[1]), (RECORDED[1], RECORDED[2]), (s.t, sp.Integer(1)))
+        return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
+
+    first = rate(value)
+    return [(s.theta_m, value), (s.omega_m, first), (s.alpha_m, rate(first))]
+
+
+def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
+    """Return the force of one effect on each channel: -dV/dc, -dD/dc', +dP/dc'."""
+    if effect.kind not in ("potential", "dissipation", "load", "memory"):
+        return {}
+    wanted = s.POSITION_CHANNELS if effect.kind == "potential" else s.RATE_CHANNELS
+    sign = 1 if effect.kind in ("load", "memory") else -1
+    expression = effect.expression()
+    forces = {c: sign * sp.diff(expression, c) for c in wanted}
+    return {c: f for c, f in forces.items() if f != 0}
+
+
+def _kinetic(effect: Effect, channels: dict[sp.Symbol, Channel], n: int) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
+    """Return what a kinetic energy in channel rates adds to the mass matrix and to the force."""
+    energy = effect.expression()
+    mass = [[sp.Integer(0)] * n for _ in range(n)]
+    force = [sp.Integer(0)] * n
+    for c, c_dot in _RATES.items():
+        momentum = sp.diff(energy, c_dot)
+        pull = -sp.diff(energy, c)
+        pull += sp.diff(momentum, s.omega_m) * s.alpha_m + sp.diff(momentum, s.theta_m) * s.omega_m
+        row = channels[c_dot].jacobian
+        for d, d_dot in _RATES.items():
+            pull += sp.diff(momentum, d) * d_dot
+            coupling = sp.diff(momentum, d_dot)
+            if coupling == 0:
+                continue
+            pull += coupling * channels[d_dot].bias
+            for i in range(n):
+                for j in range(n):
+                    mass[i][j] += row[i] * coupling * channels[d_dot].jacobian[j]
+        for i in range(n):
+            force[i] -= row[i] * pull
+    return mass, force
+
+
+def _solve(mass: list[list[sp.Expr]], force: list[sp.Expr], out: Assignments) -> list[sp.Expr]:
+    """Append an LDL^T factorisation and return the accelerations."""
+    n = len(force)
+    if n == 1:
+        return [force[0] if mass[0][0] == 1 else force[0] / mass[0][0]]
+
+    def name(label: str, expression: sp.Expr) -> sp.Symbol:
+        symbol = sp.Symbol(label, real=True)
+        out.append((symbol, expression))
+        return symbol
+
+    low: dict[tuple[int, int], sp.Expr] = {}
+    pivot: list[sp.Expr] = []
+    inverse: list[sp.Expr] = []
+    for i in range(n):
+        for j in range(i):
+            value = mass[i][j] - sum(low[i, k] * low[j, k] * pivot[k] for k in range(j))
+            low[i, j] = name(f"L_{i}{j}", value * inverse[j])
+        pivot.append(name(f"D_{i}", mass[i][i] - sum(low[i, k] ** 2 * pivot[k] for k in range(i))))
+        inverse.append(name(f"I_{i}", 1 / pivot[i]))
+    forward: list[sp.Expr] = []
+    for i in range(n):
+        forward.append(name(f"z_{i}", force[i] - sum(low[i, k] * forward[k] for k in range(i))))
+    result: list[sp.Expr] = [sp.Integer(0)] * n
+    for i in reversed(range(n)):
+        back = sum(low[k, i] * result[k] for k in range(i + 1, n))
+        result[i] = name(f"qdd_{i}", forward[i] * inverse[i] - back)
+    return result
+
+
+@lru_cache(maxsize=256)
+def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
+    """Return the mathematics of a base with a set of effects.
+
+    Raises
+    ------
+    InputError
+        If an effect needs the linear stiffness and nothing declares it.
+    """
+    base = get_base(base_name)
+    effects = [get_effect(e) for e in effect_ids]
+    mechanics = base.mechanics()
+    n = base.n_coordinates
+    channels = dict(mechanics.channels)
+    parameters = [p.name for p in base.parameters()] + [p.name for e in effects for p in e.parameters()]
+
+    forces: dict[sp.Symbol, sp.Expr] = {}
+    for effect in effects:
+        for channel, force in _channel_forces(effect).items():
+            forces[channel] = forces.get(channel, sp.Integer(0)) + force
+    mass = [list(row) for row in mechanics.mass]
+    force = list(mechanics.force)
+    for effect in effects:
+        if effect.kind == "kinetic":
+            extra_mass, extra_force = _kinetic(effect, channels, n)
+            mass = [[mass[i][j] + extra_mass[i][j] for j in range(n)] for i in range(n)]
+            force = [force[i] + extra_force[i] for i in range(n)]
+
+    memory = [effect.states() for effect in effects if effect.kind == "memory"]
+    slopes = [slope for states in memory for slope in states.values()]
+    named = set().union(*[e.free_symbols for e in [*forces.values(), *slopes, *force, *mass[0]]])
+    program: Assignments = list(mechanics.assignments)
+    program += [(c, sp.sympify(channels[c].value)) for c in channels if c in named]
+    for channel, expression in forces.items():
+        pushed = sp.Symbol(f"F_{channel.name}", real=True)
+        program.append((pushed, expression))
+        for i in range(n):
+            force[i] += channels[channel].jacobian[i] * pushed
+    if n > 1:
+        # Named once, so that the factorisation does not repeat the sums.
+        total = [sp.Symbol(f"Q_{i}", real=True) for i in range(n)]
+        program += list(zip(total, force, strict=True))
+        inertia = [[sp.Symbol(f"N_{max(i, j)}{min(i, j)}", real=True) for j in range(n)] for i in range(n)]
+        program += [(inertia[i][j], mass[i][j]) for i in range(n) for j in range(i + 1)]
+        mass, force = inertia, total
+    accelerations = _solve(mass, force, program)
+
+    closures = [e for e in effects if e.kind == "closure"]
+    reading = base.reading(closures[-1].expression() if closures else None)
+    sensors = [e for e in effects if e.kind == "sensor"]
+    if base.system == ARM:
+        reading = tuple(s.length * r for r in reading)
+        for sensor in sensors:
+            reading = sensor.arm_reading(*reading)
+    else:
+        for sensor in sensors:
+            reading = (sensor.oscillator_reading(reading[0]),)
+    result = Program(
+        parameters=tuple(parameters),
+        states=(*mechanics.coordinates, *mechanics.rates, *[z for states in memory for z in states]),
+        n_coordinates=n,
+        drive=tuple(_drive([e for e in effects if e.kind == "drive"], base.system)),
+        derivative=tuple(program),
+        slopes=(*mechanics.rates, *accelerations, *slopes),
+        reading=tuple(reading),
+        lateness=sp.Add(*[e.lateness() for e in sensors]),
+    )
+    _check_complete(result, base_name)
+    return result
+
+
+def _check_complete(program: Program, base_name: str) -> None:
+    used = set().union(
+        *[e.free_symbols for _, e in (*program.drive, *program.derivative)],
+        *[e.free_symbols for e in (*program.slopes, *program.reading, program.lateness)],
+    )
+    defined = {a for a, _ in (*program.drive, *program.derivative)} | set(program.states) | {s.t, *RECORDED}
+    missing = sorted(x.name for x in used - defined if x.name not in program.parameters)
+    if missing:
+        hint = " Add linear_stiffness to the model." if "alpha" in missing else ""
+        raise InputError(f"The model on base {base_name!r} uses {', '.join(missing)}, which nothing declares.{hint}")

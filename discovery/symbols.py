@@ -1,0 +1,67 @@
+"""The words in which effects are written: sympy symbols of the state, the drive and the channels on which forces act.
+
+An effect never knows the base that it acts on. It is an expression in these symbols; the base says what they are in its
+own coordinates and how a force on each of them moves the system. Lengths of the arm are in units of its length l, and
+energies per unit of effective inertia (m + 33 m_r / 140) l^2, so that forces carry s^-2 as in the paper's equation (15).
+"""
+
+from __future__ import annotations
+
+import sympy as sp
+
+__all__ = [
+    "POSITION_CHANNELS",
+    "RATE_CHANNELS",
+    "U",
+    "alpha",
+    "alpha_m",
+    "delta",
+    "delta_dot",
+    "length",
+    "omega",
+    "omega_m",
+    "rho",
+    "t",
+    "theta",
+    "theta_m",
+    "u",
+    "v2",
+    "v_x",
+    "v_y",
+    "x",
+    "y",
+]
+
+#: Time [s].
+t = sp.Symbol("t", real=True)
+#: Absolute angle of the tip, theta_t [rad]; the coordinate of an oscillator [q].
+theta = sp.Symbol("theta", real=True)
+#: Its rate [q/s].
+omega = sp.Symbol("omega", real=True)
+#: Deflection theta_t - theta_m [rad]; the coordinate itself for an oscillator.
+delta = sp.Symbol("delta", real=True)
+#: Its rate [q/s].
+delta_dot = sp.Symbol("delta_dot", real=True)
+#: Position of the tip in the fixed frame, in lengths of the arm [-]; for an oscillator x = theta and y = 0.
+x, y = sp.symbols("x y", real=True)
+#: Velocity of the tip [1/s].
+v_x, v_y = sp.symbols("v_x v_y", real=True)
+#: Squared speed of the tip, v_x^2 + v_y^2 [s^-2 q^2].
+v2 = sp.Symbol("v2", real=True, nonnegative=True)
+#: Distance of the tip from the hub, in lengths of the arm [-].
+rho = sp.Symbol("rho", real=True)
+#: Elastic energy of the base per unit of linear stiffness [q^2]; delta^2/2 for a linear spring.
+U = sp.Symbol("U", real=True)
+#: Angle of the motor [rad] with its first two derivatives, as the system receives them.
+theta_m, omega_m, alpha_m = sp.symbols("theta_m omega_m alpha_m", real=True)
+#: Measured input of an oscillator, in its own unit.
+u = sp.Symbol("u", real=True)
+#: Linear stiffness per unit inertia [s^-2], declared by `linear_stiffness`; relative effects scale with it.
+alpha = sp.Symbol("alpha", real=True)
+#: Length of the arm [m].
+length = sp.Symbol("length", real=True)
+
+#: Position-like channels: a potential V pushes on each with -dV/dc.
+POSITION_CHANNELS = (theta, delta, x, y, U)
+#: Rate-like channels: a dissipation D pushes with -dD/dc', a load of power P with +dP/dc'. `v2` acts through its gradient.
+RATE_CHANNELS = (omega, delta_dot, v_x, v_y, v2)

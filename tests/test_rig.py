@@ -1,0 +1,177 @@
+"""Rig files: what is read, the defaults, and every refusal by its message."""
+
+from __future__ import annotations
+
+import hashlib
+
+import pytest
+
+from discovery.errors import InputError
+from discovery.rig import ARM_COLUMNS, LINEAR_MODEL, PAPER_MODEL, Quantity, read_rig
+
+ARM = """
+name = "fibreglass arm"
+length_m = 1.0
+tip_mass_kg = 0.04376
+beam_mass_kg = 0.01245
+flexural_rigidity_N_m2 = 0.12597
+position_noise_m = 3e-4
+angle_noise_rad = 7e-5
+"""
+
+OSCILLATOR = """
+name = "Silverbox"
+kind = "oscillator"
+[columns]
+time = { rate_hz = 610.3515625 }
+input = { name = "V1", unit = "V", interpolation = "band_limited" }
+output = { name = "V2", unit = "mV", noise = 0.2 }
+[model]
+effects = ["viscous_damping", "linear_stiffness"]
+[records]
+train = [{ file = "SNLS80mV.mat", samples = [40650, 105712] }]
+holdout = [{ file = "SNLS80mV.mat", samples = [105712, 127400] }, { file = "other.mat" }]
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "rig.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_arm(write):
+    rig = read_rig(write(ARM))
+    assert rig.kind == "flexible_arm"
+    assert rig.length == Quantity(1.0, 1e-3)
+    assert rig.tip_mass == Quantity(0.04376, pytest.approx(0.005 * 0.04376))
+    assert rig.beam_mass == Quantity(0.01245, pytest.approx(0.02 * 0.01245))
+    assert rig.flexural_rigidity == Quantity(0.12597, pytest.approx(0.05 * 0.12597))
+    assert (rig.position_noise, rig.angle_noise) == (3e-4, 7e-5)
+    assert rig.declared == PAPER_MODEL
+    assert rig.columns == ARM_COLUMNS
+    assert rig.records == {}
+    assert rig.sha256 == hashlib.sha256(ARM.encode()).hexdigest()
+
+
+def test_units_and_deviations_of_quantities(write):
+    rig = read_rig(
+        write(
+            'name = "a"\nlength_mm = { value = 1000, sd = 2 }\ntip_mass_g = 43.76\nbeam_mass_g = { value = 12.45 }\n'
+            "position_noise_mm = 0.3\nangle_noise_deg = 0.004\n"
+        )
+    )
+    assert rig.length == Quantity(pytest.approx(1.0), pytest.approx(0.002))
+    assert rig.tip_mass == Quantity(pytest.approx(0.04376), pytest.approx(0.0002188))
+    assert rig.beam_mass == Quantity(pytest.approx(0.01245), pytest.approx(0.000249))
+    assert rig.position_noise == pytest.approx(3e-4)
+    assert rig.angle_noise == pytest.approx(6.98e-5, rel=1e-3)
+    assert rig.flexural_rigidity is None
+
+
+def test_oscillator(write, tmp_path):
+    rig = read_rig(write(OSCILLATOR))
+    assert rig.columns.time.rate == 610.3515625
+    assert rig.columns.input.interpolation == "band_limited"
+    assert rig.columns.output.noise == pytest.approx(2e-4)
+    assert rig.declared == ("viscous_damping", "linear_stiffness")
+    assert rig.records["train"][0].samples == (40650, 105712)
+    assert [part.file for part in rig.records["holdout"]] == [tmp_path / "SNLS80mV.mat", tmp_path / "other.mat"]
+    assert rig.records["holdout"][1].samples is None
+
+
+def test_oscillator_without_input_declares_the_linear_model(write):
+    rig = read_rig(
+        write(
+            'name = "pendulum"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "ms" }\n'
+            'output = { name = "angle", unit = "deg" }\n'
+        )
+    )
+    assert rig.columns.input is None
+    assert rig.declared == LINEAR_MODEL
+    assert (rig.columns.time.name, rig.columns.time.unit) == ("t", "ms")
+
+
+def test_records_are_found_in_the_data_folder(write, tmp_path, monkeypatch):
+    (tmp_path / "data" / "silverbox").mkdir(parents=True)
+    there = tmp_path / "data" / "silverbox" / "SNLS80mV.mat"
+    there.touch()
+    monkeypatch.setenv("DISCOVERY_DATA", str(tmp_path / "data"))
+    assert read_rig(write(OSCILLATOR)).records["train"][0].file == there
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("length_m", "lenght_m", r"line 3: the key 'lenght_m' is not known\. Did you mean 'length_m'\?"),
+        ("length_m = 1.0", "length = 1.0", r"line 3: the key 'length' lacks its unit.*'length_m'"),
+        ("length_m = 1.0\n", "", "lacks the key 'length_m'"),
+        ('name = "fibreglass arm"\n', "", "lacks the key 'name'"),
+        ("length_m = 1.0", "length_m = 1000.0", "line 3: 'length_m' is 1000 m, which is not plausible.*suffix"),
+        ("length_m = 1.0", 'length_m = "1 m"', "line 3: the key 'length_m.value' is '1 m', but.*number"),
+        ("length_m = 1.0", "length_m = -1.0", "line 3.*greater than 0"),
+        ("length_m = 1.0", "length_m = nan", "line 3.*'length_m.value'"),
+        ("length_m = 1.0", "length_m = true", "line 3.*valid number"),
+        ("length_m = 1.0", "length_kg = 1.0", "line 3: key 'length_kg'.*cannot be converted to 'm'"),
+        ("length_m = 1.0", "length_m = 1.0\nlength_mm = 1000", "line 4.*second time"),
+        ("length_m = 1.0", "length_m = { value = 1.0, std = 0.1 }", r"line 3.*'length_m.std'.*Did you mean 'sd'\?"),
+        ("length_m = 1.0", "length_m = { sd = 0.1 }", "lacks the key 'length_m.value'"),
+        ("length_m = 1.0", "length_m = ", "not valid TOML.*line 3"),
+        ("3e-4", "0.05\nlength_mm = 400", "second time"),
+        ("7e-5", "7.0", "'angle_noise_rad' is 7 rad, which is not plausible"),
+        ("3e-4", "0.3", "'position_noise_m' is 0.3 m, which is not plausible"),
+        ('name = "fibreglass arm"', 'name = "a"\nkind = "osc"', "line 3: the key 'kind' is 'osc'.*flexible_arm"),
+        ('name = "fibreglass arm"', 'name = "a"\nkind = "oscillator"', r"no table \[columns\]"),
+    ],
+)
+def test_arm_errors(write, old, new, message):
+    path = write(ARM.replace(old, new, 1))
+    with pytest.raises(InputError, match=message) as error:
+        read_rig(path)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"band_limited"', '"band_limit"', "line 6: the key 'columns.input.interpolation'.*'band_limited', 'spline'"),
+        ('unit = "mV"', 'unit = "mVV"', "line 7, column 'output'.*'mVV' is not known"),
+        ('name = "V2", ', "", "lacks the key 'columns.output.name'"),
+        ("rate_hz = 610.3515625", "rate = 610.0", r"line 5.*'columns.time.rate'.*Did you mean 'rate_hz'\?"),
+        ("{ rate_hz = 610.3515625 }", "{ }", "line 5: the time needs either a rate"),
+        ("rate_hz = 610.3515625", 'rate_hz = 610.0, name = "t"', "line 5: the time needs either"),
+        ("rate_hz = 610.3515625", 'name = "t", unit = "mm"', "column 'time'.*cannot be converted to 's'"),
+        ("holdout", "hold_out", r"'records.hold_out' is not known. Did you mean 'holdout'\?"),
+        ("[40650, 105712]", "[105712, 40650]", "is empty. Give"),
+        ("[40650, 105712]", "[40650]", "'records.train.samples'"),
+        ("noise = 0.2", "noise = 0", "greater than 0"),
+        ('["viscous_damping", "linear_stiffness"]', "[]", "'model.effects'"),
+    ],
+)
+def test_oscillator_errors(write, old, new, message):
+    with pytest.raises(InputError, match=message):
+        read_rig(write(OSCILLATOR.replace(old, new, 1)))
+
+
+def test_arm_must_not_declare_columns(write):
+    columns = '[columns]\ntime = { rate_hz = 100 }\noutput = { name = "y", unit = "m" }\n'
+    with pytest.raises(InputError, match=r"line 9, declares \[columns\]"):
+        read_rig(write(ARM + columns))
+
+
+def test_noise_of_the_size_of_the_arm(write):
+    with pytest.raises(InputError, match="position_noise_mm"):
+        read_rig(write('name = "a"\nlength_m = 0.3\nposition_noise_m = 0.05\n'))
+
+
+def test_missing_and_binary_file(tmp_path):
+    with pytest.raises(InputError, match="cannot be read: No such file"):
+        read_rig(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(InputError, match="not valid TOML"):
+        read_rig(tmp_path / "binary.toml")

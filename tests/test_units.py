@@ -1,0 +1,131 @@
+"""Units: exponents, factors and suffixes, against tables and pint, the independent reader of the same strings."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pint
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discovery.errors import InputError
+from discovery.units import dimension, homogeneous, si_factor, si_symbol, split_suffix, suffix_unit, to_si
+
+UREG = pint.UnitRegistry()
+BASES = ("kg", "m", "s", "A", "K")
+NAMES = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K"}
+
+
+@pytest.mark.parametrize(
+    ("unit", "exponents"),
+    [
+        ("", {}),
+        ("1", {}),
+        ("rad", {}),
+        ("rad s^-1", {"s": -1}),
+        ("s^-2", {"s": -2}),
+        ("1/s", {"s": -1}),
+        ("N m^2", {"kg": 1, "m": 3, "s": -2}),
+        ("m/s^2", {"m": 1, "s": -2}),
+        ("kg m^2 s**-2", {"kg": 1, "m": 2, "s": -2}),
+        ("s^(-1/2)", {"s": Fraction(-1, 2)}),
+        ("N/m", {"kg": 1, "s": -2}),
+        ("V", {"kg": 1, "m": 2, "s": -3, "A": -1}),
+        ("m / m", {}),
+    ],
+)
+def test_dimension(unit, exponents):
+    assert dimension(unit) == exponents
+
+
+@given(st.lists(st.tuples(st.sampled_from([*BASES, "N", "J", "W", "Pa", "V", "Hz"]), st.integers(-4, 4)), max_size=5))
+def test_dimension_agrees_with_pint(factors):
+    unit = " ".join(f"{symbol}^{power}" for symbol, power in factors)
+    reference = UREG.Quantity(1.0, unit or "dimensionless").dimensionality
+    assert dimension(unit) == {NAMES[name]: power for name, power in reference.items() if power}
+
+
+@pytest.mark.parametrize("unit", ["mm", "deg", "m^", "m^1/2", "3", "furlong", "m ^ 2", "kg·"])
+def test_dimension_refuses_what_is_not_coherent(unit):
+    if unit == "kg·":
+        assert dimension(unit) == {"kg": 1}
+    else:
+        with pytest.raises(InputError, match="cannot be read at"):
+            dimension(unit)
+
+
+def test_homogeneous_ignores_the_radian():
+    assert homogeneous("rad s^-2", "s^-2")
+    assert not homogeneous("s^-1", "s^-2")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "expected", "si"),
+    [
+        (250.0, "mm", "m", 0.25),
+        (180.0, "deg", "rad", np.pi),
+        (43.76, "g", "kg", 0.04376),
+        (12.0, "ms", "s", 0.012),
+        (3.0, "mV", "V", 0.003),
+        (2.0, "um", "m", 2e-6),
+        (1.5, "mrad", "rad", 1.5e-3),
+        (1.0, "kN m^2", "N m^2", 1000.0),
+        (7.0, "m", "m", 7.0),
+    ],
+)
+def test_conversion_table(value, unit, expected, si):
+    assert to_si(value, unit, expected) == pytest.approx(si, rel=1e-14)
+    np.testing.assert_allclose(to_si(np.array([value, 2 * value]), unit, expected), [si, 2 * si], rtol=1e-14)
+
+
+@given(st.sampled_from(["mm", "deg", "ms", "g", "mV", "cm", "N m^2"]), st.floats(-1e6, 1e6))
+def test_conversion_round_trip(unit, value):
+    assert to_si(value, unit) / si_factor(unit) == pytest.approx(value, rel=1e-14, abs=1e-300)
+
+
+@pytest.mark.parametrize(
+    ("unit", "expected", "message"),
+    [
+        ("mm", "rad", "'mm' cannot be converted to 'rad'"),
+        ("deg", "1", "cannot be converted"),
+        ("kg", "s", "cannot be converted"),
+        ("wibble", "m", "'wibble' is not known"),
+        ("m**", "m", "is not known"),
+        ("degC", "K", "offset"),
+    ],
+)
+def test_wrong_units_are_refused(unit, expected, message):
+    with pytest.raises(InputError, match=message):
+        to_si(1.0, unit, expected)
+
+
+@pytest.mark.parametrize(
+    ("unit", "symbol"),
+    [("mV", "V"), ("deg", "rad"), ("mm", "m"), ("g", "kg"), ("", "1"), ("mm/s", "m/s"), ("count", "count"), ("N", "N")],
+)
+def test_si_symbol(unit, symbol):
+    assert si_symbol(unit) == symbol
+
+
+@pytest.mark.parametrize(
+    ("suffix", "unit"), [("N_m2", "N m^2"), ("mm", "mm"), ("rad_per_s", "rad / s"), ("s-2", "s^-2"), ("deg", "deg")]
+)
+def test_suffix_unit(suffix, unit):
+    assert suffix_unit(suffix) == unit
+
+
+@pytest.mark.parametrize(
+    ("name", "split"),
+    [
+        ("tip_x_mm", ("tip_x", "mm")),
+        ("tip_x", ("tip_x", "")),
+        ("tip_mass_kg", ("tip_mass", "kg")),
+        ("tip_kg", ("tip", "kg")),
+        ("tip_x_raw2b", None),
+        ("other_m", None),
+    ],
+)
+def test_split_suffix(name, split):
+    assert split_suffix(name, ["tip", "tip_x", "tip_mass"]) == split
