@@ -128,7 +128,7 @@ class _PenalisedSpline:
 
     def best(self) -> _Fit:
         """Smoothing weight with the lowest score: a coarse scan over decades, then a refinement."""
-        fits = {level: fit for level in np.arange(-6.0, 14.0) if (fit := self.solve(level)) is not None}
+        fits = {level: fit for level in np.arange(-8.0, 11.0) if (fit := self.solve(level)) is not None}
         start = min(fits, key=lambda level: fits[level].score)
 
         def score(level: float) -> float:

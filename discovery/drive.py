@@ -2,8 +2,9 @@
 
 The encoder of an arm records a motion profile: rests and cruises, exactly linear, between short phases of acceleration.
 Phases are found by testing second differences of growing width against the encoder's noise. A phase that one or two
-constant accelerations explain to the noise gets them, with kinks at fitted times; any other gets a cubic spline whose
-roughness maximises the marginal likelihood [1]_. All phases are then fitted together, in one banded least squares.
+constant accelerations explain to the noise, or two with a cruise between, gets them, with kinks at fitted times; any
+other gets a cubic spline whose roughness maximises the marginal likelihood [1]_. All phases are then fitted together,
+in one sparse least squares.
 
 .. [1] G. Wahba, "A comparison of GCV and GML for choosing the smoothing parameter in the generalized spline smoothing
        problem", Annals of Statistics 13, 1378-1402 (1985).
@@ -429,6 +430,7 @@ def _fit(t: FloatArray, y: FloatArray, noise: float, phases: Sequence[_Phase]) -
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         readings = np.count_nonzero((t >= start) & (t <= stop))
         middle = 0.5 * (start + stop)
+        # Four sds of a fitted slope.
         if readings > 2 and abs(spline(middle, 1)) * (stop - start) < 4.0 * noise * np.sqrt(12.0 / readings):
             rests.append(middle)
     if rests:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem, known_values, natural_units
 from discovery.simulate import check_finite
 
-__all__ = ["Fit", "choose_step", "declared_model", "fit", "fit_problems", "rig_uncertainty"]
+__all__ = ["Fit", "answer_on", "choose_step", "declared_model", "fit", "fit_problems", "rig_uncertainty"]
 
 FloatArray = NDArray[np.float64]
 #: Trajectory error by default: rad for an arm, of the largest amplitude for an oscillator.
@@ -141,27 +141,35 @@ def fit_problems(
     problems: Sequence[Problem], starts: Sequence[FloatArray], *, iterations: int = 40, on_round=None
 ) -> list[Minimum]:
     """Fit several problems on one bench together, all residuals of a round in one simulation call."""
-    bench = problems[0].bench
     requests = [
         levenberg_marquardt(x, *p.bounds, p.scale, iterations=iterations) for p, x in zip(problems, starts, strict=True)
     ]
+    return minimise(requests, answer_on(problems), on_round=on_round)
+
+
+def answer_on(problems: Sequence[Problem]) -> Callable[[list[tuple[int, FloatArray]]], list[FloatArray]]:
+    """Return the function by which `minimise` gets residuals of problems that share one bench."""
+    bench = problems[0].bench
+    width = max(64, int(_CHUNK / max(1, bench.n_rows)))
 
     def answer(wanted: list[tuple[int, FloatArray]]) -> list[FloatArray]:
         expanded = [problems[i].expand(x) for i, x in wanted]
         parameters = np.concatenate([p for p, _ in expanded], axis=1)
         initial = np.concatenate([s for _, s in expanded], axis=2)
         edges = np.cumsum([0, *[x.shape[1] for _, x in wanted]])
-        width = max(64, int(_CHUNK / max(1, sum(w.size for w in bench._weights))))
-        blocks: list[FloatArray] = []
-        for a in range(0, parameters.shape[1], width):
-            blocks.append(bench.residuals(parameters[:, a : a + width], initial[:, :, a : a + width]))
-        data = np.concatenate(blocks, axis=1) if len(blocks) > 1 else blocks[0]
+        data = np.concatenate(
+            [
+                bench.residuals(parameters[:, a : a + width], initial[:, :, a : a + width])
+                for a in range(0, parameters.shape[1], width)
+            ],
+            axis=1,
+        )
         return [
             np.concatenate([data[:, edges[j] : edges[j + 1]], problems[i].prior_residuals(x)])
             for j, (i, x) in enumerate(wanted)
         ]
 
-    return minimise(requests, answer, on_round=on_round)
+    return answer
 
 
 def _covariance(problem: Problem, minimum: Minimum) -> tuple[FloatArray, dict[str, str], tuple[dict[str, float], ...]]:
@@ -196,14 +204,36 @@ def _covariance(problem: Problem, minimum: Minimum) -> tuple[FloatArray, dict[st
     return covariance, reasons, tuple(directions)
 
 
-def choose_step(model: Model, experiments: Sequence[Experiment], units: NaturalUnits, values: Mapping[str, float], tolerance: float = TOLERANCE) -> float:
+def choose_step(
+    model: Model,
+    experiments: Sequence[Experiment],
+    units: NaturalUnits,
+    values: Mapping[str, float],
+    tolerance: float = TOLERANCE,
+    effects: Sequence[str] | None = None,
+) -> float:
     """Return the integration step whose trajectory error is at most `tolerance`, measured against half the step.
 
     Parameters
     ----------
+    model : Model
+        The model.
+    experiments : sequence of Experiment
+        Recordings.
+    units : NaturalUnits
+        Natural units.
+    values : mapping of str to float
+        Parameter values at which the error is measured.
     tolerance : float
         Largest error over all samples: rad for an arm (its readings divided by the length), of the natural coordinate
         for an oscillator.
+    effects : sequence of str, optional
+        Effects of the kernel; the model's own by default.
+
+    Raises
+    ------
+    ComputationError
+        If no step reaches the tolerance.
     """
     alpha = values.get("alpha", units.time**-2)
     fastest = np.sqrt(abs(alpha)) * model.mechanics.highest_frequency({**model.known, **values})
@@ -213,7 +243,7 @@ def choose_step(model: Model, experiments: Sequence[Experiment], units: NaturalU
     step = min(1.0 / fastest, 0.05 * units.time, gap if rough else np.inf)
     size = units.length if experiments[0].is_arm else units.coordinate
     for _ in range(12):
-        bench = Bench(model.base, model.effects, experiments, step)
+        bench = Bench(model.base, effects or model.effects, experiments, step)
         problem = Problem(model, bench, units, {})
         vector = problem.start(values)[:, None]
         coarse = bench.predict(*problem.expand(vector))

@@ -57,6 +57,17 @@ def _cost(residuals: FloatArray) -> FloatArray:
     return np.where(np.isfinite(cost), cost, np.inf)
 
 
+def _differences(
+    x: FloatArray, lower: FloatArray, upper: FloatArray, step: FloatArray
+) -> Generator[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+    """Ask for residuals at x and around it; return residual and Jacobian (one-sided where a bound is in the way)."""
+    high, low = np.minimum(x + step, upper), np.maximum(x - step, lower)
+    answers = yield np.concatenate([x[:, None], x[:, None] + np.diag(high - x), x[:, None] + np.diag(low - x)], axis=1)
+    jacobian = (answers[:, 1 : x.size + 1] - answers[:, x.size + 1 :]) / np.where(high > low, high - low, 1.0)
+    jacobian[:, ~np.isfinite(jacobian).all(axis=0)] = 0.0
+    return answers[:, 0], jacobian
+
+
 def levenberg_marquardt(
     start: FloatArray,
     lower: FloatArray,
@@ -65,6 +76,7 @@ def levenberg_marquardt(
     *,
     iterations: int = 40,
     tolerance: float = 1e-8,
+    jacobian: FloatArray | None = None,
 ) -> Request:
     """Minimise half the sum of squared residuals within bounds.
 
@@ -73,9 +85,13 @@ def levenberg_marquardt(
     start, lower, upper, scale : ndarray, shape (p,)
         Start (clipped into the bounds), bounds, and the typical size of each parameter.
     iterations : int
-        Largest number of Jacobians.
+        Largest number of steps.
     tolerance : float
-        Stop when the predicted decrease of the cost is below this share of it, or far below the noise.
+        Stop when a step lowers the cost by less than this share of it, or by far less than the noise.
+    jacobian : ndarray, shape (n, p), optional
+        Derivatives near the start. With it, the search is a quick one: the Jacobian is carried along by Broyden's
+        rank-one update (Math. Comp. 19 (1965) 577) and differenced anew only when a step fails. Without it, it is
+        differenced at every step.
 
     Yields
     ------
@@ -87,28 +103,21 @@ def levenberg_marquardt(
     Minimum
     """
     x = np.clip(np.asarray(start, float), lower, upper)
-    p = x.size
+    quick = jacobian is not None
     step = 1e-6 * scale
     damping = 1e-3
-    residual = cost = None
-    jacobian = np.empty((0, p))
-    converged = False
-    count = 0
-    for count in range(1, iterations + 1):
-        # Central differences; one-sided where a bound is in the way.
-        high, low = np.minimum(x + step, upper), np.maximum(x - step, lower)
-        points = np.concatenate([x[:, None], x[:, None] + np.diag(high - x), x[:, None] + np.diag(low - x)], axis=1)
-        answers = yield points
-        residual = answers[:, 0]
-        cost = float(_cost(answers[:, :1])[0])
-        if not np.isfinite(cost):
-            break
-        jacobian = (answers[:, 1 : p + 1] - answers[:, p + 1 :]) / np.where(high > low, high - low, 1.0)
-        jacobian[:, ~np.isfinite(jacobian).all(axis=0)] = 0.0
+    if jacobian is None:
+        residual, jacobian = yield from _differences(x, lower, upper, step)
+    else:
+        residual, jacobian = (yield x[:, None])[:, 0], jacobian.copy()
+    cost = float(_cost(residual[:, None])[0])
+    fresh, converged, count = not quick, False, 0
+    while count < iterations and np.isfinite(cost):
+        count += 1
         gradient = jacobian.T @ residual
         normal = jacobian.T @ jacobian
-        free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
         diagonal = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
         free &= diagonal > 1e-12 * diagonal.max(initial=1e-300)
         if not free.any():
             converged = True
@@ -117,34 +126,37 @@ def levenberg_marquardt(
         step = np.clip(0.1 / diagonal, 1e-9 * scale, 1e-3 * scale)
         scaled = normal[np.ix_(free, free)] / np.outer(diagonal[free], diagonal[free])
         push = gradient[free] / diagonal[free]
-        improved = False
-        for _ in range(6):
-            dampings = damping * np.array([0.01, 0.3, 10.0])
-            trials = np.repeat(x[:, None], 3, axis=1)
-            for k, lam in enumerate(dampings):
-                move = np.linalg.solve(scaled + lam * np.eye(push.size), -push) / diagonal[free]
-                trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
-            costs = _cost((yield trials))
-            best = int(np.argmin(costs))
-            if costs[best] < cost:
-                improved = True
-                break
-            damping *= 100.0
-            if damping > 1e12:
-                break
-        if not improved:
-            converged = True
-            break
-        damping = float(np.clip(dampings[best], 1e-12, 1e12))
+        dampings = damping * np.array([0.01, 0.3, 10.0])
+        trials = np.repeat(x[:, None], 3, axis=1)
+        for k, lam in enumerate(dampings):
+            move = np.linalg.solve(scaled + lam * np.eye(push.size), -push) / diagonal[free]
+            trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
+        answers = yield trials
+        costs = _cost(answers)
+        best = int(np.argmin(costs))
         gain = cost - costs[best]
-        x = trials[:, best]
-        if gain < max(tolerance * cost, 1e-7):
-            converged = True
-            # The Jacobian of the last but one point serves: the step was far below a standard deviation.
-            residual, cost = (yield x[:, None])[:, 0], float(costs[best])
-            break
-    assert residual is not None
-    assert cost is not None
+        small = max(tolerance * cost, 1e-7 if not quick else 0.05)
+        if gain > 0:
+            moved, changed = trials[:, best] - x, answers[:, best] - residual
+            x, residual, cost = trials[:, best], answers[:, best], float(costs[best])
+            damping = float(np.clip(dampings[best], 1e-12, 1e12))
+        if gain > small:
+            if quick:
+                weighted = diagonal**2 * moved
+                jacobian += np.outer(changed - jacobian @ moved, weighted) / max(weighted @ moved, 1e-300)
+                fresh = False
+            else:
+                residual, jacobian = yield from _differences(x, lower, upper, step)
+        elif gain > 0 or damping > 1e9:
+            # A tiny step: the end, unless the Jacobian is only carried along.
+            if fresh or quick:
+                converged = True
+                break
+        elif fresh:
+            damping *= 100.0
+        else:
+            residual, jacobian = yield from _differences(x, lower, upper, step)
+            fresh = True
     return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count)
 
 

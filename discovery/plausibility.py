@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -125,7 +125,10 @@ def check_arm(
         return
     _check_duration(table, names["time"], rig, time)
     if "tip_x" in outputs:
-        _check_reach(table, names, start, length, np.hypot(outputs["tip_x"], outputs["tip_y"]))
+        columns = names["tip_x"], names["tip_y"]
+        radius = np.hypot(outputs["tip_x"], outputs["tip_y"])
+        _check_within(table, columns, start, length, radius)
+        _check_not_nearer(table, columns, start, length, radius)
         direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
         # The camera does not count turns.
         deflection = np.angle(np.exp(1j * (direction - inputs)))
@@ -142,10 +145,7 @@ def check_arm(
                 "degrees, rename its column to end in _deg; the angle of the tip must not jump by full turns."
             )
     else:
-        values = outputs["tip_deflection"]
-        worst = int(np.nanargmax(np.abs(values)))
-        if abs(values[worst]) > (1.0 + LENGTH_MARGIN) * length:
-            raise _beyond(table, names["tip_deflection"], start + worst, abs(values[worst]), length)
+        _check_within(table, [names["tip_deflection"]], start, length, np.abs(outputs["tip_deflection"]))
 
 
 def _check_motor(table: Table, column: str, start: int, inputs: FloatArray) -> None:
@@ -180,33 +180,38 @@ def _check_duration(table: Table, column: str, rig: Rig, time: FloatArray) -> No
         )
 
 
-def _beyond(table: Table, column: str, row: int, distance: float, length: float) -> InputError:
-    if distance > 30.0 * length:
-        cure = f"If it is in millimetres, rename the columns to end in _mm ('{column.rsplit('_', 1)[0]}_mm')."
+def _check_within(table: Table, columns: Sequence[str], start: int, length: float, distance: FloatArray) -> None:
+    """Refuse a tip beyond the reach of the arm, at its first row."""
+    beyond = distance > (1.0 + LENGTH_MARGIN) * length
+    if not beyond.any():
+        return
+    row = int(np.argmax(beyond))
+    if np.nanmedian(distance[beyond]) > 30.0 * length:
+        names = " and ".join(repr(f"{column.rsplit('_', 1)[0]}_mm") for column in columns)
+        cure = f"If it is in millimetres, rename to {names}."
     else:
-        cure = (
-            "Correct length_m in the rig file, the unit of the column, or the camera's origin, which must be the hub."
-        )
-    return InputError(
-        f"{table.path}, column {column!r}, {table.where(row)}: the tip would be {distance:.4g} m from the hub of an "
-        f"arm that "
-        f"is {length:.4g} m long. {cure}"
+        cure = "Correct length_m in the rig file, the unit in the column's name, or the camera's origin: it is the hub."
+    raise InputError(
+        f"{table.path}, {_columns(columns)}, {table.where(start + row)}: the tip would be {distance[row]:.4g} m away "
+        f"on an "
+        f"arm that is {length:.4g} m long. {cure}"
     )
 
 
-def _check_reach(table: Table, names: Mapping[str, str], start: int, length: float, radius: FloatArray) -> None:
-    columns = f"{names['tip_x']}' and '{names['tip_y']}"
+def _check_not_nearer(table: Table, columns: Sequence[str], start: int, length: float, radius: FloatArray) -> None:
     farthest = int(np.nanargmax(radius))
-    if radius[farthest] > (1.0 + LENGTH_MARGIN) * length:
-        raise _beyond(table, columns, start + farthest, float(radius[farthest]), length)
     if radius[farthest] < NEAREST * length:
         raise InputError(
-            f"{table.path}, columns '{columns}', {table.where(start + farthest)}: the tip is never farther from the "
-            f"hub than "
-            f"{radius[farthest]:.4g} m, but the arm is {length:.4g} m long. Correct length_m in the rig file or the "
-            f"unit in "
-            "the columns' names, and measure from the hub."
+            f"{table.path}, {_columns(columns)}, {table.where(start + farthest)}: the tip is never farther from the "
+            f"hub "
+            f"than {radius[farthest]:.4g} m, but the arm is {length:.4g} m long. Correct length_m in the rig file or "
+            f"the "
+            "unit in the columns' names, and measure from the hub."
         )
+
+
+def _columns(columns: Sequence[str]) -> str:
+    return ("column " if len(columns) == 1 else "columns ") + " and ".join(map(repr, columns))
 
 
 def _check_follows(

@@ -133,6 +133,11 @@ class Bench:
         return np.concatenate(parts)
 
     @cached_property
+    def n_rows(self) -> int:
+        """Length of the residual vector, gaps included."""
+        return int(sum(w.size for w in self._weights))
+
+    @cached_property
     def n_data(self) -> int:
         """Number of finite fitted samples over all channels."""
         return int(sum((w > 0).sum() for w in self._weights))

@@ -64,7 +64,7 @@ class Grid:
     def build(cls, time: NDArray[np.float64], drive: DriveLike | None, step: float) -> Grid:
         """Return a grid with steps of at most `step` [s] from the first to the last of `time`."""
         start, end = float(time[0]), float(time[-1])
-        kinks = np.empty(0) if drive is None else np.asarray(drive.kinks, float)
+        kinks = np.empty(0) if drive is None else _breaks(drive, time.size)
         # Two kinks nearer than a millionth of the step are one.
         inner = kinks[(kinks > start) & (kinks < end)]
         knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end]])
@@ -85,6 +85,17 @@ class Grid:
         out_step = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, times.size - 1)
         fraction = np.clip((time - times[out_step]) / steps[out_step], 0.0, 1.0)
         return cls(times, steps, restart, values, out_step, fraction, np.ascontiguousarray(time, float), out_drive)
+
+
+def _breaks(drive: DriveLike, samples: int) -> NDArray[np.float64]:
+    """Return where steps must end: kinks, and where a smooth motor profile changes its polynomial.
+
+    A band-limited input has several pieces a sample, each join far below the solver's error; those are passed over.
+    """
+    joins = getattr(drive, "breakpoints", np.empty(0))
+    if joins.size > samples / 2:
+        joins = np.empty(0)
+    return np.unique(np.concatenate([np.asarray(drive.kinks, float), joins]))
 
 
 class Simulator:

@@ -352,9 +352,9 @@ def discover(
         gram, moment, e = np.tensordot(draw, grams, 1), draw @ moments, float(draw @ energies)
         again = [_residuals(gram, moment, e, s, signs) for s in sets]
         for k in range(1, len(sets) + 1):
-            preferred[k - 1][choice.preferred(again, k)] += 1.0 / resamples
+            preferred[k - 1][choice.preferred(again, k)] += 1.0
         if k := choice.size(e, again):
-            included[sets[k - 1][choice.preferred(again, k)]] += 1.0 / resamples
+            included[sets[k - 1][choice.preferred(again, k)]] += 1.0
 
     def equation(k: int, i: int) -> Equation:
         terms = sets[k - 1][i]
@@ -366,7 +366,7 @@ def discover(
             sd=tuple(float(v * np.sqrt(noise[k])) for v in sd),
             unexplained=float(rss[k - 1][i] / energy),
             likelihood_ratio=float(np.exp(min(choice.evidence(rss, k)[i], 700.0))),
-            probability=float(preferred[k - 1][i]),
+            probability=float(preferred[k - 1][i] / resamples),
         )
 
     ranking: list[Equation] = []
@@ -379,13 +379,13 @@ def discover(
     rivals = tuple(equation(size, i) for i in equal if i != choice.preferred(rss, size))
     best = np.array([energy, *(values.min() for values in rss)])
     path = []
-    for threshold in np.geomspace(1e-9, 0.5, 40):
+    for threshold in np.geomspace(choice.price / energy, 0.5, 40):
         if k := _size(best, np.full(best.size, threshold * energy)):
             path.append((float(threshold), tuple(names[j] for j in sets[k - 1][choice.preferred(rss, k)])))
     return Discovery(
         equation=chosen,
         rivals=rivals,
-        inclusion={name: float(round(value, 12)) for name, value in zip(names, included, strict=True)},
+        inclusion={name: float(n / resamples) for name, n in zip(names, included, strict=True)},
         table=tuple(ranking),
         path=tuple(path),
         threshold=float(choice.price * noise[size] / energy),

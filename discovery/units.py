@@ -177,6 +177,8 @@ def si_symbol(unit: str) -> str:
         return unit
     base = _base(unit)[1]
     for symbol in _COHERENT:
+        if symbol == "q":  # of declarations, not of users
+            continue
         if _base("dimensionless" if symbol == "1" else symbol)[1] == base:
             return symbol
     return f"{_registry().Unit(base):~C}".replace("**", "^").replace("*", " ")

@@ -73,7 +73,8 @@ def test_units_and_deviations_of_quantities(write):
     assert rig.flexural_rigidity is None
 
 
-def test_oscillator(write, tmp_path):
+def test_oscillator(write, tmp_path, monkeypatch):
+    monkeypatch.delenv("DISCOVERY_DATA", raising=False)
     rig = read_rig(write(OSCILLATOR))
     assert rig.columns.time.rate == 610.3515625
     assert rig.columns.input.interpolation == "band_limited"

@@ -15,7 +15,7 @@ from discovery.units import dimension, homogeneous, si_factor, si_symbol, split_
 
 UREG = pint.UnitRegistry()
 BASES = ("kg", "m", "s", "A", "K")
-NAMES = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K"}
+PINT = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K"}
 
 
 @pytest.mark.parametrize(
@@ -34,26 +34,31 @@ NAMES = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[tem
         ("N/m", {"kg": 1, "s": -2}),
         ("V", {"kg": 1, "m": 2, "s": -3, "A": -1}),
         ("m / m", {}),
+        ("q s^-2", {"q": 1, "s": -2}),
     ],
 )
 def test_dimension(unit, exponents):
     assert dimension(unit) == exponents
 
 
-@given(st.lists(st.tuples(st.sampled_from([*BASES, "N", "J", "W", "Pa", "V", "Hz"]), st.integers(-4, 4)), max_size=5))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([*BASES, "N", "J", "W", "Pa", "V", "Hz"]), st.integers(-4, 4).filter(bool)),
+        max_size=5,
+    )
+)
 def test_dimension_agrees_with_pint(factors):
     unit = " ".join(f"{symbol}^{power}" for symbol, power in factors)
-    reference = UREG.Quantity(1.0, unit or "dimensionless").dimensionality
-    assert dimension(unit) == {NAMES[name]: power for name, power in reference.items() if power}
+    reference = UREG.Quantity(1.0, unit or "dimensionless").to_base_units()
+    assert reference.magnitude == pytest.approx(1.0)
+    exponents = {PINT[name]: power for name, power in reference.unit_items() if power}
+    assert dimension(unit) == pytest.approx(exponents)
 
 
-@pytest.mark.parametrize("unit", ["mm", "deg", "m^", "m^1/2", "3", "furlong", "m ^ 2", "kg·"])
+@pytest.mark.parametrize("unit", ["mm", "deg", "m^", "m^1/2", "3", "furlong", "m ^ 2"])
 def test_dimension_refuses_what_is_not_coherent(unit):
-    if unit == "kg·":
-        assert dimension(unit) == {"kg": 1}
-    else:
-        with pytest.raises(InputError, match="cannot be read at"):
-            dimension(unit)
+    with pytest.raises(InputError, match="cannot be read at"):
+        dimension(unit)
 
 
 def test_homogeneous_ignores_the_radian():

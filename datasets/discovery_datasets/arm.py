@@ -124,8 +124,12 @@ class Arm:
         rigidity = self.rig.flexural_rigidity
         for disturbance in self.disturbances:
             rigidity *= disturbance.stiffness_factor(time)
-        ratio = self.relaxation[0]
-        return rigidity / self.rig.length * ((1 + ratio) * q - ratio * relaxed + self.retardation * rate)
+        strain, ratio = q, self.relaxation[0]
+        if ratio:
+            strain = (1 + ratio) * q - ratio * relaxed
+        if self.retardation:
+            strain = strain + self.retardation * rate
+        return rigidity / self.rig.length * strain
 
     def balance(
         self, time: float, coordinates: FloatArray, rates: FloatArray, relaxed: FloatArray, load: complex = 0j

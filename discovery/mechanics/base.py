@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -132,6 +133,7 @@ def _total_derivative(expression: sp.Expr, q: Sequence[sp.Symbol], qd: Sequence[
     return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
 
 
+@lru_cache
 def lagrangian_mechanics(
     q: sp.Symbol,
     qd: sp.Symbol,
@@ -140,6 +142,7 @@ def lagrangian_mechanics(
     theta: sp.Expr,
     delta: sp.Expr,
     tip: tuple[sp.Expr, sp.Expr],
+    speed2: sp.Expr,
     radius: sp.Expr,
     elastic: sp.Expr,
 ) -> Mechanics:
@@ -155,6 +158,8 @@ def lagrangian_mechanics(
         Tip angle and deflection.
     tip : tuple of sympy.Expr
         Tip position in lengths of the arm.
+    speed2 : sympy.Expr
+        Squared speed of the tip, in its shortest form.
     radius : sympy.Expr
         Distance of the tip from the hub, in lengths.
     elastic : sympy.Expr
@@ -169,7 +174,7 @@ def lagrangian_mechanics(
 
     from discovery import symbols as s
 
-    mass = sp.simplify(sp.diff(kinetic, qd, 2))
+    mass = sp.diff(kinetic, qd, 2)
     momentum = sp.diff(kinetic, qd)
     pairs = [(q, qd), (s.theta_m, s.omega_m), (s.omega_m, s.alpha_m)]
     bias = sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(kinetic, q)
@@ -184,8 +189,7 @@ def lagrangian_mechanics(
         rate = _total_derivative(expression, [q], [qd])
         channels[symbol] = Channel(expression, (jacobian,))
         channels[rate_symbol] = Channel(rate, (jacobian,), _total_derivative(rate, [q], [qd]))
-    speed2 = sp.simplify(channels[s.v_x].value ** 2 + channels[s.v_y].value ** 2)
-    channels[s.v2] = Channel(speed2, (sp.simplify(sp.diff(speed2, qd)),))
+    channels[s.v2] = Channel(speed2, (sp.diff(speed2, qd),))
     channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
     channels[s.rho] = Channel(radius, (sp.Integer(0),))
-    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.simplify(-bias),))
+    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),))

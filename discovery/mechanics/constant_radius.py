@@ -30,6 +30,7 @@ class ConstantRadius(ArmBase):
             theta=_THETA,
             delta=_THETA - s.theta_m,
             tip=(sp.cos(_THETA), sp.sin(_THETA)),
+            speed2=_OMEGA**2,
             radius=sp.Integer(1),
             elastic=(_THETA - s.theta_m) ** 2 / 2,
         )

@@ -27,7 +27,16 @@ class Oscillator(Base):
     def mechanics(self) -> Mechanics:
         """Return the mathematics."""
         bare = lagrangian_mechanics(
-            _Q, _QD, kinetic=_QD**2 / 2, theta=_Q, delta=_Q, tip=(_Q, sp.Integer(0)), radius=_Q, elastic=_Q**2 / 2
+            _Q,
+            _QD,
+            kinetic=_QD**2 / 2,
+            theta=_Q,
+            delta=_Q,
+            tip=(_Q, sp.Integer(0)),
+            speed2=_QD**2,
+            # The lever of a force across the tip: a force on a coordinate has none.
+            radius=sp.Integer(1),
+            elastic=_Q**2 / 2,
         )
         return Mechanics(bare.coordinates, bare.rates, (), bare.channels, bare.mass, (bare.force[0] + self.g * s.u,))
 

@@ -41,14 +41,15 @@ class Reduced(ArmBase):
         delta, delta_dot = _THETA - s.theta_m, _OMEGA - s.omega_m
         rho = sp.cos(_GAMMA * delta)
         slope = -_GAMMA * sp.sin(_GAMMA * delta)
-        kinetic = (rho**2 * _OMEGA**2 + slope**2 * delta_dot**2) / 2 + rod_coupling(self.mu) * _OMEGA * s.omega_m
+        speed2 = rho**2 * _OMEGA**2 + slope**2 * delta_dot**2
         return lagrangian_mechanics(
             _THETA,
             _OMEGA,
-            kinetic=kinetic,
+            kinetic=speed2 / 2 + rod_coupling(self.mu) * _OMEGA * s.omega_m,
             theta=_THETA,
             delta=delta,
             tip=(rho * sp.cos(_THETA), rho * sp.sin(_THETA)),
+            speed2=speed2,
             radius=rho,
             elastic=delta**2 / 2 - delta**4 / 105,
         )

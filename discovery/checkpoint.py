@@ -1,0 +1,103 @@
+"""Checkpoints of a run: everything that the next step of its ensembles depends on, in one HDF5 file.
+
+A run that was interrupted, at whatever moment, continues from its last checkpoint to the very same chain.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import emcee
+import h5py
+
+from discovery.ensembles import Ensemble
+from discovery.errors import InputError
+from discovery.io import atomic_write
+
+__all__ = ["fingerprint", "restore", "save"]
+
+
+def fingerprint(*parts: bytes | str) -> str:
+    """Return a hash of everything that determines a run."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(len(data).to_bytes(8, "little") + data)
+    return digest.hexdigest()
+
+
+def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> None:
+    """Write a checkpoint (HDF5), beside its place first: there is never half a file.
+
+    Parameters
+    ----------
+    path : path
+    ensembles : sequence of Ensemble
+    run : str
+        Fingerprint of the run.
+    """
+    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs["run"] = run
+        for i, ensemble in enumerate(ensembles):
+            group = file.create_group(f"ensemble_{i}")
+            name, key, position, has_gauss, gauss = ensemble.state.random_state
+            for dataset, data in (("chain", ensemble.chain), ("log_prob", ensemble.log_prob), ("random_key", key)):
+                group.create_dataset(dataset, data=data)
+            group.attrs.update({"random_name": name, "position": position, "has_gauss": has_gauss, "gauss": gauss})
+            for move, counted in ensemble.moves.items():
+                group.attrs[f"accepted_{move}"] = (counted.accepted, counted.proposed)
+
+
+def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> bool:
+    """Bring ensembles to where a checkpoint left them.
+
+    Parameters
+    ----------
+    path : path
+    ensembles : sequence of Ensemble
+        As at the start of the run.
+    run : str
+        Fingerprint of the run.
+
+    Returns
+    -------
+    bool
+        False if there is no such file.
+
+    Raises
+    ------
+    InputError
+        If the file is not a checkpoint of this run.
+    """
+    path = Path(path)
+    if not path.exists():
+        return False
+    cure = "Delete it, or name another file."
+    try:
+        with h5py.File(path) as file:
+            if file.attrs["run"] != run:
+                raise InputError(f"{path} holds the chains of another model, recording or seed. {cure}")
+            for i, ensemble in enumerate(ensembles):
+                _restore(ensemble, file[f"ensemble_{i}"])
+    except (OSError, KeyError) as error:
+        raise InputError(f"{path} is not a checkpoint of a posterior. {cure}") from error
+    return True
+
+
+def _restore(ensemble: Ensemble, group: Any) -> None:
+    attributes = group.attrs
+    ensemble.chain, ensemble.log_prob = group["chain"][:], group["log_prob"][:]
+    random = (
+        str(attributes["random_name"]),
+        group["random_key"][:],
+        int(attributes["position"]),
+        int(attributes["has_gauss"]),
+        float(attributes["gauss"]),
+    )
+    ensemble.state = emcee.State(ensemble.chain[-1], log_prob=ensemble.log_prob[-1], random_state=random)
+    for move, counted in ensemble.moves.items():
+        counted.accepted, counted.proposed = (int(n) for n in attributes[f"accepted_{move}"])

@@ -1,0 +1,209 @@
+"""Draws from the posterior of a model: what they mean, how well they converged, their table and their file."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.errors import InputError
+from discovery.io import atomic_write
+from discovery.model import Model
+from discovery.problem import NaturalUnits
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["INTERVAL", "Posterior"]
+
+FloatArray = NDArray[np.float64]
+
+#: What the intervals of a summary are.
+INTERVAL = "equal-tailed 90 % credible interval, errors of the readings taken as independent"
+_QUANTILES = (0.05, 0.5, 0.95)
+_DIMENSIONS = ("chain", "draw", "walker")
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws from a posterior, with what they mean and how well they converged.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Free physical parameters, initial deflection and rate in every recording, noise of every instrument.
+    units : mapping of str to str
+        Unit of every quantity.
+    draws : ndarray, shape (ensembles, draws, walkers, d)
+        In SI units, after burn-in, thinned to about two an autocorrelation time.
+    log_probability, log_likelihood : ndarray, shape (ensembles, draws, walkers)
+        Log posterior density up to the evidence, of the logarithm of the noise; and log likelihood.
+    r_hat, tau, ess : mapping of str to float
+        See `discovery.diagnostics.Convergence`.
+    acceptance : mapping of str to float
+        Accepted part of the proposals of every kind of move.
+    reference : mapping of str to (float, float)
+        Estimate and standard deviation of the fit from which sampling started; NaN where it has none.
+    stated_noise : mapping of str to float
+        Noise that the rig states, by name of the noise parameter.
+    model : Model
+        The model.
+    natural : NaturalUnits
+        Natural units of its declarations.
+    gaussian : mapping of str to (mean, sd)
+        Parameters free within the rig's uncertainty.
+    step : float
+        Integration step [s].
+    provenance : mapping of str to object
+        Seed, versions, hashes of the recordings, settings: JSON-ready.
+    """
+
+    names: tuple[str, ...]
+    units: Mapping[str, str]
+    draws: FloatArray
+    log_probability: FloatArray
+    log_likelihood: FloatArray
+    r_hat: Mapping[str, float]
+    tau: Mapping[str, float]
+    ess: Mapping[str, float]
+    acceptance: Mapping[str, float]
+    reference: Mapping[str, tuple[float, float]]
+    stated_noise: Mapping[str, float]
+    model: Model
+    natural: NaturalUnits
+    gaussian: Mapping[str, tuple[float, float]]
+    step: float
+    provenance: Mapping[str, Any]
+
+    def flat(self) -> dict[str, FloatArray]:
+        """Return all draws of every quantity by name."""
+        return {name: self.draws[..., i].ravel() for i, name in enumerate(self.names)}
+
+    @property
+    def status(self) -> str:
+        """One sentence on what the intervals mean; it warns where the noise had to absorb misfit."""
+        flat = self.flat()
+        for name, stated in self.stated_noise.items():
+            low, middle = np.quantile(flat[name] / stated, _QUANTILES[:2])
+            if low > 1.0 and middle > 1.1:
+                return (
+                    f"{name} is {middle:.3g} times the stated noise: the model leaves a systematic residual, which is "
+                    "counted as independent noise, so the intervals are naive and may be far too wide or too narrow."
+                )
+        return "The residuals are no larger than the stated noise; the intervals take them as independent."
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Return one JSON-ready row a quantity: mean, sd, quantiles, diagnostics, unit, and the fit's value and sd."""
+        rows = []
+        for name, values in self.flat().items():
+            low, middle, high = np.quantile(values, _QUANTILES)
+            value, sd = self.reference[name]
+            rows.append(
+                {
+                    "name": name,
+                    "unit": self.units[name],
+                    "mean": float(values.mean()),
+                    "sd": float(values.std(ddof=1)),
+                    "q05": float(low),
+                    "q50": float(middle),
+                    "q95": float(high),
+                    "interval": INTERVAL,
+                    "r_hat": self.r_hat[name],
+                    "ess": self.ess[name],
+                    "fit_value": value,
+                    "fit_sd": sd if math.isfinite(sd) else None,
+                }
+            )
+        return rows
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return a labelled data set: dimensions chain (ensemble), draw and walker, one variable a quantity."""
+        import xarray as xr
+
+        def described(i: int, name: str) -> tuple[tuple[str, ...], FloatArray, dict[str, Any]]:
+            value, sd = self.reference[name]
+            attributes = {
+                "units": self.units[name],
+                "r_hat": self.r_hat[name],
+                "tau": self.tau[name],
+                "ess": self.ess[name],
+                "fit_value": value,
+                "fit_sd": sd,
+            }
+            if name in self.stated_noise:
+                attributes["stated_noise"] = self.stated_noise[name]
+            return _DIMENSIONS, self.draws[..., i], attributes
+
+        variables: dict[str, Any] = {name: described(i, name) for i, name in enumerate(self.names)}
+        variables["log_probability"] = (_DIMENSIONS, self.log_probability)
+        variables["log_likelihood"] = (_DIMENSIONS, self.log_likelihood)
+        coordinates = {d: np.arange(n) for d, n in zip(_DIMENSIONS, self.log_probability.shape, strict=True)}
+        attributes = {
+            "quantities": json.dumps(self.names),
+            "interval": INTERVAL,
+            "status": self.status,
+            "model": json.dumps(self.model.to_dict()),
+            "natural_units": json.dumps(asdict(self.natural)),
+            "gaussian": json.dumps(dict(self.gaussian)),
+            "solver_step_s": self.step,
+            "acceptance": json.dumps(dict(self.acceptance)),
+            "provenance": json.dumps(dict(self.provenance)),
+        }
+        return xr.Dataset(variables, coordinates, attributes)
+
+    def to_netcdf(self, path: str | os.PathLike[str]) -> None:
+        """Write the data set of `to_dataset` as netCDF, beside its place first."""
+        with atomic_write(path) as temporary:
+            self.to_dataset().to_netcdf(temporary, engine="h5netcdf")
+
+    @classmethod
+    def from_netcdf(cls, path: str | os.PathLike[str]) -> Posterior:
+        """Read what `to_netcdf` wrote.
+
+        Raises
+        ------
+        InputError
+            If the file is not such a file.
+        """
+        import xarray as xr
+
+        try:
+            with xr.open_dataset(path, engine="h5netcdf") as dataset:
+                return cls._from_dataset(dataset.load())
+        except (OSError, KeyError, ValueError) as error:
+            raise InputError(f"{os.fspath(path)} is not a posterior that this package wrote: {error}") from error
+
+    @classmethod
+    def _from_dataset(cls, dataset: xr.Dataset) -> Posterior:
+        names = tuple(json.loads(dataset.attrs["quantities"]))
+        variables = {name: dataset[name] for name in names}
+
+        def attribute(key: str) -> dict[str, float]:
+            return {name: float(v.attrs[key]) for name, v in variables.items() if key in v.attrs}
+
+        value, sd = attribute("fit_value"), attribute("fit_sd")
+        gaussian = json.loads(dataset.attrs["gaussian"])
+        return cls(
+            names=names,
+            units={name: str(v.attrs["units"]) for name, v in variables.items()},
+            draws=np.stack([v.to_numpy() for v in variables.values()], axis=-1),
+            log_probability=dataset["log_probability"].to_numpy(),
+            log_likelihood=dataset["log_likelihood"].to_numpy(),
+            r_hat=attribute("r_hat"),
+            tau=attribute("tau"),
+            ess=attribute("ess"),
+            acceptance=json.loads(dataset.attrs["acceptance"]),
+            reference={name: (value[name], sd[name]) for name in names},
+            stated_noise=attribute("stated_noise"),
+            model=Model.from_dict(json.loads(dataset.attrs["model"])),
+            natural=NaturalUnits(**json.loads(dataset.attrs["natural_units"])),
+            gaussian={name: (float(m), float(s)) for name, (m, s) in gaussian.items()},
+            step=float(dataset.attrs["solver_step_s"]),
+            provenance=json.loads(dataset.attrs["provenance"]),
+        )

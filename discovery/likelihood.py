@@ -1,0 +1,205 @@
+r"""The log posterior of a fitted problem, for many parameter sets at once, in coordinates in which it is nearly round.
+
+The readings are Gaussian around the simulated ones. Their standard deviation is the stated noise times one factor per
+instrument, which is sampled with the parameters: with chi-square :math:`\chi_g^2` over the :math:`n_g` readings of
+instrument g at the stated noise,
+
+.. math:: \log L = -\sum_g \left[ \chi_g^2 / (2 f_g^2) + n_g \log f_g \right] + \mathrm{const.}
+
+The errors count as independent. Where the model lacks something they are not, and f then absorbs the misfit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.errors import NotIdentifiable
+from discovery.instrument import Instrument, instruments
+from discovery.parameters import Normal, Prior
+
+if TYPE_CHECKING:
+    from discovery.fit import Fit
+    from discovery.problem import Problem
+
+__all__ = ["NOISE_PRIOR", "LogPosterior", "log_posterior"]
+
+FloatArray = NDArray[np.float64]
+
+#: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
+NOISE_PRIOR = Normal(0.0, 5.0)
+# Readings in memory at once; a multiple of the kernel's lanes keeps both threads busy.
+_CHUNK, _LANES = 2_000_000, 64
+
+
+@dataclass(frozen=True)
+class LogPosterior:
+    """Log posterior of `problem` in whitened coordinates z; the sampled vector is ``centre + factor @ z``.
+
+    The vector holds the free numbers of the problem, then the logarithm of the noise factor of every instrument.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    instruments : tuple of Instrument
+        Who read it.
+    centre : ndarray, shape (d,)
+        The minimum of the fit.
+    factor : ndarray, shape (d, d)
+        Lower Cholesky factor of the covariance there.
+    """
+
+    problem: Problem
+    instruments: tuple[Instrument, ...]
+    centre: FloatArray
+    factor: FloatArray
+
+    @property
+    def dimension(self) -> int:
+        """Number of sampled quantities d."""
+        return self.centre.size
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sampled quantities."""
+        return (*self.problem.names, *(instrument.name for instrument in self.instruments))
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units of the sampled quantities, ``q`` written out."""
+        problem = self.problem
+        q = problem.bench.experiments[0].recording
+        coordinate = "rad" if problem.bench.experiments[0].is_arm else q.units[0]
+        physical = [_written(problem.model.parameters[n].unit, coordinate) for n in problem.free]
+        initial = [coordinate, f"{coordinate} s^-1"] * len(problem.bench.experiments)
+        return (*physical, *initial, *(instrument.unit for instrument in self.instruments))
+
+    def vectors(self, z: FloatArray) -> FloatArray:
+        """Return the sampled vectors (..., d) of whitened coordinates (..., d)."""
+        return self.centre + z @ self.factor.T
+
+    def values(self, z: FloatArray) -> FloatArray:
+        """Return the quantities in SI units (..., d) of whitened coordinates; the noise as a standard deviation."""
+        values = self.vectors(z)
+        for k, instrument in enumerate(self.instruments, start=len(self.problem.names)):
+            values[..., k] = instrument.noise * np.exp(values[..., k])
+        return values
+
+    @cached_property
+    def priors(self) -> tuple[tuple[Prior, float], ...]:
+        """Prior and its unit, in the problem's units, of every free number of the problem."""
+        return _priors(self.problem)
+
+    def log_prior(self, vectors: FloatArray) -> FloatArray:
+        """Return the log prior density of sampled vectors (k, d), minus infinity outside the bounds."""
+        p = len(self.problem.names)
+        total = np.zeros(len(vectors))
+        for column, (prior, unit) in zip(vectors.T[:p], self.priors, strict=True):
+            total += prior.log_density(column / unit) - math.log(unit)
+        for column in vectors.T[p:]:
+            total += NOISE_PRIOR.log_density(column)
+        lower, upper = self.problem.bounds
+        inside = ((vectors[:, :p] >= lower) & (vectors[:, :p] <= upper)).all(axis=1)
+        return np.where(inside, total, -np.inf)
+
+    def log_likelihood(self, vectors: FloatArray) -> FloatArray:
+        """Return the log likelihood of sampled vectors (k, d), minus infinity where the motion blows up."""
+        p, bench = len(self.problem.names), self.problem.bench
+        sizes = np.cumsum([0, *(e.recording.output.size for e in bench.experiments)])
+        width = max(1, _CHUNK // (int(sizes[-1]) * _LANES)) * _LANES
+        total = np.empty(len(vectors))
+        for first in range(0, len(vectors), width):
+            block = vectors[first : first + width].T
+            value = np.zeros(block.shape[1])
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                residuals = bench.residuals(*self.problem.expand(block[:p]))
+                for log_factor, instrument in zip(block[p:], self.instruments, strict=True):
+                    rows = [residuals[sizes[i] : sizes[i + 1]] for i in instrument.experiments]
+                    chi2 = sum(np.einsum("nk,nk->k", r, r) for r in rows)
+                    value += instrument.log_weights - 0.5 * instrument.n * math.log(2 * math.pi)
+                    value -= 0.5 * chi2 * np.exp(-2 * log_factor) + instrument.n * log_factor
+            total[first : first + width] = np.where(np.isfinite(value), value, -np.inf)
+        return total
+
+    def __call__(self, z: FloatArray) -> FloatArray:
+        """Return the log posterior density at whitened coordinates (k, d), up to the constant of the evidence.
+
+        It is the density of the sampled vector: of the logarithm of the noise, not of the noise.
+        """
+        vectors = self.vectors(z)
+        total = self.log_prior(vectors)
+        inside = np.isfinite(total)
+        if inside.any():
+            total[inside] += self.log_likelihood(vectors[inside])
+        return total
+
+
+def _written(unit: str, coordinate: str) -> str:
+    """Return a unit string with the symbol of the coordinate in place of q."""
+    return " ".join(coordinate + part[1:] if part == "q" or part.startswith("q^") else part for part in unit.split())
+
+
+def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
+    found: list[tuple[Prior, float]] = []
+    for name in problem.free:
+        if name in problem.gaussian:
+            found.append((Normal(*problem.gaussian[name]), 1.0))
+        else:
+            parameter = problem.model.parameters[name]
+            found.append((parameter.prior, problem.units.scale(parameter)))
+    # An initial state may be anything up to the size of the whole motion.
+    q, time = problem.units.coordinate, problem.units.time
+    return (*found, *([(Normal(0.0, 1.0), q), (Normal(0.0, 1.0), q / time)] * len(problem.bench.experiments)))
+
+
+def log_posterior(fit: Fit) -> LogPosterior:
+    """Return the log posterior around a fit.
+
+    The covariance is that of Gauss and Newton at the minimum, with the residuals' own size as noise, and with the
+    widths of the declared priors: it is finite also where a parameter lies on a bound.
+
+    Parameters
+    ----------
+    fit : Fit
+        Any fit, on any base.
+
+    Returns
+    -------
+    LogPosterior
+
+    Raises
+    ------
+    NotIdentifiable
+        If the data leave a combination of parameters undetermined.
+    """
+    if fit.null_directions:
+        raise NotIdentifiable(
+            fit.null_directions, "A posterior would only repeat the priors along directions that the data leave open."
+        )
+    problem = fit.problem
+    parts = instruments(problem.bench.experiments)
+    sizes = np.cumsum([0, *(e.recording.output.size for e in problem.bench.experiments)])
+    residual, jacobian = fit.minimum.residual[: sizes[-1]], fit.minimum.jacobian[: sizes[-1]].copy()
+    log_factors = []
+    for part in parts:
+        chi2 = sum(float(np.sum(residual[sizes[i] : sizes[i + 1]] ** 2)) for i in part.experiments)
+        log_factors.append(0.5 * math.log(max(chi2, np.finfo(float).tiny) / part.n))
+        for i in part.experiments:
+            jacobian[sizes[i] : sizes[i + 1]] *= math.exp(-log_factors[-1])
+    widths = np.array([prior.width * unit for prior, unit in _priors(problem)])
+    p, d = len(problem.names), len(problem.names) + len(parts)
+    covariance = np.zeros((d, d))
+    # In units of the priors' widths first: the sizes of the parameters differ by many orders.
+    normal = (jacobian * widths).T @ (jacobian * widths) + np.eye(p)
+    size = np.sqrt(np.diag(normal))
+    covariance[:p, :p] = np.linalg.inv(normal / np.outer(size, size)) * np.outer(widths / size, widths / size)
+    covariance[range(p, d), range(p, d)] = [0.5 / part.n for part in parts]
+    spread = np.sqrt(np.diag(covariance))
+    factor = spread[:, None] * np.linalg.cholesky(covariance / np.outer(spread, spread))
+    return LogPosterior(problem, parts, np.concatenate([fit.minimum.x, log_factors]), factor)

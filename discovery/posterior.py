@@ -1,0 +1,219 @@
+"""The posterior of a fitted model: parameters, initial states and noise, sampled until independent ensembles agree."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from discovery.checkpoint import fingerprint, restore, save
+from discovery.diagnostics import LENGTH_IN_TAU, Convergence, convergence
+from discovery.draws import INTERVAL, Posterior
+from discovery.ensembles import Ensemble, grow, start_ensembles
+from discovery.errors import InputError, NotConverged
+from discovery.likelihood import LogPosterior, log_posterior
+from discovery.predictive import Band, predictive
+
+if TYPE_CHECKING:
+    from discovery.fit import Fit
+
+__all__ = ["INTERVAL", "Band", "Posterior", "Progress", "predictive", "sample"]
+
+FEWEST_ENSEMBLES = 4
+_FEWEST_WALKERS, _WALKERS_A_DIMENSION, _LANES = 64, 4, 32
+# Part of the chain that counts as burn-in.
+_BURN_IN = 0.25
+_PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is: steps done, and the worst diagnostics of any quantity so far.
+
+    Parameters
+    ----------
+    steps, max_steps : int
+        Steps of every ensemble, done and at most.
+    effective, wanted : float
+        Effective samples, so far and wanted.
+    r_hat, tau : float
+        R-hat between the ensembles, autocorrelation time [steps].
+    """
+
+    steps: int
+    max_steps: int
+    effective: float
+    wanted: float
+    r_hat: float
+    tau: float
+
+
+def sample(
+    fit: Fit,
+    *,
+    rng_seed: int,
+    ensembles: int = FEWEST_ENSEMBLES,
+    walkers: int | None = None,
+    min_effective: float = 4000,
+    r_hat_max: float = 1.01,
+    max_steps: int = 20_000,
+    progress: Callable[[Progress], None] | None = None,
+    backend_path: str | os.PathLike[str] | None = None,
+) -> Posterior:
+    """Sample the posterior of a fitted model until independent ensembles agree.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit: its minimum and covariance are where the walkers start, never what they end at.
+    rng_seed : int
+        Seed; the same one gives the same draws.
+    ensembles : int
+        Number of independent ensembles, at least four.
+    walkers : int, optional
+        Walkers of each; by default at least four a dimension.
+    min_effective : float
+        Effective samples wanted of every quantity, over all ensembles.
+    r_hat_max : float
+        Largest R-hat between the ensembles.
+    max_steps : int
+        Steps of every ensemble after which the run is given up.
+    progress : callable, optional
+        Called with a `Progress` after every block.
+    backend_path : path, optional
+        HDF5 checkpoint: written after every block, and continued from if it is there.
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    NotConverged
+        With autocorrelation times, effective samples and R-hat when `max_steps` were not enough.
+    NotIdentifiable
+        If the data leave a combination of parameters undetermined.
+    ComputationError
+        If no start near the fit has a finite density, or the walkers are degenerate.
+    InputError
+        For fewer than four ensembles, or if `backend_path` holds another run.
+
+    Notes
+    -----
+    The errors of the readings are taken as independent. Where the model leaves a systematic residual, the noise
+    factors absorb it, and `Posterior.status` says so.
+    """
+    if ensembles < FEWEST_ENSEMBLES:
+        raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
+    target = log_posterior(fit)
+    if walkers is None:
+        walkers = max(_FEWEST_WALKERS, -(-_WALKERS_A_DIMENSION * target.dimension // _LANES) * _LANES)
+    seeds = SeedSequence(rng_seed).spawn(ensembles)
+    group = start_ensembles(target, target.dimension, walkers=walkers, seeds=seeds)
+    run = _run_of(target, [ensemble.state.coords for ensemble in group])
+    if backend_path is not None:
+        restore(backend_path, group, run)
+    found = None
+    for steps in grow(group, max_steps):
+        if backend_path is not None:
+            save(backend_path, group, run)
+        # Counted from the end of the burn-in, in whole blocks of the same steps in every ensemble.
+        draws = target.values(np.stack([ensemble.chain[int(_BURN_IN * steps) :] for ensemble in group]))
+        found = convergence(draws)
+        if progress is not None:
+            worst = float(found.ess.min()), float(found.r_hat.max()), float(found.tau.max())
+            progress(Progress(steps, max_steps, worst[0], min_effective, worst[1], worst[2]))
+        if found.meets(min_effective, r_hat_max):
+            return _posterior(fit, target, group, found, draws, rng_seed)
+    raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
+
+
+def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:
+    """Return the fingerprint of a run: data, model, step, whitening and start, which holds the seed."""
+    problem = target.problem
+    description = {
+        "model": problem.model.to_dict(),
+        "names": target.names,
+        "step": problem.bench.step,
+        "data": [e.recording.sha256 for e in problem.bench.experiments],
+        "fitted": [e.fitted_samples for e in problem.bench.experiments],
+        "packages": {name: version(name) for name in _PACKAGES},
+    }
+    arrays = [target.centre, target.factor, *starts]
+    return fingerprint(json.dumps(description), *(np.ascontiguousarray(a).tobytes() for a in arrays))
+
+
+def _refusal(
+    names: Sequence[str], found: Convergence | None, max_steps: int, min_effective: float, r_hat_max: float
+) -> NotConverged:
+    message = (
+        f"The ensembles did not converge in {max_steps} steps: wanted are R-hat of at most {r_hat_max:g}, at least "
+        f"{min_effective:g} effective samples and {LENGTH_IN_TAU} autocorrelation times after burn-in, for every "
+        "quantity. Allow more steps, or free fewer parameters."
+    )
+    if found is None:
+        return NotConverged(message)
+    tau, ess, r_hat = (dict(zip(names, a.tolist(), strict=True)) for a in (found.tau, found.ess, found.r_hat))
+    return NotConverged(message, tau=tau, ess=ess, r_hat=r_hat)
+
+
+def _posterior(
+    fit: Fit,
+    target: LogPosterior,
+    group: Sequence[Ensemble],
+    found: Convergence,
+    draws: np.ndarray,
+    rng_seed: int,
+) -> Posterior:
+    # Half an autocorrelation time apart, draws carry all there is to know.
+    thin = max(1, int(found.tau.min() / 2))
+    steps = len(group[0].chain)
+    kept = slice(steps - draws.shape[1], None, thin)
+    z = np.stack([ensemble.chain[kept] for ensemble in group])
+    log_probability = np.stack([ensemble.log_prob[kept] for ensemble in group])
+    log_prior = target.log_prior(target.vectors(z).reshape(-1, target.dimension)).reshape(log_probability.shape)
+    problem, noise = target.problem, {part.name: part.noise for part in target.instruments}
+    scaled = {
+        name: (part.noise * np.exp(c), part.noise * np.exp(c) / np.sqrt(2 * part.n))
+        for name, part, c in zip(noise, target.instruments, target.centre[len(problem.names) :], strict=True)
+    }
+    moves = {name: [ensemble.moves[name] for ensemble in group] for name in group[0].moves}
+    first = problem.bench.experiments[0]
+    return Posterior(
+        names=target.names,
+        units=dict(zip(target.names, target.units, strict=True)),
+        draws=draws[:, ::thin],
+        log_probability=log_probability,
+        log_likelihood=log_probability - log_prior,
+        r_hat=dict(zip(target.names, found.r_hat.tolist(), strict=True)),
+        tau=dict(zip(target.names, found.tau.tolist(), strict=True)),
+        ess=dict(zip(target.names, found.ess.tolist(), strict=True)),
+        acceptance={n: sum(m.accepted for m in ms) / max(1, sum(m.proposed for m in ms)) for n, ms in moves.items()},
+        reference={
+            **{name: (fit.values[name], fit.sd[name]) for name in problem.names},
+            **{name: (float(value), float(sd)) for name, (value, sd) in scaled.items()},
+        },
+        stated_noise=noise,
+        model=problem.model,
+        natural=problem.units,
+        gaussian=dict(problem.gaussian),
+        step=problem.bench.step,
+        provenance={
+            "seed": rng_seed,
+            "versions": {name: version(name) for name in _PACKAGES},
+            "rig": first.rig.sha256,
+            "recordings": {e.recording.name: e.recording.sha256 for e in problem.bench.experiments},
+            "n_data": problem.bench.n_data,
+            "steps": steps,
+            "burn_in": steps - draws.shape[1],
+            "thin": thin,
+            "walkers": z.shape[2],
+            "solver_shift_sd": fit.solver_shift,
+        },
+    )

@@ -1,0 +1,158 @@
+"""Free-run predictions: from the static equilibrium or from fitted initial states, with standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from discovery.compile import numpy_derivative
+from discovery.effect import ARM
+from discovery.errors import ComputationError
+from discovery.experiment import Experiment
+from discovery.fit import Fit, fit_problems
+from discovery.model import Model
+from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.program import build_program
+
+__all__ = ["equilibrium", "held_out", "predict"]
+
+FloatArray = NDArray[np.float64]
+
+
+def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, drive: Sequence[float]) -> float:
+    """Return the deflection at which the model rests under a constant input.
+
+    Forces that depend on time are left out; of several rest positions the one nearest to zero is returned.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    values : mapping of str to float
+        Its parameters; missing ones are absent.
+    units : NaturalUnits
+        Natural units.
+    drive : sequence of float
+        Input at rest: motor angle [rad], or u.
+
+    Raises
+    ------
+    ComputationError
+        If there is no rest position within the range of the model.
+    """
+    program = build_program(model.base, model.effects)
+    derivative = numpy_derivative(program)
+    moving = {
+        p.name
+        for effect in model.terms
+        if effect.kind == "load" and any(symbol.name == "t" for symbol in effect.expression().free_symbols)
+        for p in effect.parameters()
+        if not p.shape
+    }
+    known = {**model.known, **values, **dict.fromkeys(moving, 0.0)}
+    parameters = [
+        known.get(n, model.parameters[n].default * units.scale(model.parameters[n])) for n in program.parameters
+    ]
+    recorded = (drive[0], 0.0, 0.0)
+    n = program.n_coordinates
+    start = (drive[0], 0.0) if model.mechanics.system == ARM else (0.0, 0.0)
+
+    def push(deflection: float) -> float:
+        q, tangent = model.mechanics.initial_coordinates(np.array([deflection]), np.array([1.0]), start)
+        state = [*q[:, 0], *np.zeros(n), *np.zeros(len(program.states) - 2 * n)]
+        slopes = np.array(derivative(0.0, recorded, state, parameters)[n : 2 * n], float)
+        # Work per unit deflection of the bending forces, up to the positive weight of the inertia.
+        return float(slopes @ (tangent[:, 0] if n > 1 else np.ones(1)))
+
+    reach = np.linspace(0, 1.2 if model.mechanics.system == ARM else 5 * units.coordinate, 121)
+    grid = np.concatenate([-reach[:0:-1], reach])
+    force = np.array([push(d) for d in grid])
+    crossing = np.flatnonzero((force[:-1] >= 0) & (force[1:] < 0))
+    if crossing.size == 0:
+        raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
+    nearest = crossing[np.argmin(np.abs(grid[crossing]))]
+    return float(brentq(push, grid[nearest], grid[nearest + 1], xtol=1e-12))
+
+
+def predict(
+    fit: Fit, experiment: Experiment, initial: tuple[float, float] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the instrument would read, and its standard deviation from the fit's covariance.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fitted model.
+    experiment : Experiment
+        Times and input.
+    initial : tuple of float, optional
+        Deflection and rate at the first time; by default the static equilibrium at rest.
+
+    Returns
+    -------
+    ndarray, shape (n, c), and ndarray, shape (n, c)
+        Channels and standard deviations (measurement noise not included).
+    """
+    problem = fit.problem
+    names = problem.free
+    bench = Bench(problem.bench.base, problem.bench.effects, [experiment], problem.bench.step)
+    drive = [0.0] if experiment.drive is None else experiment.drive.evaluate(experiment.recording.time[:1])[:, 0]
+    single = Problem(fit.model, bench, problem.units, problem.gaussian)
+    centre = fit.minimum.x[: len(names)]
+    covariance = np.nan_to_num(fit.covariance[: len(names), : len(names)])
+    # Principal axes of the covariance: central differences along each give the spread.
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    power, axes = np.linalg.eigh(covariance / np.outer(safe, safe))
+    spread = safe[:, None] * axes * np.sqrt(np.maximum(power, 0.0))
+    low, high = single.bounds
+    points = np.concatenate([centre[:, None], centre[:, None] + 0.5 * spread, centre[:, None] - 0.5 * spread], axis=1)
+    points = np.clip(points, low[: len(names), None], high[: len(names), None])
+    if initial is None:
+        # The rest position moves little with the parameters: its derivative is taken along with theirs.
+        rest = [
+            equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive) for p in points.T
+        ]
+        state = np.array([rest, np.zeros(len(rest))])
+    else:
+        state = np.repeat(np.array(initial)[:, None], points.shape[1], axis=1)
+    channels = bench.predict(*single.expand(np.concatenate([points, state])))[0]
+    m = len(names)
+    slope = channels[:, :, 1 : m + 1] - channels[:, :, m + 1 :]
+    return channels[:, :, 0], np.sqrt(np.sum(slope**2, axis=2))
+
+
+def held_out(
+    candidates: Sequence[tuple[Model, Mapping[str, float]]], experiments: Sequence[Experiment], bench: Bench, units: NaturalUnits
+) -> list[list[FloatArray]]:
+    """Return predictions of recordings that were not fitted: parameters held, only the initial state is fitted.
+
+    Parameters
+    ----------
+    candidates : sequence of (Model, values)
+        Fitted models on the bench's base.
+    experiments : sequence of Experiment
+        The bench's recordings.
+    bench : Bench
+        Simulators of these recordings.
+    units : NaturalUnits
+        Natural units.
+
+    Returns
+    -------
+    list of list of ndarray, shape (n, c)
+        For each candidate, its prediction of each recording.
+    """
+    problems = []
+    for model, values in candidates:
+        known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
+        problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}))
+    minima = fit_problems(problems, [p.start({}) for p in problems], iterations=12)
+    vectors = [p.expand(m.x[:, None]) for p, m in zip(problems, minima, strict=True)]
+    parameters = np.concatenate([v[0] for v in vectors], axis=1)
+    initial = np.concatenate([v[1] for v in vectors], axis=2)
+    channels = bench.predict(parameters, initial)
+    return [[c[:, :, i] for c in channels] for i in range(len(candidates))]

@@ -1,0 +1,207 @@
+"""What a model leaves: size, whiteness, spectrum, and what the residual depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from discovery.experiment import Experiment
+
+__all__ = ["Dependence", "ResidualReport", "errors", "examine", "systematic_share"]
+
+FloatArray = NDArray[np.float64]
+#: Bins of the averaged residual in one period of the motion.
+BINS_PER_PERIOD = 24
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """How much of a residual's variance a state explains (correlation ratio over 12 quantile bins, F test)."""
+
+    variable: str
+    share: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class ResidualReport:
+    """A residual in numbers.
+
+    Parameters
+    ----------
+    rms : float
+        Root mean square in units of the noise, all channels.
+    reduced_chi2 : float
+        Mean square of the normalised residual.
+    systematic : float
+        Rms of the residual averaged over bins of a 24th of a period, with the noise's share removed, in units of the
+        noise per sample: what is not noise and is slow enough to be motion.
+    autocorrelation : float
+        At lag one, mean of the channels.
+    ljung_box_p : float
+        Probability of such autocorrelations (20 lags) in white noise; the smallest of the channels, times their number.
+    frequency, spectrum : tuple of float
+        One-sided power spectral density of the normalised residual, Welch, first recording [Hz], [1/Hz].
+    dependence : tuple of Dependence
+        Strongest first.
+    """
+
+    rms: float
+    reduced_chi2: float
+    systematic: float
+    autocorrelation: float
+    ljung_box_p: float
+    frequency: tuple[float, ...]
+    spectrum: tuple[float, ...]
+    dependence: tuple[Dependence, ...]
+
+    @property
+    def white(self) -> bool:
+        """Whether white noise is not rejected at one per cent."""
+        return self.ljung_box_p > 0.01
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {**asdict(self), "white": self.white}
+
+
+def systematic_share(residual: FloatArray, time: FloatArray, period: float) -> float:
+    """Return the rms of the bin-averaged normalised residual (n, c) with the noise's share removed.
+
+    Averages over bins of `period` / 24 hold noise of variance 1/count; the excess of their mean square over that is
+    the square of the result (zero where there is no excess).
+    """
+    label = np.floor((time - time[0]) / (period / BINS_PER_PERIOD)).astype(int)
+    excess: list[float] = []
+    for channel in residual.T:
+        good = np.isfinite(channel)
+        count = np.bincount(label[good], minlength=label[-1] + 1)
+        total = np.bincount(label[good], channel[good], minlength=label[-1] + 1)
+        use = count > 0
+        excess.append(float(np.mean((total[use] / count[use]) ** 2 - 1.0 / count[use])))
+    return float(np.sqrt(max(0.0, np.mean(excess))))
+
+
+def _ljung_box(series: FloatArray, lags: int = 20) -> tuple[float, float]:
+    """Return the lag-one autocorrelation and the p-value of Ljung and Box, Biometrika 65 (1978) 297."""
+    n = series.size
+    centred = series - series.mean()
+    variance = centred @ centred
+    if variance == 0:
+        return 0.0, 1.0
+    lags = min(lags, n // 5)
+    r = np.array([centred[k:] @ centred[:-k] for k in range(1, lags + 1)]) / variance
+    statistic = n * (n + 2) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
+    return float(r[0]), float(stats.chi2.sf(statistic, lags))
+
+
+def _dependence(name: str, variable: FloatArray, residual: FloatArray) -> Dependence:
+    edges = np.unique(np.quantile(variable, np.linspace(0, 1, 13)))
+    label = np.clip(np.searchsorted(edges, variable, side="right") - 1, 0, max(0, edges.size - 2))
+    count = np.bincount(label)
+    mean = np.bincount(label, residual) / np.maximum(count, 1)
+    between = float(np.sum(count * (mean - residual.mean()) ** 2))
+    total = float(np.sum((residual - residual.mean()) ** 2))
+    k, n = int(np.sum(count > 0)), residual.size
+    if total == 0 or k < 2:
+        return Dependence(name, 0.0, 1.0)
+    f = (between / (k - 1)) / max((total - between) / (n - k), 1e-300)
+    return Dependence(name, between / total, float(stats.f.sf(f, k - 1, n - k)))
+
+
+def _states(experiment: Experiment, period: float) -> dict[str, FloatArray]:
+    """Return measured states by which a residual may be sorted; rates by central differences of bin averages."""
+    t = experiment.recording.time
+    d = experiment.deflection
+    good = np.isfinite(d)
+    filled = np.interp(t, t[good], d[good])
+    width = max(3, int(period / BINS_PER_PERIOD / max(float(np.median(np.diff(t))), 1e-12)) | 1)
+    smooth = np.convolve(np.pad(filled, width // 2, mode="edge"), np.ones(width) / width, mode="valid")
+    rate = np.gradient(smooth, t)
+    scale = period / (2 * np.pi)
+    return {
+        "time": t,
+        "deflection": filled,
+        "rate": rate,
+        "phase": np.arctan2(-rate * scale, smooth),
+        "amplitude": np.hypot(rate * scale, smooth),
+        "angle": filled + experiment.motor_angle,
+    }
+
+
+def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray], period: float) -> ResidualReport:
+    """Examine the fitted part of recordings.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        Recordings.
+    predictions : sequence of ndarray, shape (n, c)
+        What the model says about each.
+    period : float
+        Period of the motion [s].
+
+    Returns
+    -------
+    ResidualReport
+    """
+    parts = [
+        np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan)
+        for e, p in zip(experiments, predictions, strict=True)
+    ]
+    everything = np.concatenate([p.ravel() for p in parts])
+    everything = everything[np.isfinite(everything)]
+    correlations, p_values, shares = [], [], []
+    for e, part in zip(experiments, parts, strict=True):
+        shares.append(systematic_share(part, e.recording.time, period))
+        for channel in part.T:
+            lag, p = _ljung_box(channel[np.isfinite(channel)])
+            correlations.append(lag)
+            p_values.append(p)
+    from scipy.signal import welch
+
+    first = parts[0]
+    clean = np.where(np.isfinite(first), first, 0.0)
+    rate = 1.0 / float(np.median(np.diff(experiments[0].recording.time)))
+    frequency, density = welch(clean, rate, nperseg=min(1024, len(clean)), axis=0)
+    dependence = []
+    states = [_states(e, period) for e in experiments]
+    for name in states[0]:
+        value = np.concatenate([np.repeat(s[name], p.shape[1]) for s, p in zip(states, parts, strict=True)])
+        flat = np.concatenate([p.ravel() for p in parts])
+        good = np.isfinite(flat)
+        dependence.append(_dependence(name, value[good], flat[good]))
+    return ResidualReport(
+        rms=float(np.sqrt(np.mean(everything**2))),
+        reduced_chi2=float(np.mean(everything**2)),
+        systematic=float(np.sqrt(np.mean(np.square(shares)))),
+        autocorrelation=float(np.mean(correlations)),
+        ljung_box_p=float(min(1.0, min(p_values) * len(p_values))),
+        frequency=tuple(frequency.tolist()),
+        spectrum=tuple(density.mean(axis=1).tolist()),
+        dependence=tuple(sorted(dependence, key=lambda d: -d.share)),
+    )
+
+
+def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
+    """Return rms, mean and peak of the error: Euclidean distance over the channels, samples with finite output only.
+
+    Parameters
+    ----------
+    prediction, measured : ndarray, shape (n, c)
+        Free-run prediction and measurement.
+    """
+    distance = np.sqrt(np.sum((prediction - measured) ** 2, axis=1))
+    distance = distance[np.isfinite(distance)]
+    if distance.size == 0:
+        return {"rms": float("nan"), "mean": float("nan"), "peak": float("nan")}
+    return {
+        "rms": float(np.sqrt(np.mean(distance**2))),
+        "mean": float(distance.mean()),
+        "peak": float(distance.max()),
+    }
