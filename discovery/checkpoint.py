@@ -45,9 +45,12 @@ def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) 
         for i, ensemble in enumerate(ensembles):
             group = file.create_group(f"ensemble_{i}")
             name, key, position, has_gauss, gauss = ensemble.state.random_state
-            for dataset, data in (("chain", ensemble.chain), ("log_prob", ensemble.log_prob), ("random_key", key)):
-                group.create_dataset(dataset, data=data)
             group.attrs.update({"random_name": name, "position": position, "has_gauss": has_gauss, "gauss": gauss})
+            group.attrs["adapted"] = ensemble.adapted
+            arrays = {"chain": ensemble.chain, "log_prob": ensemble.log_prob, "random_key": key}
+            arrays |= {"centre": ensemble.proposal.centre, "factor": ensemble.proposal.factor}
+            for dataset, data in arrays.items():
+                group.create_dataset(dataset, data=data)
             for move, counted in ensemble.moves.items():
                 group.attrs[f"accepted_{move}"] = (counted.accepted, counted.proposed)
 
@@ -91,6 +94,8 @@ def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: st
 def _restore(ensemble: Ensemble, group: Any) -> None:
     attributes = group.attrs
     ensemble.chain, ensemble.log_prob = group["chain"][:], group["log_prob"][:]
+    ensemble.proposal.centre, ensemble.proposal.factor = group["centre"][:], group["factor"][:]
+    ensemble.adapted = int(attributes["adapted"])
     random = (
         str(attributes["random_name"]),
         group["random_key"][:],

@@ -14,6 +14,7 @@ import emcee
 import numpy as np
 from numpy.random import MT19937, Generator, RandomState, SeedSequence
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from discovery.errors import ComputationError
 
@@ -23,7 +24,9 @@ FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 _LARGEST_CONDITION = 1e8
-_FIRST_BLOCK, _GROWTH = 200, 0.4
+# Steps after which the independence move may adapt to the ensemble itself; then blocks grow by a part of the run.
+_ADAPTATIONS, _WELL_ACCEPTED = (60, 200), 0.6
+_GROWTH = 0.4
 # Walkers start wider than the fit says, so that ensembles that agree have come together.
 _START_WIDTH = 1.5
 _ATTEMPTS = 100
@@ -32,33 +35,44 @@ _THREADS = 2
 
 
 class IndependenceMove(emcee.moves.Move):
-    """Metropolis-Hastings with a proposal that ignores where the walker is: a round multivariate Student t.
+    """Metropolis-Hastings with a proposal that ignores where the walker is: a multivariate Student t.
 
     In coordinates whitened by a fit it is nearly the posterior itself, and most steps are then new independent draws;
     where it is not, the acceptance corrects it (L. Tierney, Annals of Statistics 22 (1994) 1701).
 
     Parameters
     ----------
+    dimension : int
+        Dimension d.
     dof : float
         Degrees of freedom; tails heavier than those of the posterior keep walkers from sticking there.
     """
 
-    def __init__(self, dof: float = 15.0) -> None:
+    def __init__(self, dimension: int, dof: float = 15.0) -> None:
         self.dof = dof
+        #: Centre (d,) and lower triangular factor (d, d) of the proposal.
+        self.centre: FloatArray = np.zeros(dimension)
+        self.factor: FloatArray = np.eye(dimension)
 
-    def _log_density(self, z: FloatArray) -> FloatArray:
-        d = z.shape[1]
-        return -0.5 * (self.dof + d) * np.log1p(np.einsum("kd,kd->k", z, z) / self.dof)
+    def adapt(self, points: FloatArray) -> None:
+        """Take mean and covariance from points (k, d); steps taken before must then count as burn-in."""
+        covariance = np.cov(points, rowvar=False).reshape(points.shape[1], -1)
+        self.centre, self.factor = points.mean(axis=0), np.linalg.cholesky(covariance)
+
+    def _log_density(self, points: FloatArray) -> FloatArray:
+        z = solve_triangular(self.factor, (points - self.centre).T, lower=True)
+        return -0.5 * (self.dof + len(z)) * np.log1p(np.einsum("dk,dk->k", z, z) / self.dof)
 
     def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, NDArray[np.bool_]]:
         """Propose and accept for all walkers at once."""
         shape = state.coords.shape
         z = model.random.standard_normal(shape)
         z /= np.sqrt(model.random.chisquare(self.dof, shape[0]) / self.dof)[:, None]
-        log_prob, _ = model.compute_log_prob_fn(z)
-        gain = log_prob - state.log_prob + self._log_density(state.coords) - self._log_density(z)
+        points = self.centre + z @ self.factor.T
+        log_prob, _ = model.compute_log_prob_fn(points)
+        gain = log_prob - state.log_prob + self._log_density(state.coords) - self._log_density(points)
         accepted = -model.random.standard_exponential(shape[0]) < gain
-        return self.update(state, emcee.State(z, log_prob=log_prob), accepted), accepted
+        return self.update(state, emcee.State(points, log_prob=log_prob), accepted), accepted
 
 
 class _Counted(emcee.moves.Move):
@@ -95,8 +109,9 @@ class Ensemble:
     def __init__(self, log_density: LogDensity, coords: FloatArray, random_state: tuple[Any, ...]) -> None:
         check_walkers(coords)
         self.state = emcee.State(coords, log_prob=log_density(coords), random_state=random_state)
+        self.proposal = IndependenceMove(coords.shape[1])
         self.moves = {
-            "independence": _Counted(IndependenceMove()),
+            "independence": _Counted(self.proposal),
             "differential_evolution": _Counted(emcee.moves.DEMove()),
             "snooker": _Counted(emcee.moves.DESnookerMove()),
             "stretch": _Counted(emcee.moves.StretchMove()),
@@ -106,13 +121,19 @@ class Ensemble:
         #: Visited points (steps, walkers, d) and their log densities (steps, walkers).
         self.chain = np.empty((0, *coords.shape))
         self.log_prob = np.empty((0, len(coords)))
+        #: Steps before the last adaptation of a move: burn-in at least.
+        self.adapted = 0
 
     def advance(self, steps: int) -> None:
-        """Continue by some steps."""
+        """Continue by some steps; at first, adapt the independence move where it is hardly accepted."""
         self._sampler.reset()
         self.state = self._sampler.run_mcmc(self.state, steps, skip_initial_state_check=True)
         self.chain = np.concatenate([self.chain, self._sampler.get_chain()])
         self.log_prob = np.concatenate([self.log_prob, self._sampler.get_log_prob()])
+        done, counted = len(self.chain), self.moves["independence"]
+        if done in _ADAPTATIONS and counted.accepted < _WELL_ACCEPTED * counted.proposed:
+            self.proposal.adapt(self.chain[-steps // 2 :].reshape(-1, self.chain.shape[2]))
+            self.adapted = done
 
 
 def check_walkers(coords: FloatArray) -> None:
@@ -177,7 +198,7 @@ def start_ensembles(
                 f"Only {len(coords)} of {_ATTEMPTS * walkers} starts around the fit have a finite posterior density; "
                 "the fit lies outside the bounds, or its motion blows up."
             )
-        state = RandomState(MT19937(streams[1])).get_state(legacy=True)
+        state: Any = RandomState(MT19937(streams[1])).get_state()
         ensembles.append(Ensemble(log_density, coords, state))
     return ensembles
 
@@ -191,7 +212,8 @@ def grow(ensembles: Sequence[Ensemble], max_steps: int) -> Iterator[int]:
     if done:
         yield done
     while done < max_steps:
-        block = min(max(_FIRST_BLOCK, int(_GROWTH * done)), max_steps - done)
+        ahead = [steps for steps in _ADAPTATIONS if steps > done]
+        block = min(ahead[0] - done if ahead else int(_GROWTH * done), max_steps - done)
         with ThreadPoolExecutor(_THREADS) as pool:
             list(pool.map(lambda ensemble: ensemble.advance(block), ensembles))  # noqa: B023
         done += block

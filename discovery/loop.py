@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from discovery.attribution import Refit, candidates, refit, screen, similarity
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit, choose_step, declared_model, fit, rig_uncertainty
-from discovery.mechanics import get_base
+from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.predict import held_out
-from discovery.problem import Bench, NaturalUnits, natural_units
+from discovery.problem import Bench, NaturalUnits, Problem, natural_units
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine, systematic_share
 
@@ -295,9 +295,19 @@ def close_loop(
     before_train = before.predict()
     (before_held,) = judge.predictions(before.problem.bench, [(declared, before.values, before_train)])
     steps: list[Step] = []
-    current, held, geometry = _upgrade(before, before_held, train, judge, settings, units, tell, steps)
-    search = _Search(current, held, train, judge, settings, units, tell, steps)
-    search.run(known=geometry)
+    start = _exact_arm(before, train, settings, units, tell) if train[0].is_arm else before
+    search = _Search(start, train, judge, settings, units, tell)
+    search.run()
+    geometry: list[str] = []
+    if train[0].is_arm:
+        geometry, steps = _judge_geometry(before, search, train, judge, settings, units, tell)
+        if "elastica_geometry" not in geometry:
+            # Rare: the exact mechanics predicts no better than the declared one; then the declared one is searched.
+            plain = _Search(before, train, judge, settings, units, tell)
+            plain.run()
+            if plain.held_chi2 < search.held_chi2:
+                search, geometry = plain, []
+    steps = [*steps, *search.steps]
 
     after_train = search.fit.predict()
     (after_held,) = judge.predictions(search.fit.problem.bench, [(search.fit.model, search.fit.values, after_train)])
@@ -345,80 +355,115 @@ def _kernel_effects(model: Model) -> tuple[str, ...]:
     return tuple(sorted({*model.effects, *candidates(model)}))
 
 
-def _upgrade(before, held, train, judge, settings, units, tell, steps) -> tuple[Fit, list[FloatArray], list[str]]:
-    """Try better mechanics first: what geometry explains must not be explained by effects."""
-    current, geometry = before, []
-    if before.model.mechanics.system != get_base("elastica").system:
-        return current, held, geometry
-    chi2, count, _ = judge.score(held)
-    for base, name in UPGRADES:
-        tell(f"trying better mechanics: {name}")
-        model = before.model.on_base(base)
-        effects = _kernel_effects(model)
-        start = {n: current.values[n] for n in ("alpha", "xi") if n in current.values}
-        step = choose_step(model, train, units, start, settings.tolerance, effects)
-        gaussian = rig_uncertainty(train[0]) if base == "elastica" else {}
-        trial = fit(model, train, start=start, bench=Bench(base, effects, train, step), units=units, gaussian=gaussian)
-        (trial_held,) = judge.predictions(trial.problem.bench, [(model, trial.values, trial.predict())])
-        new, _, _ = judge.score(trial_held)
-        better = new < 0.98 * chi2
-        steps.append(
-            Step(
-                "upgrade",
-                name,
-                better,
-                "no free parameter, and a smaller held-out error" if better else "the held-out error is not smaller",
-                {"chi2_train": trial.chi2, "chi2_holdout_before": chi2 / count, "chi2_holdout_after": new / count},
-            )
-        )
-        if better:
-            current, held, chi2 = trial, trial_held, new
+def _fit_on(model: Model, train, settings, units, values, gaussian) -> Fit:
+    """Fit a model with the kernel that holds the whole catalogue of its base."""
+    effects = _kernel_effects(model)
+    step = choose_step(model, train, units, values, settings.tolerance, effects)
+    bench = Bench(model.base, effects, train, step)
+    return fit(model, train, start=values, bench=bench, units=units, gaussian=gaussian)
+
+
+def _exact_arm(before: Fit, train, settings, units, tell) -> Fit:
+    """Refit on the exact mechanics: what geometry explains must not be explained by effects."""
+    tell("refitting on the exact mechanics of the arm")
+    start = {n: before.values[n] for n in ("alpha", "xi") if n in before.values}
+    return _fit_on(before.model.on_base("elastica"), train, settings, units, start, rig_uncertainty(train[0]))
+
+
+def _judge_geometry(before: Fit, search: _Search, train, judge, settings, units, tell) -> tuple[list[str], list[Step]]:
+    """Ask, with the other effects in the model, which steps of the mechanics lower the held-out error."""
+    geometry, steps = [], []
+    previous = None
+    for base, name in (("constant_radius", ""), *UPGRADES):
+        if base == search.fit.model.base:
+            found = search.fit
+        elif base == "constant_radius" and not search.added:
+            found = before
+        else:
+            tell(f"comparing mechanics: {base}")
+            model = before.model.with_effect(*[e for e in search.added if e not in before.model.effects]).on_base(base)
+            values = {n: v for n, v in search.fit.values.items() if "[" not in n and n in model.parameters}
+            found = _fit_on(model, train, settings, units, values, {})
+        (held,) = judge.predictions(found.problem.bench, [(found.model, found.values, found.predict())])
+        chi2, count, _ = judge.score(held)
+        if previous is not None:
+            # Fewer free parameters and a better fit of everything, or a smaller held-out error alone.
+            better = chi2 < 0.98 * previous[0] or chi2 + found.chi2 < 0.98 * sum(previous)
+            reason = "no free parameter, and a smaller error" if better else "the error is not smaller"
+            numbers = {"chi2_train": found.chi2, "mean_chi2_holdout_before": previous[0] / count, "mean_chi2_holdout_after": chi2 / count}
+            steps.append(Step("upgrade", name, better, reason, numbers))
+            if not better:
+                continue
             geometry.append(name)
-    return current, held, geometry
+        previous = chi2, found.chi2
+    return geometry, steps
 
 
 class _Search:
     """Adds effects one at a time while each explains enough on training and held-out data, then tries to remove some."""
 
-    def __init__(self, start, held, train, judge, settings, units, tell, steps) -> None:
-        self.fit: Fit = start
-        self.train, self.judge, self.settings, self.units, self.tell, self.steps = train, judge, settings, units, tell, steps
+    def __init__(self, start: Fit, train, judge: _HoldOut, settings: LoopSettings, units: NaturalUnits, tell) -> None:
+        self.fit = start
+        self.train, self.judge, self.settings, self.units, self.tell = train, judge, settings, units, tell
+        self.steps: list[Step] = []
         self.added: list[str] = []
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
+        self.gaussian = start.problem.gaussian
+        effects = _kernel_effects(start.model)
+        if start.problem.bench.effects != effects:
+            self.fit = _fit_on(start.model, train, settings, units, start.values, self.gaussian)
+        (held,) = judge.predictions(self.fit.problem.bench, [(self.fit.model, self.fit.values, self.fit.predict())])
         self.held_chi2, self.held_count, self.first_rough = judge.score(held)
 
-    def run(self, known: Sequence[str]) -> None:
+    def run(self) -> None:
         """Search until the residual is noise or nothing passes."""
-        effects = _kernel_effects(self.fit.model)
-        if self.fit.problem.bench.effects != effects:
-            bench = Bench(self.fit.model.base, effects, self.train, self.fit.problem.bench.step)
-            self.fit = fit(self.fit.model, self.train, start=self.fit.values, bench=bench, units=self.units)
         while len(self.added) < self.settings.most_effects:
             rough = examine(self.train, self.fit.predict(), 2 * np.pi * self.units.time).systematic
             if rough <= self.settings.floor:
-                self.steps.append(Step("stop", "", True, f"the training residual is noise: systematic part {rough:.2g} noise sds"))
+                reason = f"the training residual is noise: its systematic part is {rough:.2g} noise sds"
+                self.steps.append(Step("stop", "", True, reason))
                 break
             if not self._add():
                 break
         if len(self.added) > 1:
             self._remove()
 
+    def _frozen(self) -> tuple[Problem, Minimum]:
+        """Return the fit with what the rig knows held at its fitted value: the rod's ringing would trap the search."""
+        problem, minimum = self.fit.problem, self.fit.minimum
+        nuisance = [n for n in problem.gaussian if n in problem.free]
+        known = {**self.fit.model.known, **{n: self.fit.values[n] for n in nuisance}}
+        frozen = Problem(Model(self.fit.model.base, self.fit.model.effects, known), problem.bench, self.units, {})
+        keep = [i for i, n in enumerate(problem.names) if n not in nuisance]
+        rows = problem.bench.n_rows
+        residual = minimum.residual[:rows]
+        return frozen, Minimum(
+            minimum.x[keep],
+            0.5 * float(residual @ residual),
+            residual,
+            minimum.jacobian[:rows, keep],
+            minimum.at_bound[keep],
+            minimum.converged,
+            minimum.iterations,
+        )
+
     def _add(self) -> bool:
         s = self.settings
-        fitted = self.fit
-        self.tell(f"screening the catalogue ({len(candidates(fitted.model))} effects)")
-        scored = screen(fitted.model, fitted.minimum, fitted.problem, candidates(fitted.model))
+        problem, minimum = self._frozen()
+        names = candidates(problem.model)
+        self.tell(f"screening the catalogue ({len(names)} effects)")
+        scored = screen(problem.model, minimum, problem, names)
         self.tell("refitting every candidate")
-        refits = refit(fitted.model, fitted.minimum, fitted.problem, scored)
-        n = fitted.problem.bench.n_data
-        excess = max(fitted.chi2 - n, 0.0)
+        refits = refit(problem.model, minimum, problem, scored)
+        n, chi2 = problem.bench.n_data, 2 * minimum.cost
+        excess = max(chi2 - n, 0.0)
         tied = self._tied(refits, n)
         held = self._held(tied)
         # Among equals: fewest parameters, then the smaller held-out error.
         order = sorted(range(len(tied)), key=lambda i: (len(tied[i].problem.free), held[i]))
         chosen, chosen_held = tied[order[0]], held[order[0]]
-        gain, held_gain = fitted.chi2 - chosen.chi2, self.held_chi2 - chosen_held
+        gain, held_gain = chi2 - chosen.chi2, self.held_chi2 - chosen_held
         held_excess = max(self.held_chi2 - self.held_count, 0.0)
         passes = {
             f"it removes {gain:.0f} of {excess:.0f} excess chi-square on the training recordings": gain
@@ -429,43 +474,43 @@ class _Search:
         accepted = all(passes.values())
         scores = {c.effect: c.score for c in scored}
         ranking = tuple(
-            {"effect": r.effect, "score": scores[r.effect], "chi2": r.chi2, "parameters": len(r.problem.free) - len(fitted.problem.free)}
+            {
+                "effect": r.effect,
+                "score": scores[r.effect],
+                "chi2": r.chi2,
+                "parameters": len(r.problem.free) - len(problem.free),
+            }
             for r in refits
         )
+        numbers = {
+            "chi2_before": chi2,
+            "chi2_after": chosen.chi2,
+            "n_data": float(n),
+            "chi2_holdout_before": self.held_chi2,
+            "chi2_holdout_after": chosen_held,
+            "n_holdout": float(self.held_count),
+        }
         failed = [k for k, ok in passes.items() if not ok]
-        self.steps.append(
-            Step(
-                "add",
-                chosen.effect,
-                accepted,
-                "; ".join(passes) if accepted else "not enough: " + "; ".join(failed),
-                {
-                    "chi2_before": fitted.chi2,
-                    "chi2_after": chosen.chi2,
-                    "n_data": float(n),
-                    "chi2_holdout_before": self.held_chi2,
-                    "chi2_holdout_after": chosen_held,
-                    "n_holdout": float(self.held_count),
-                },
-                ranking,
-            )
-        )
+        reason = "; ".join(passes) if accepted else "not enough: " + "; ".join(failed)
+        self.steps.append(Step("add", chosen.effect, accepted, reason, numbers, ranking))
         if not accepted:
             return False
         self.tell(f"adding {chosen.effect}")
         values = dict(zip(chosen.problem.names, chosen.minimum.x.tolist(), strict=True))
+        model = self.fit.model.with_effect(chosen.effect)
         self.fit = fit(
-            chosen.problem.model, self.train, start=values, bench=fitted.problem.bench, units=self.units, gaussian=fitted.problem.gaussian
+            model, self.train, start=values, bench=problem.bench, units=self.units, gaussian=self.gaussian
         )
         self.added.append(chosen.effect)
         projected = {c.effect: c.sensitivity for c in scored}
+        others = [r.chi2 for r in refits if r.effect != chosen.effect]
         self.ambiguous[chosen.effect] = tuple(r.effect for r in tied if r.effect != chosen.effect)
         self.evidence[chosen.effect] = {
             "delta_chi2_train": gain,
             "delta_chi2_holdout": held_gain,
             "share_of_excess": gain / excess if excess else 0.0,
             "linear_score": scores[chosen.effect],
-            "runner_up_delta_chi2": fitted.chi2 - next((r.chi2 for r in refits if r.effect != chosen.effect), fitted.chi2),
+            "runner_up_delta_chi2": chi2 - min(others, default=chi2),
             "largest_similarity": max(
                 (similarity(projected[chosen.effect], v) for k, v in projected.items() if k != chosen.effect), default=0.0
             ),
@@ -493,7 +538,7 @@ class _Search:
         for effect in tuple(self.added[:-1]):
             model = self.fit.model.without([effect])
             trial = fit(
-                model, self.train, start=self.fit.values, bench=self.fit.problem.bench, units=self.units, gaussian=self.fit.problem.gaussian
+                model, self.train, start=self.fit.values, bench=self.fit.problem.bench, units=self.units, gaussian=self.gaussian
             )
             loss = trial.chi2 - self.fit.chi2
             superfluous = loss < self.settings.least_gain

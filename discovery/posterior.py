@@ -29,6 +29,8 @@ FEWEST_ENSEMBLES = 4
 _FEWEST_WALKERS, _WALKERS_A_DIMENSION, _LANES = 64, 4, 32
 # Part of the chain that counts as burn-in.
 _BURN_IN = 0.25
+# Steps after burn-in below which diagnostics mean nothing, and steps that leave them in any case.
+_FEWEST_STEPS, _SHORTEST_RUN = 40, 250
 _PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")
 
 
@@ -87,7 +89,7 @@ def sample(
     progress : callable, optional
         Called with a `Progress` after every block.
     backend_path : path, optional
-        HDF5 checkpoint: written after every block, and continued from if it is there.
+        HDF5 checkpoint: written after every block, and continued from if it is there, to the very same draws.
 
     Returns
     -------
@@ -102,7 +104,7 @@ def sample(
     ComputationError
         If no start near the fit has a finite density, or the walkers are degenerate.
     InputError
-        For fewer than four ensembles, or if `backend_path` holds another run.
+        For fewer than four ensembles or 250 steps, or if `backend_path` holds another run.
 
     Notes
     -----
@@ -111,6 +113,8 @@ def sample(
     """
     if ensembles < FEWEST_ENSEMBLES:
         raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
+    if max_steps < _SHORTEST_RUN:
+        raise InputError(f"{max_steps} steps are too few to tell anything; allow at least {_SHORTEST_RUN}.")
     target = log_posterior(fit)
     if walkers is None:
         walkers = max(_FEWEST_WALKERS, -(-_WALKERS_A_DIMENSION * target.dimension // _LANES) * _LANES)
@@ -119,12 +123,13 @@ def sample(
     run = _run_of(target, [ensemble.state.coords for ensemble in group])
     if backend_path is not None:
         restore(backend_path, group, run)
-    found = None
     for steps in grow(group, max_steps):
         if backend_path is not None:
             save(backend_path, group, run)
-        # Counted from the end of the burn-in, in whole blocks of the same steps in every ensemble.
-        draws = target.values(np.stack([ensemble.chain[int(_BURN_IN * steps) :] for ensemble in group]))
+        burn_in = max(int(_BURN_IN * steps), *(ensemble.adapted for ensemble in group))
+        if steps - burn_in < _FEWEST_STEPS:
+            continue
+        draws = target.values(np.stack([ensemble.chain[burn_in:] for ensemble in group]))
         found = convergence(draws)
         if progress is not None:
             worst = float(found.ess.min()), float(found.r_hat.max()), float(found.tau.max())
@@ -150,15 +155,13 @@ def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:
 
 
 def _refusal(
-    names: Sequence[str], found: Convergence | None, max_steps: int, min_effective: float, r_hat_max: float
+    names: Sequence[str], found: Convergence, max_steps: int, min_effective: float, r_hat_max: float
 ) -> NotConverged:
     message = (
         f"The ensembles did not converge in {max_steps} steps: wanted are R-hat of at most {r_hat_max:g}, at least "
         f"{min_effective:g} effective samples and {LENGTH_IN_TAU} autocorrelation times after burn-in, for every "
         "quantity. Allow more steps, or free fewer parameters."
     )
-    if found is None:
-        return NotConverged(message)
     tau, ess, r_hat = (dict(zip(names, a.tolist(), strict=True)) for a in (found.tau, found.ess, found.r_hat))
     return NotConverged(message, tau=tau, ess=ess, r_hat=r_hat)
 

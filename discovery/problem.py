@@ -197,8 +197,8 @@ class Problem:
         for name in self.free:
             if name in self.gaussian:
                 mean, sd = self.gaussian[name]
-                lower.append(mean - 3 * sd)
-                upper.append(mean + 3 * sd)
+                lower.append(max(mean - 3 * sd, self.model.parameters[name].bounds[0]))
+                upper.append(min(mean + 3 * sd, self.model.parameters[name].bounds[1]))
             else:
                 parameter = self.model.parameters[name]
                 unit = self.units.scale(parameter)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from discovery.compile import Kernel, compile_kernel
 from discovery.errors import SimulationFailure
@@ -30,8 +30,8 @@ class DriveLike(Protocol):
         """Times at which the second derivative jumps [s]."""
         ...
 
-    def evaluate(self, t: NDArray[np.float64], side: str = "right") -> NDArray[np.float64]:
-        """Return input and two derivatives at times t, shape (3, n); `side` chooses the limit at a kink."""
+    def evaluate(self, time: ArrayLike, side: Literal["left", "right"] = "right") -> NDArray[np.float64]:
+        """Return input and two derivatives at the given times, shape (3, n); `side` chooses the limit at a kink."""
         ...
 
 
@@ -192,7 +192,7 @@ def check_finite(
         With the parameters of the first set that failed and the time.
     """
     with np.errstate(invalid="ignore"):
-        good = (np.abs(out) < _LIMIT).all(axis=1)
+        good: NDArray[np.bool_] = np.all(np.abs(out) < _LIMIT, axis=1)
     if good.all():
         return
     lane = int(np.argmax(~good.all(axis=0)))

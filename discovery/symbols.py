@@ -27,9 +27,12 @@ __all__ = [
     "u",
     "v2",
     "v_x",
+    "w2",
     "v_y",
     "x",
+    "x_g",
     "y",
+    "y_g",
 ]
 
 #: Time [s].
@@ -44,10 +47,15 @@ delta = sp.Symbol("delta", real=True)
 delta_dot = sp.Symbol("delta_dot", real=True)
 #: Position of the tip in the fixed frame, in lengths of the arm [-]; for an oscillator x = theta and y = 0.
 x, y = sp.symbols("x y", real=True)
+#: First moment of the moving mass, over effective mass and length [-]: what uniform gravity pulls on. It equals x, y
+#: where the rod is taken as massless; for an oscillator it is the coordinate.
+x_g, y_g = sp.symbols("x_g y_g", real=True)
 #: Velocity of the tip [1/s].
 v_x, v_y = sp.symbols("v_x v_y", real=True)
 #: Squared speed of the tip, v_x^2 + v_y^2 [s^-2 q^2].
 v2 = sp.Symbol("v2", real=True, nonnegative=True)
+#: Squared rate of the bending, 2 U with rates in place of coordinates [s^-2 q^2]; delta_dot^2 for a linear spring.
+w2 = sp.Symbol("w2", real=True, nonnegative=True)
 #: Distance of the tip from the hub, in lengths of the arm [-].
 rho = sp.Symbol("rho", real=True)
 #: Elastic energy of the base per unit of linear stiffness [q^2]; delta^2/2 for a linear spring.
@@ -62,6 +70,6 @@ alpha = sp.Symbol("alpha", real=True)
 length = sp.Symbol("length", real=True)
 
 #: Position-like channels: a potential V pushes on each with -dV/dc.
-POSITION_CHANNELS = (theta, delta, x, y, U)
-#: Rate-like channels: a dissipation D pushes with -dD/dc', a load of power P with +dP/dc'. `v2` acts through its gradient.
-RATE_CHANNELS = (omega, delta_dot, v_x, v_y, v2)
+POSITION_CHANNELS = (theta, delta, x, y, x_g, y_g, U)
+#: Rate-like channels: a dissipation D pushes with -dD/dc', a load of power P with +dP/dc'. `v2` and `w2` act through their gradients.
+RATE_CHANNELS = (omega, delta_dot, v_x, v_y, v2, w2)

@@ -98,6 +98,6 @@ def atan2(y, x):
     steep = ratio > 0.4142135623730950488
     reduced = turned if steep else ratio
     angle = _atan_reduced(reduced) + (0.7853981633974483 if steep else 0.0)
-    angle = angle if ax > ay else 1.5707963267948966 - angle
+    angle = angle if ax >= ay else 1.5707963267948966 - angle
     angle = angle if x >= 0.0 else 3.141592653589793 - angle
     return angle if y >= 0.0 else -angle

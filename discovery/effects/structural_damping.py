@@ -2,13 +2,16 @@
 
 from discovery.effect import ARM, Dissipation
 from discovery.parameters import HalfNormal, Parameter
-from discovery.symbols import delta_dot
+from discovery.symbols import w2
 
 
 class StructuralDamping(Dissipation):
     r"""Viscous losses inside the rod: they act on the rate of the deflection, not on the speed of the tip.
 
-    .. math:: D = \tfrac12\, c_s\, \dot\delta^2
+    .. math:: D = \tfrac12\, c_s\, w^2,\qquad w^2 = \dot\delta^2 \text{ for a linear spring}
+
+    On the exact arm w^2 is the bending energy's form in the curvature rates (Kelvin-Voigt), so that the rod's higher
+    modes are damped too.
     """
 
     systems = frozenset({ARM})
@@ -17,4 +20,4 @@ class StructuralDamping(Dissipation):
 
     def expression(self):
         """Return D."""
-        return self.c_s * delta_dot**2 / 2
+        return self.c_s * w2 / 2

@@ -2,18 +2,19 @@
 
 from discovery.effect import ARM, Potential
 from discovery.parameters import Normal, Parameter
-from discovery.symbols import length, x, y
+from discovery.symbols import length, x_g, y_g
 
 #: Standard gravity [m s^-2].
 G = 9.80665
 
 
 class TableTilt(Potential):
-    r"""The air table is not level: gravity pulls the tip mass downhill.
+    r"""The air table is not level: gravity pulls the moving mass downhill.
 
-    .. math:: V = -\frac{g}{l}\,(\phi_x\, x + \phi_y\, y)
+    .. math:: V = -\frac{g}{l}\,(\phi_x\, x_g + \phi_y\, y_g)
 
-    The tilts are the downhill slopes along the two axes of the camera; x and y are in lengths of the arm.
+    The tilts are the downhill slopes along the two axes of the camera; x_g and y_g are the
+    first moments of the mass in lengths of the arm.
     """
 
     systems = frozenset({ARM})
@@ -23,4 +24,4 @@ class TableTilt(Potential):
 
     def expression(self):
         """Return V."""
-        return -G / length * (self.phi_x * x + self.phi_y * y)
+        return -G / length * (self.phi_x * x_g + self.phi_y * y_g)

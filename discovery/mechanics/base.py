@@ -101,7 +101,7 @@ class Base(ABC):
 
     @abstractmethod
     def initial_coordinates(
-        self, deflection: NDArray, rate: NDArray, drive: Sequence[float]
+        self, deflection: NDArray, rate: NDArray, drive: Sequence[float] | NDArray
     ) -> tuple[NDArray, NDArray]:
         """Return q, q' of shape (n_coordinates, k) for tip deflections [q] and rates [q/s] of shape (k,).
 
@@ -189,7 +189,10 @@ def lagrangian_mechanics(
         rate = _total_derivative(expression, [q], [qd])
         channels[symbol] = Channel(expression, (jacobian,))
         channels[rate_symbol] = Channel(rate, (jacobian,), _total_derivative(rate, [q], [qd]))
+    channels[s.x_g], channels[s.y_g] = channels[s.x], channels[s.y]
     channels[s.v2] = Channel(speed2, (sp.diff(speed2, qd),))
+    bending = channels[s.delta_dot]
+    channels[s.w2] = Channel(bending.value**2, (2 * bending.value * bending.jacobian[0],))
     channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
     channels[s.rho] = Channel(radius, (sp.Integer(0),))
     return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),))

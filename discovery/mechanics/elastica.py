@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from scipy.linalg import eigh
 from discovery import symbols as s
 from discovery.mechanics.base import ArmBase, Channel, Mechanics
 from discovery.mechanics.rod_shapes import bending_matrix, mass_matrix, polynomials, quadrature, reduced_shapes, static_shapes
-from discovery.parameters import Normal, Parameter
+from discovery.parameters import HalfNormal, Normal, Parameter
 
 __all__ = ["BASE", "TWO_MODES", "Elastica", "ElasticaTwoModes"]
 
@@ -23,7 +24,8 @@ class Elastica(ArmBase):
     Large deflection, radius, tension, centrifugal and Coriolis terms, the rod's mass and the second bending mode are
     all contained; bending stiffness enters through `linear_stiffness` (alpha = 3 EI / (m_eff l^3),
     m_eff = m + 33 m_r / 140), the rod through mu = m_r / m. Positions are integrated by cumulative Gauss-Legendre
-    quadrature. All vectors are in the frame of the hub: inner products do not care, and the bending angles stay small.
+    quadrature. Every material damps the ringing of the rod a little: tau_r is the retardation time of a Kelvin-Voigt
+    rod (Banks and Inman, Journal of Applied Mechanics 58 (1991) 716). All vectors are in the frame of the hub: inner products do not care, and the bending angles stay small.
     """
 
     name = "elastica"
@@ -33,6 +35,10 @@ class Elastica(ArmBase):
     provides = frozenset({"cubic_stiffness", "quintic_stiffness", "radius_law", "distributed_mass"})
 
     mu = Parameter("1", "rod mass over tip mass", (0.0, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
+
+    tau_r = Parameter(
+        "s", "retardation time of the rod's material", (0.0, math.inf), HalfNormal(1e-3), fixed=True, latex=r"\tau_r"
+    )
 
     @cached_property
     def _weights(self) -> np.ndarray:
@@ -93,12 +99,23 @@ class Elastica(ArmBase):
         for i in range(n):
             for j in range(i + 1):
                 mass[i][j] = mass[j][i] = name(f"M_{i}{j}", inner(px[i], py[i], px[j], py[j]))
-        force = tuple(name(f"B_{i}", -inner(px[i], py[i], ax, ay)) for i in range(n))
+        stiffness = bending_matrix(self._weights) / 3
+        # Kelvin-Voigt: the bending moment follows the curvature rate a little; it calms the ringing of the rod.
+        loss = [s.alpha * self.tau_r * sum(float(stiffness[i, j]) * qd[j] for j in range(n)) for i in range(n)]
+        force = tuple(name(f"B_{i}", -inner(px[i], py[i], ax, ay) - loss[i]) for i in range(n))
 
         jx, jy = [px[k][nodes] for k in range(n)], [py[k][nodes] for k in range(n)]
         vx = name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
         vy = name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
         channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax[nodes], ay[nodes], q, qd)
+        path_x, path_y = integrate("hx_", cosine), integrate("hy_", sine)
+        moment_x = tip_share * sum(share[a] * path_x[a] for a in points)
+        moment_y = tip_share * sum(share[a] * path_y[a] for a in points)
+        lever_x = [tip_share * sum(share[a] * px[k][a] for a in points) for k in range(n)]
+        lever_y = [tip_share * sum(share[a] * py[k][a] for a in points) for k in range(n)]
+        c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
+        channels[s.x_g] = Channel(c * moment_x - sn * moment_y, tuple(c * a - sn * b for a, b in zip(lever_x, lever_y, strict=True)))
+        channels[s.y_g] = Channel(sn * moment_x + c * moment_y, tuple(sn * a + c * b for a, b in zip(lever_x, lever_y, strict=True)))
         return Mechanics(q, qd, tuple(program), channels, tuple(map(tuple, mass)), force)
 
     def _channels(self, tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd) -> dict[sp.Symbol, Channel]:
@@ -114,6 +131,7 @@ class Elastica(ArmBase):
         stiffness = bending_matrix(self._weights) / 3
         bending = [[float(stiffness[i, j]) for j in range(n)] for i in range(n)]
         pull = tuple(sum(bending[i][j] * q[j] for j in range(n)) for i in range(n))
+        drag = tuple(sum(bending[i][j] * qd[j] for j in range(n)) for i in range(n))
         j_x = tuple(c * jx[k] - sn * jy[k] for k in range(n))
         j_y = tuple(sn * jx[k] + c * jy[k] for k in range(n))
         zero = (sp.Integer(0),) * n
@@ -128,6 +146,7 @@ class Elastica(ArmBase):
             s.v_y: Channel(sn * vx + c * vy, j_y, sn * ax + c * ay),
             s.v2: Channel(vx**2 + vy**2, tuple(2 * (vx * jx[k] + vy * jy[k]) for k in range(n))),
             s.U: Channel(sum(q[i] * pull[i] for i in range(n)) / 2, pull),
+            s.w2: Channel(sum(qd[i] * drag[i] for i in range(n)), tuple(2 * drag[i] for i in range(n))),
             s.rho: Channel(sp.sqrt(radius2), zero),
         }
 

@@ -1,0 +1,59 @@
+"""The contract as one test class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from discovery.mechanics import base_names
+from discovery.registry import catalogue
+from discovery.testing.declarations import DeclarationContract
+from discovery.testing.mechanics import MechanicsContract
+from discovery.testing.recovery import recover
+from discovery.testing.states import every_effect
+
+__all__ = ["EffectContract"]
+
+
+class EffectContract(DeclarationContract, MechanicsContract):
+    """Tests of effects by law; subclass it in a test module, under a name that starts with ``Test``.
+
+    Attributes
+    ----------
+    effects : tuple of str or None
+        Ids of the effects under test; None: the whole catalogue.
+    bases : tuple of str or None
+        Bases on which they are tested, where they apply; None: all.
+    constants : mapping of float to str
+        Dimensional constants that an expression may hold as numbers, with their units.
+    """
+
+    effects: ClassVar[tuple[str, ...] | None] = None
+    bases: ClassVar[tuple[str, ...] | None] = None
+    constants: ClassVar[Mapping[float, str]] = {9.80665: "m s^-2"}
+
+    def pytest_generate_tests(self, metafunc) -> None:
+        """Run every test for each effect, or for each effect on each base."""
+        ids = tuple(catalogue()) if self.effects is None else self.effects
+        if "base" not in metafunc.fixturenames and "effect" in metafunc.fixturenames:
+            metafunc.parametrize("effect", ids)
+            return
+        cases = [(e, b) for b in (self.bases or base_names()) for e in ids if e in every_effect(b)]
+        if "effect" in metafunc.fixturenames:
+            metafunc.parametrize(("effect", "base"), cases, ids=[f"{e}-{b}" for e, b in cases])
+        elif "base" in metafunc.fixturenames:
+            metafunc.parametrize("base", sorted({b for _, b in cases}))
+
+    def test_recovery(self, effect: str) -> None:
+        """A fit to a simulated recording with little noise, started 50 % off, returns within 4 sds."""
+        fitted, truth = recover(effect)
+        declared = fitted.model.parameters
+        for name, value in truth.items():
+            sd = fitted.sd[name]
+            assert name not in fitted.reasons, f"{name}: {fitted.reasons.get(name)}"
+            assert abs(fitted.values[name] - value) < 4 * sd, f"{name}: {fitted.values[name]} +- {sd}, true {value}"
+            assert 4 * sd < 0.5 * abs(value), f"{name}: the recording does not tell the start from the truth"
+            low, high = np.array(declared[name].bounds) * fitted.problem.units.scale(declared[name])
+            assert low <= fitted.values[name] <= high

@@ -1,0 +1,159 @@
+"""What the declaration of an effect must fulfil, whatever its physics."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
+
+import numpy as np
+import sympy as sp
+
+from discovery import symbols as s
+from discovery.effect import ARM, OSCILLATOR, Drive, Effect, Memory, Sensor
+from discovery.mechanics import base_names, get_base
+from discovery.model import Model
+from discovery.parameters import natural_scale
+from discovery.program import build_program
+from discovery.registry import catalogue, get_effect
+from discovery.testing.equations import at_rest
+from discovery.units import dimension
+
+__all__ = ["DeclarationContract"]
+
+_KIND_UNITS = {
+    "kinetic": "q^2 s^-2",
+    "potential": "q^2 s^-2",
+    "dissipation": "q^2 s^-3",
+    "load": "q^2 s^-3",
+    "memory": "q^2 s^-3",
+    "closure": "1",
+    "drive": "q",
+}
+_SYMBOL_UNITS = {
+    **{s.t: "s", s.theta: "q", s.omega: "q s^-1", s.delta: "q", s.delta_dot: "q s^-1", s.v2: "q^2 s^-2", s.U: "q^2"},
+    **{s.rho: "1", s.theta_m: "q", s.omega_m: "q s^-1", s.alpha_m: "q s^-2", s.alpha: "s^-2", s.length: "m", s.u: "q"},
+}
+#: Lengths along the axes are relative to the arm; those of an oscillator are its coordinate.
+_CARTESIAN_UNITS = {
+    ARM: {**dict.fromkeys((s.x, s.y, s.x_g, s.y_g), "1"), **dict.fromkeys((s.v_x, s.v_y), "s^-1")},
+    OSCILLATOR: {**dict.fromkeys((s.x, s.y, s.x_g, s.y_g), "q"), **dict.fromkeys((s.v_x, s.v_y), "q s^-1")},
+}
+
+
+def expressions(effect: Effect, system: str) -> Iterator[tuple[sp.Expr, str, Mapping[sp.Symbol, str]]]:
+    """Yield every expression of an effect with its unit and the units of symbols that only it has."""
+    import sympy as sp
+
+    if isinstance(effect, Sensor):
+        if system == ARM:
+            tip = sp.symbols("read_x read_y", real=True)
+            for expression in effect.arm_reading(*tip):
+                yield sp.sympify(expression), "m", {tip[0]: "m", tip[1]: "m"}
+        else:
+            output = sp.Symbol("read", real=True)
+            yield sp.sympify(effect.oscillator_reading(output)), "q", {output: "q"}
+        yield sp.sympify(effect.lateness()), "s", {}
+        return
+    own: dict[sp.Symbol, str] = {}
+    if isinstance(effect, Memory):
+        states = effect.states()
+        own = dict.fromkeys(states, "q")
+        for slope in states.values():
+            yield slope, "q s^-1", own
+    yield effect.expression(), _KIND_UNITS[effect.kind], own  # type: ignore[attr-defined]
+
+
+class DeclarationContract:
+    """Words, units, priors and algebra."""
+
+    constants: ClassVar[Mapping[float, str]] = {9.80665: "m s^-2"}
+
+    def test_declaration(self, effect: str) -> None:
+        """Words, units, source and formula are there; no parameter shares its name with another one."""
+        instance = get_effect(effect)
+        text = inspect.getdoc(type(instance)) or ""
+        assert instance.id() == effect
+        assert instance.cite, f"{effect} cites no source"
+        assert ".. math::" in text, f"the docstring of {effect} shows no formula"
+        assert instance.title(), f"{effect} has no title"
+        others = [p.name for e in catalogue().values() if e.id() != effect for p in e.parameters()]
+        others += [p.name for b in base_names() for p in get_base(b).parameters()]
+        for p in instance.parameters():
+            dimension(p.unit)
+            assert p.meaning, f"{p.name} of {effect} has no meaning"
+            assert p.latex in text, f"the docstring of {effect} does not show {p.latex}"
+            assert p.name.isidentifier(), f"{p.name} of {effect} is no word"
+            assert p.name not in others, f"another effect or base has a parameter named {p.name}"
+
+    def test_prior(self, effect: str) -> None:
+        """Starts lie inside the bounds, where the prior is finite; an amplitude is absent at zero."""
+        for p in get_effect(effect).parameters():
+            low, high = p.bounds
+            assert low < high
+            usual = (*p.starts, p.default) if p.shape else p.starts
+            assert all(low <= x <= high for x in usual), f"{p.name}: a default or start lies outside its bounds"
+            assert p.shape or p.default == 0.0, f"{p.name} is no shape, but the effect is not absent by default"
+            assert p.fixed or p.shape or p.starts, f"{p.name} has no start for a fit"
+            assert 0 < p.prior.width < math.inf
+            inside = np.linspace(max(low, -1e3), min(high, 1e3), 202)[1:-1]
+            assert np.isfinite(p.prior.log_density(inside)).all(), (
+                f"{p.name}: the prior is not finite inside the bounds"
+            )
+
+    def test_dimensions(self, effect: str, base: str) -> None:
+        """Expressions scale as their kind when the units of time, length and coordinate change."""
+        import sympy as sp
+
+        instance, system = get_effect(effect), get_base(base).system
+        rng = np.random.default_rng(1)
+        cartesian = _CARTESIAN_UNITS[system]
+        for expression, unit, own in expressions(instance, system):
+            numbers = {
+                f: self.constants[abs(float(f))] for f in expression.atoms(sp.Float) if abs(float(f)) in self.constants
+            }
+            named = {f: sp.Symbol(f"constant_{k}", positive=True) for k, f in enumerate(numbers)}
+            units = {
+                **_SYMBOL_UNITS,
+                **cartesian,
+                **own,
+                **{sp.Symbol(p.name, real=True): p.unit for p in instance.parameters()},
+            }
+            units.update({named[f]: u for f, u in numbers.items()})
+            scaled = expression.xreplace(named)
+            # On an arm, angles are ratios of lengths: their unit is free only where no length meets them.
+            tied = system == ARM and (isinstance(instance, (Drive, Sensor)) or scaled.has(*cartesian, s.length))
+            size = {"time": 1.7, "coordinate": 1.0 if tied else 0.6, "length": 2.3}
+            assert scaled.free_symbols <= units.keys(), f"{effect} uses {scaled.free_symbols - units.keys()}"
+            values = {x: float(rng.uniform(0.3, 1.2)) for x in sorted(scaled.free_symbols, key=str)}
+            changed = {x: v * natural_scale(units[x], **size) for x, v in values.items()}
+            expected = float(scaled.subs(values)) * natural_scale(unit, **size)
+            np.testing.assert_allclose(
+                float(scaled.subs(changed)), expected, rtol=1e-12, err_msg=f"{expression} is not in {unit}"
+            )
+
+    def test_absent_by_default(self, effect: str, base: str) -> None:
+        """With its amplitudes at zero the effect is exactly absent: the same equations, reading and age remain."""
+        import sympy as sp
+
+        # Without the linear stiffness, only what does not scale with it.
+        others = ["viscous_damping"] if effect == "linear_stiffness" else ["linear_stiffness", "viscous_damping"]
+        context = tuple(e for e in others if e != effect)
+        amplitudes = [p for p in get_effect(effect).parameters() if not p.shape]
+        defaults = {sp.Symbol(p.name, real=True): sp.nsimplify(p.default) for p in amplitudes}
+        without = at_rest(build_program(base, context), {})
+        assert at_rest(build_program(base, (*context, effect)), defaults) == without
+
+    def test_round_trip(self, effect: str, base: str) -> None:
+        """A model survives JSON with the same parameters and the same equations."""
+        model = Model(base, ("linear_stiffness", "viscous_damping"), {"alpha": 8.79}).with_effect(
+            *({effect} - {"linear_stiffness", "viscous_damping"})
+        )
+        copy = Model.from_dict(json.loads(json.dumps(model.to_dict())))
+        assert copy == model
+        assert copy.free == model.free
+        first = build_program(model.base, model.effects)
+        build_program.cache_clear()
+        assert build_program(copy.base, copy.effects) == first

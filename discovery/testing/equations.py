@@ -1,0 +1,125 @@
+"""Numbers from the equations of a base with effects: by numpy, and as they are once an effect is absent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.compile import numpy_derivative
+from discovery.mechanics import get_base
+from discovery.program import Program
+from discovery.testing.states import Sample, whole
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+__all__ = ["Bare", "accelerations", "at_rest", "bare_base", "evaluator", "slopes_of"]
+
+FloatArray = NDArray[np.float64]
+#: Slopes (n, k) at a time, for recorded input (3, k), state (n, k) and parameters (p, k).
+Evaluate = Callable[[float, FloatArray, FloatArray, FloatArray], FloatArray]
+
+
+@lru_cache(maxsize=64)
+def evaluator(program: Program) -> Evaluate:
+    """Return a numpy function of the slopes of a program."""
+    function = numpy_derivative(program)
+
+    def evaluate(time: float, recorded: FloatArray, state: FloatArray, parameters: FloatArray) -> FloatArray:
+        rows = function(time, recorded, state, parameters)
+        return np.array([np.broadcast_to(row, state.shape[1:]) for row in rows], float)
+
+    return evaluate
+
+
+def slopes_of(base_name: str, sample: Sample) -> FloatArray:
+    """Return the slopes (n, k) of a base with every effect."""
+    return evaluator(whole(base_name))(sample.time, sample.recorded, sample.state, sample.parameters)
+
+
+def accelerations(base_name: str, sample: Sample) -> FloatArray:
+    """Return the accelerations (n, k) of the coordinates of a base with every effect."""
+    n = get_base(base_name).n_coordinates
+    return slopes_of(base_name, sample)[n : 2 * n]
+
+
+@dataclass(frozen=True)
+class Bare:
+    """A base in given states: values of symbols by name, mass matrix (n, n, k), inertial force (n, k), tip (r, k)."""
+
+    symbols: Mapping[str, Any]
+    mass: FloatArray
+    force: FloatArray
+    tip: FloatArray
+
+    def of(self, expression: sp.Expr) -> FloatArray:
+        """Return the value (k,) of an expression in symbols of effects."""
+        value = _function(expression)(*(self.symbols[name.name] for name in _order(expression)))
+        return np.broadcast_to(value, self.mass.shape[2:])
+
+
+def _order(expression: sp.Expr) -> list[sp.Symbol]:
+    return sorted(expression.free_symbols, key=str)
+
+
+@lru_cache(maxsize=256)
+def _function(expression: sp.Expr) -> Callable[..., FloatArray]:
+    import sympy as sp
+
+    return sp.lambdify(_order(expression), expression, "numpy")
+
+
+@lru_cache
+def _mechanics(base_name: str, program: Program) -> tuple[tuple[str, ...], Evaluate]:
+    """Return the names of drive and channels, and a function of their values, mass matrix, force and path."""
+    base = get_base(base_name)
+    mechanics = base.mechanics()
+    channels = tuple((symbol, channel.value) for symbol, channel in mechanics.channels.items())
+    received = tuple(symbol for symbol, _ in program.drive)
+    named = (*received, *(symbol for symbol, _ in channels))
+    mass = (entry for row in mechanics.mass for entry in row)
+    rows = (*named, *mass, *mechanics.force, *base.reading(None))
+    shown = replace(program, derivative=(*mechanics.assignments, *channels), slopes=rows)
+    return tuple(symbol.name for symbol in named), evaluator(shown)
+
+
+def bare_base(base_name: str, sample: Sample) -> Bare:
+    """Evaluate the mechanics of a base, without any effect."""
+    program, n = whole(base_name), get_base(base_name).n_coordinates
+    names, evaluate = _mechanics(base_name, program)
+    rows = evaluate(sample.time, sample.recorded, sample.state, sample.parameters)
+    known: dict[str, Any] = {"t": sample.time}
+    for labels, values in (
+        (program.parameters, sample.parameters),
+        ([z.name for z in program.states], sample.state),
+        (names, rows),
+    ):
+        known.update(zip(labels, values, strict=False))
+    mass, rest = rows[len(names) :][: n * n], rows[len(names) + n * n :]
+    return Bare(known, mass.reshape(n, n, -1), rest[:n], rest[n:])
+
+
+def at_rest(program: Program, values: Mapping[sp.Symbol, Any]) -> tuple[Any, ...]:
+    """Return the mathematics of a program with parameters replaced, without what is zero and what nothing uses."""
+    known = dict(values)
+    kept = []
+    for symbol, expression in (*program.drive, *program.derivative):
+        value = expression.xreplace(known)
+        if value == 0:
+            known[symbol] = value
+        else:
+            kept.append((symbol, value))
+    n = 2 * program.n_coordinates
+    results = tuple(e.xreplace(known) for e in (*program.slopes[:n], *program.reading, program.lateness))
+    used = set().union(*[e.free_symbols for e in results])
+    lines = []
+    for symbol, value in reversed(kept):
+        if symbol in used:
+            used |= value.free_symbols
+            lines.append((symbol, value))
+    return (*results, *lines)

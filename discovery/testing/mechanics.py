@@ -1,0 +1,183 @@
+"""What an effect must fulfil as mechanics: the equations are those of its energy, in sympy, numpy and the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly
+
+from discovery import symbols as s
+from discovery.compile import compile_kernel
+from discovery.drive import Drive
+from discovery.mechanics import get_base
+from discovery.program import RECORDED
+from discovery.registry import get_effect
+from discovery.simulate import Grid
+from discovery.testing.equations import accelerations, bare_base, evaluator, slopes_of
+from discovery.testing.states import Sample, derivative, every_effect, sample_states, whole, without
+
+__all__ = ["MechanicsContract"]
+
+FloatArray = NDArray[np.float64]
+
+
+class MechanicsContract:
+    """Laws of mechanics, at random states and parameters."""
+
+    def test_sympy_and_numpy_agree(self, effect: str, base: str) -> None:
+        """The printed text evaluates to what sympy evaluates the equations to."""
+        program, sample = whole(base), sample_states(base, ("linear_stiffness", effect), count=2)
+        slopes = slopes_of(base, sample)
+        for k in range(2):
+            symbols = [s.t, *RECORDED, *program.states, *(sp.Symbol(p, real=True) for p in program.parameters)]
+            numbers = [sample.time, *sample.recorded[:, k], *sample.state[:, k], *sample.parameters[:, k]]
+            known = {symbol: sp.Float(float(value)) for symbol, value in zip(symbols, numbers, strict=True)}
+            for symbol, expression in (*program.drive, *program.derivative):
+                known[symbol] = sp.Float(expression.xreplace(known).evalf())
+            expected = [float(slope.xreplace(known).evalf()) for slope in program.slopes]
+            np.testing.assert_allclose(slopes[:, k], expected, rtol=1e-11, atol=1e-13)
+
+    def test_numpy_and_kernel_agree(self, effect: str, base: str) -> None:
+        """One step of the compiled kernel is one step of a plain Runge-Kutta method on the printed equations."""
+        kernel = compile_kernel(base, every_effect(base))
+        program, n, h = kernel.program, kernel.program.n_coordinates, 0.2
+        sample = sample_states(base, ("linear_stiffness", effect), count=kernel.lanes)
+        time = np.array([sample.time, sample.time + 0.5 * h, sample.time + h])
+        angle, rate, change = sample.recorded[:, :1]
+        parabola = np.array([0.5 * change, rate - change, angle - rate + 0.5 * change])
+        drive = Drive(sample.time + np.array([-1.0, 1.0]), parabola, np.empty(0))
+        grid = Grid.build(time[[0, 2]], drive, h)
+        out = np.empty((1, len(program.reading), kernel.lanes))
+        middle = (np.zeros(1, np.int64), np.array([0.5]), time[1:2], drive.evaluate(time[1:2]).T.copy())
+        kernel.run(
+            grid.times, grid.steps, grid.restart, grid.drive, *middle, sample.parameters, sample.state.copy(), out, 0, 1
+        )
+
+        slopes = evaluator(program)
+        r0, r1, r2 = (drive.evaluate(time[k : k + 1]) for k in range(3))
+        y = sample.state
+        k1 = slopes(time[0], r0, y, sample.parameters)
+        k2 = slopes(time[1], r1, y + 0.5 * h * k1, sample.parameters)
+        k3 = slopes(time[1], r1, y + 0.5 * h * k2, sample.parameters)
+        k4 = slopes(time[2], r2, y + h * k3, sample.parameters)
+        end = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        k5 = slopes(time[2], r2, end, sample.parameters)
+        lateness = bare_base(base, sample).of(program.lateness)
+        read = evaluator(replace(program, derivative=(), slopes=program.reading))
+        expected = np.empty(out.shape[1:])
+        for i, late in enumerate(lateness):
+            ends = [np.stack([a[:n, i], b[:n, i], c[n : 2 * n, i]]) for a, b, c in ((y, k1, k1), (end, k5, k5))]
+            q = BPoly.from_derivatives([0.0, h], ends)(0.5 * h - late)
+            state = np.concatenate([q, np.zeros(len(program.states) - n)])[:, None]
+            recorded = drive.evaluate(time[1:2] - late)
+            expected[:, i] = read(time[1], recorded, state, sample.parameters[:, i : i + 1])[:, 0]
+        np.testing.assert_allclose(out[0], expected, rtol=1e-11, atol=1e-12)
+
+    def test_force_is_the_gradient_of_the_energy(self, effect: str, base: str) -> None:
+        """What the effect adds to Euler-Lagrange's row is the numerical derivative of its energy or power."""
+        instance, n = get_effect(effect), get_base(base).n_coordinates
+        sample = sample_states(base, ("linear_stiffness", effect))
+        absent = without(sample, base, effect)
+        if instance.kind == "drive":
+            absent = replace(absent, recorded=self._received(base, sample))
+        acceleration = accelerations(base, sample)
+        mass = bare_base(base, sample).mass
+        added = np.einsum("ijk,jk->ik", mass, acceleration - accelerations(base, absent))
+        if instance.kind in ("closure", "sensor", "drive"):
+            np.testing.assert_allclose(added, 0.0, atol=1e-12 * np.abs(mass).max())
+            return
+        energy = instance.expression()  # type: ignore[attr-defined]
+
+        def push(row: int, at: Sample) -> FloatArray:
+            return derivative(lambda by: bare_base(base, at.moved(row, by)).of(energy))
+
+        def momentum_rate(i: int) -> FloatArray:
+            return derivative(lambda tau: push(n + i, sample.along(tau, acceleration, n)))
+
+        # Of a load or a memory: the gradient of its power in the rates.
+        rows: dict[str, Callable[[int], FloatArray]] = {
+            "potential": lambda i: -push(i, sample),
+            "dissipation": lambda i: -push(n + i, sample),
+            "kinetic": lambda i: push(i, sample) - momentum_rate(i),
+        }
+        row = rows.get(instance.kind, lambda i: push(n + i, sample))
+        assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
+        expected = np.array([row(i) for i in range(n)])
+        np.testing.assert_allclose(added, expected, rtol=1e-5, atol=1e-7 * np.abs(added).max())
+
+    def _received(self, base: str, sample: Sample) -> FloatArray:
+        """Return the input that the system receives (3, k), whose rows are derivatives of one another."""
+        names = [symbol.name for symbol, _ in whole(base).drive]
+        nothing = np.zeros_like(sample.state[:0])
+
+        def later(tau: float) -> FloatArray:
+            known = bare_base(base, replace(sample.along(tau, nothing, 0), time=sample.time + tau)).symbols
+            return np.array([known[name] for name in names])
+
+        received = later(0.0)
+        np.testing.assert_allclose(derivative(later)[:-1], received[1:], rtol=1e-7, atol=1e-9)
+        assert np.abs(received - sample.recorded[: len(names)]).max() > 1e-6, "the drive does not change the input"
+        return np.concatenate([received, sample.recorded[len(names) :]])
+
+    def test_energy(self, effect: str, base: str) -> None:
+        """With the drive at rest, energy is conserved, or only lost by a dissipation, or fed by the power of a load."""
+        instance, n = get_effect(effect), get_base(base).n_coordinates
+        if instance.kind == "drive":
+            return
+        sample = sample_states(base, ("linear_stiffness", effect), static=True)
+        acceleration = accelerations(base, sample)
+        stored = s.alpha * s.U
+        if instance.kind in ("kinetic", "potential") and effect != "linear_stiffness":
+            stored += instance.expression()  # type: ignore[attr-defined]
+
+        def total(tau: float) -> FloatArray:
+            at = sample.along(tau, acceleration, n)
+            bare, rate = bare_base(base, at), at.state[n : 2 * n]
+            return np.einsum("ik,ijk,jk->k", rate, bare.mass, rate) / 2 + bare.of(stored)
+
+        gained = derivative(total)
+        scale = 1e-8 * np.abs(total(0.0)).max()
+        if instance.kind == "dissipation":
+            assert (gained < scale).all(), f"{effect} adds energy"
+            assert gained.min() < -1e3 * scale, f"{effect} loses no energy"
+        elif instance.kind in ("load", "memory"):
+            power = bare_base(base, sample).of(instance.expression())  # type: ignore[attr-defined]
+            np.testing.assert_allclose(gained, power, rtol=1e-7, atol=scale)
+        else:
+            np.testing.assert_allclose(gained, 0.0, atol=scale)
+
+    def test_inertia_is_that_of_the_tip_path(self, base: str) -> None:
+        """Without a rod's mass, a base has the kinetic energy and the inertial force of a point on the path it reports.
+
+        The path of `constant_radius` is its circle: a radius law is output only there, as in the source paper, and the
+        inertia of the changing radius is left out. The rod's mass adds its own terms, which are absent here.
+        """
+        n = get_base(base).n_coordinates
+        still, moving = sample_states(base, (), static=True), sample_states(base, ())
+        for sample in (still, moving):
+            if "mu" in whole(base).parameters:
+                sample.parameters[whole(base).parameters.index("mu")] = 0.0
+        acceleration = np.random.default_rng(2).uniform(-1, 1, (n, still.state.shape[1]))
+
+        def velocity(at: Sample) -> FloatArray:
+            return derivative(lambda tau: bare_base(base, at.along(tau, acceleration, n)).tip)
+
+        rate = still.state[n : 2 * n]
+        energy = np.einsum("ik,ijk,jk->k", rate, bare_base(base, still).mass, rate) / 2
+        np.testing.assert_allclose(energy, (velocity(still) ** 2).sum(axis=0) / 2, rtol=1e-9)
+
+        bare = bare_base(base, moving)
+        inertia = np.einsum("ijk,jk->ik", bare.mass, acceleration) - bare.force
+        if "g" in whole(base).parameters:
+            inertia += bare.symbols["g"] * bare.symbols["u"]
+
+        def along(row: int) -> FloatArray:
+            return derivative(lambda by: bare_base(base, moving.moved(row, by)).tip)
+
+        pull = derivative(lambda tau: velocity(moving.along(tau, acceleration, n)))
+        expected = np.array([(along(i) * pull).sum(axis=0) for i in range(n)])
+        np.testing.assert_allclose(inertia, expected, rtol=1e-7, atol=1e-7)

@@ -1,0 +1,88 @@
+"""A fit that starts far from the truth and must find it."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.drive import Drive
+from discovery.effect import ARM
+from discovery.experiment import Experiment
+from discovery.fit import Fit, fit
+from discovery.mechanics import get_base
+from discovery.model import Model
+from discovery.problem import Bench, NaturalUnits
+from discovery.recording import Recording
+from discovery.registry import get_effect
+from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.testing.states import every_effect
+
+__all__ = ["recover"]
+
+FloatArray = NDArray[np.float64]
+#: Of the typical size of its prior, the part that an amplitude has.
+_AMPLITUDE = 0.25
+#: Integration step [s]; stable for the fastest memory that the bounds allow.
+_STEP = 0.008
+
+
+def _experiment(base: str, drive: Drive, time: FloatArray, output: FloatArray, noise: float) -> Experiment:
+    arm = get_base(base).system == ARM
+    unit = "m" if arm else "q"
+    channels = ("tip_x", "tip_y") if arm else ("output",)
+    columns = Columns(TimeColumn(), InputColumn("input", unit, "spline"), OutputColumn("output", unit))
+    rig = Rig("contract", get_base(base).system, Quantity(1.2, 0.0) if arm else None, columns=columns)
+    recording = Recording(
+        "contract",
+        time,
+        drive.evaluate(time)[0],
+        output,
+        channels,
+        (unit,) * len(channels),
+        np.full(len(channels), noise),
+        "",
+        "",
+    )
+    return Experiment(recording, drive, rig)
+
+
+def recover(effect: str) -> tuple[Fit, dict[str, float]]:
+    """Simulate a manoeuvre with one effect, fit it, and return the fit with the true values."""
+    base = "constant_radius" if ARM in get_effect(effect).systems else "oscillator"
+    context = ("viscous_damping", "linear_stiffness")
+    known = {"length": 1.2} if base == "constant_radius" else {"g": 1.0}
+    model = Model(base, (*context, *({effect} - set(context))), known)
+    units = NaturalUnits(time=1 / 3, coordinate=1.0, length=1.2)
+    truth = {}
+    for name in model.free:
+        p = model.parameters[name]
+        size = p.default if p.shape else _AMPLITUDE * p.prior.width
+        truth[name] = {"alpha": 9.0, "xi": 0.1}.get(name, size * units.scale(p))
+    # One radian there within a second, at constant accelerations; then the arm rings.
+    edges = np.array([0.0, 0.2, 0.4, 1.0, 1.2, 5.0])
+    drive = Drive(
+        edges,
+        np.array([[0.0, 3.125, 0.0, -3.125, 0.0], [0.0, 0.0, 1.25, 1.25, 0.0], [0.0, 0.0, 0.125, 0.875, 1.0]]),
+        edges[1:-1],
+    )
+    time, noise = np.linspace(0.0, 5.0, 401), 1e-4
+    nothing = _experiment(base, drive, time, np.zeros((time.size, 2 if base == "constant_radius" else 1)), noise)
+    bench = Bench(base, every_effect(base), [nothing], _STEP)
+    defaults = {n: p.default * units.scale(p) for n, p in Model(base, every_effect(base)).parameters.items()}
+    values = np.array([[{**defaults, **known, **truth}[n]] for n in bench.names])
+    (clean,) = bench.predict(values, np.array([[[0.1], [0.2]]]))
+    rng = np.random.default_rng(list(effect.encode()))
+    experiment = _experiment(
+        base, drive, time, clean[:, :, 0] + noise * rng.standard_normal(clean[:, :, 0].shape), noise
+    )
+    bench = Bench(base, every_effect(base), [experiment], _STEP)
+    shapes = [n for n in truth if model.parameters[n].shape]
+    # Residuals have many minima in a frequency: a grid of starts, none of them the truth.
+    grid = np.linspace(0.5, 1.5, 8) if shapes else np.ones(1)
+    fits = []
+    for shape, off in itertools.product(grid, (0.5, 1.5)):
+        start = {n: v * (shape if n in shapes else off) for n, v in truth.items()}
+        fits.append(fit(model, [experiment], start=start, bench=bench, units=units))
+    return min(fits, key=lambda f: f.chi2), truth

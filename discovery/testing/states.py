@@ -1,0 +1,106 @@
+"""Random states and parameters of a base with effects, and numerical derivatives along them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.effect import OSCILLATOR
+from discovery.mechanics import get_base
+from discovery.model import Model
+from discovery.program import Program, build_program
+from discovery.registry import catalogue, get_effect
+
+__all__ = ["Sample", "derivative", "every_effect", "sample_states", "whole", "without"]
+
+FloatArray = NDArray[np.float64]
+_STEP = 2e-3
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Random states of a program at one time: recorded input (3, k), state (n, k), parameters (p, k)."""
+
+    time: float
+    recorded: FloatArray
+    state: FloatArray
+    parameters: FloatArray
+
+    def along(self, tau: float, acceleration: FloatArray, n: int) -> Sample:
+        """Return the same motion a little later; explicit time stands still."""
+        q, rate, rest = self.state[:n], self.state[n : 2 * n], self.state[2 * n :]
+        state = np.concatenate([q + tau * rate + 0.5 * tau**2 * acceleration, rate + tau * acceleration, rest])
+        angle, speed, change = self.recorded
+        return replace(
+            self,
+            recorded=np.stack([angle + tau * speed + 0.5 * tau**2 * change, speed + tau * change, change]),
+            state=state,
+        )
+
+    def moved(self, row: int, by: float) -> Sample:
+        """Return the sample with one state shifted."""
+        state = self.state.copy()
+        state[row] += by
+        return replace(self, state=state)
+
+
+def every_effect(base_name: str) -> tuple[str, ...]:
+    """Return the ids of all effects that mean something on a base and that it does not contain already."""
+    base = get_base(base_name)
+    return tuple(e for e, effect in catalogue().items() if base.system in effect.systems and e not in base.provides)
+
+
+def derivative(f: Callable[[float], FloatArray]) -> FloatArray:
+    """Slope of f at zero by the five-point formula."""
+    return (f(-2 * _STEP) - 8 * f(-_STEP) + 8 * f(_STEP) - f(2 * _STEP)) / (12 * _STEP)
+
+
+def whole(base_name: str) -> Program:
+    """Return the program of a base with every effect."""
+    return build_program(base_name, every_effect(base_name))
+
+
+def sample_states(
+    base_name: str, active: Sequence[str], *, count: int = 8, static: bool = False, seed: int = 0
+) -> Sample:
+    """Return random states of the program of every effect; parameters of effects that are not `active` are absent."""
+    rng = np.random.default_rng(seed)
+    program, effects = whole(base_name), every_effect(base_name)
+    declared = Model(base_name, effects).parameters
+    on = {p.name for e in active for p in get_effect(e).parameters()}
+    rows = []
+    for name in program.parameters:
+        p = declared[name]
+        spread = rng.uniform(0.5, 1.5, count)
+        if name == "alpha":
+            rows.append(0.1 * spread)
+        elif name in on:
+            rows.append(np.clip((p.default if p.shape else p.prior.width) * spread, *p.bounds))
+        elif name == "length":
+            rows.append(1.2 * spread)
+        elif name == "mu":
+            rows.append(0.3 * spread)
+        else:
+            rows.append(np.full(count, p.default))
+    n = program.n_coordinates
+    size = np.full(len(program.states), 0.3)
+    # Higher coordinates of a rod are small beside the first.
+    size[1:n], size[n], size[n + 1 : 2 * n] = 0.05, 0.8, 0.2
+    # Away from zero: a rate of zero is a kink of dry friction and of drag.
+    state = size[:, None] * rng.uniform(0.3, 1, (size.size, count)) * rng.choice([-1, 1], (size.size, count))
+    recorded = rng.uniform(-1, 1, (3, count)) * (np.array([[0.3], [0.0], [0.0]]) if static else 1.0)
+    if static and get_base(base_name).system == OSCILLATOR:
+        recorded[:] = 0.0
+    return Sample(float(rng.uniform(1, 2)), recorded, state, np.array(rows))
+
+
+def without(sample: Sample, base_name: str, effect: str) -> Sample:
+    """Return the sample with one effect's parameters at their defaults."""
+    program = whole(base_name)
+    parameters = sample.parameters.copy()
+    for p in get_effect(effect).parameters():
+        parameters[program.parameters.index(p.name)] = p.default
+    return replace(sample, parameters=parameters)

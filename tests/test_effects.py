@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+import sympy as sp
+
+from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
+from discovery.errors import InputError
+from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
+from discovery.registry import catalogue, get_effect
+from discovery.symbols import delta, omega, rho, t, theta_m, v2, v_x, v_y
+from discovery.testing import EffectContract
+
+VOCABULARY = {
+    *("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law", "quadratic_stiffness"),
+    *("quintic_stiffness", "coulomb_friction", "quadratic_drag", "structural_damping", "amplitude_dependent_damping"),
+    *("table_tilt", "equilibrium_offset", "stiffness_drift", "periodic_disturbance", "sensor_delay", "angle_offset"),
+    *("position_scale", "camera_origin_offset"),
+}
+
+
+class TestCatalogue(EffectContract):
+    """The contract over everything that is registered."""
+
+
+def test_the_promised_effects_are_there() -> None:
+    assert set(catalogue()) >= VOCABULARY
+
+
+def test_an_unknown_effect_names_the_nearest() -> None:
+    with pytest.raises(InputError, match=r"coulomb_frction.*Did you mean coulomb_friction"):
+        get_effect("coulomb_frction")
+
+
+# The contract itself: it must pass what is right and refuse what is not.
+
+
+class EncoderRipple(Drive):
+    r"""A ripple on the input, and a drift.
+
+    .. math:: \theta = \theta_m + e_r \sin(4\, \theta_m) + e_t t
+    """
+
+    systems = frozenset({ARM})
+    cite = "planted"
+    e_r = Parameter("q", "amplitude", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001,), latex="e_r")
+    e_t = Parameter("q s^-1", "drift", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001,), latex="e_t")
+
+    def expression(self):
+        return theta_m + self.e_r * sp.sin(4 * theta_m) + self.e_t * t
+
+
+class TipAddedMass(Kinetic):
+    r"""More mass at the tip.
+
+    .. math:: T = \tfrac12 m_a (v_x^2 + v_y^2)
+    """
+
+    systems = frozenset({ARM})
+    cite = "planted"
+    m_a = Parameter("1", "added mass", (0.0, 1.0), HalfNormal(0.1), starts=(0.01,), latex="m_a")
+
+    def expression(self):
+        return self.m_a * (v_x**2 + v_y**2) / 2
+
+
+class PushingFriction(Dissipation):
+    r"""Friction of the wrong sign.
+
+    .. math:: D = -\tfrac12 p_f v^2
+    """
+
+    cite = "planted"
+    p_f = Parameter("s^-1", "friction", (0.0, 1.0), HalfNormal(0.1), starts=(0.01,), latex="p_f")
+
+    def expression(self):
+        return -self.p_f * v2 / 2
+
+
+class WrongUnit(Potential):
+    r"""A spring whose unit is not that of its term.
+
+    .. math:: V = \tfrac14 w_u \delta^4
+    """
+
+    cite = "planted"
+    w_u = Parameter("s^-2", "stiffness", (0.0, 1.0), HalfNormal(0.1), starts=(2.0,), latex="w_u")
+
+    def expression(self):
+        return self.w_u * delta**4 / 4
+
+
+class CurvedLoad(Load):
+    r"""A load whose power is not linear in the rate, so that no force belongs to it.
+
+    .. math:: P = c_l \rho\, \omega^2
+    """
+
+    cite = "planted"
+    c_l = Parameter("s^-1", "load", (0.0, 1.0), LogNormal(0.1, 1.0), starts=(0.01,), default=0.1, latex="c_l")
+
+    def expression(self):
+        return self.c_l * rho * omega**2
+
+
+class UncitedLaw(Closure):
+    """A law without formula and source."""
+
+    systems = frozenset({ARM})
+    a_l = Parameter("q^-2", "shortening", (0.0, 1.0), Normal(0.1, 0.1), starts=(0.1,), latex="a_l")
+
+    def expression(self):
+        return 1 - self.a_l * delta**2
+
+
+@contextmanager
+def planted(*effects: Effect) -> Iterator[None]:
+    """Register effects for the time of a test; the registry hands out one dictionary."""
+    known = catalogue()
+    known.update({e.id(): e for e in effects})
+    try:
+        yield
+    finally:
+        for e in effects:
+            del known[e.id()]
+
+
+@pytest.mark.parametrize("base", ["constant_radius", "elastica_2"])
+@pytest.mark.parametrize("effect", [EncoderRipple(), TipAddedMass()])
+def test_the_contract_accepts_a_drive_and_a_kinetic_energy(effect: Effect, base: str) -> None:
+    contract = TestCatalogue()
+    with planted(effect):
+        contract.test_declaration(effect.id())
+        contract.test_prior(effect.id())
+        for law in (
+            contract.test_dimensions,
+            contract.test_sympy_and_numpy_agree,
+            contract.test_force_is_the_gradient_of_the_energy,
+            contract.test_absent_by_default,
+            contract.test_round_trip,
+        ):
+            law(effect.id(), base)
+
+
+@pytest.mark.parametrize(
+    ("effect", "law"),
+    [
+        (PushingFriction(), "test_energy"),
+        (WrongUnit(), "test_dimensions"),
+        (CurvedLoad(), "test_energy"),
+        (CurvedLoad(), "test_absent_by_default"),
+    ],
+)
+def test_the_contract_refuses(effect: Effect, law: str) -> None:
+    with planted(effect), pytest.raises(AssertionError):
+        getattr(TestCatalogue(), law)(effect.id(), "oscillator")
+
+
+@pytest.mark.parametrize(
+    ("effect", "law"),
+    [(UncitedLaw(), "test_declaration"), (WrongUnit(), "test_prior"), (CurvedLoad(), "test_prior")],
+)
+def test_the_contract_refuses_the_declaration(effect: Effect, law: str) -> None:
+    with planted(effect), pytest.raises(AssertionError):
+        getattr(TestCatalogue(), law)(effect.id())

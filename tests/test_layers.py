@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import grimp
+import pytest
+from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
+
+CONTRACTS = Path(__file__).parents[1] / ".importlinter"
+
+#: Heavy libraries are known in one place each.
+HOMES = {
+    "numba": {"discovery.vectormath", "discovery_datasets.beam"},
+    "pysindy": {"discovery.sindy", "discovery.library"},
+    "emcee": {"discovery.ensembles", "discovery.checkpoint", "discovery.diagnostics"},
+    "matplotlib": {"discovery.report"},
+    "corner": {"discovery.report"},
+    "pint": {"discovery.units"},
+    "click": {"discovery.cli"},
+}
+
+
+@cache
+def graph(externals: bool = False) -> grimp.ImportGraph:
+    return grimp.build_graph(
+        "discovery",
+        "discovery_datasets",
+        include_external_packages=externals,
+        exclude_type_checking_imports=True,
+        cache_dir=None,
+    )
+
+
+def test_contracts_are_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    status = lint_imports(config_filename=str(CONTRACTS), no_cache=True)
+    assert status == EXIT_STATUS_SUCCESS, capsys.readouterr().out
+
+
+def test_no_import_cycles() -> None:
+    modules = graph()
+    imports = {m: modules.find_modules_directly_imported_by(m) for m in modules.modules}
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as error:
+        pytest.fail(f"modules import each other in a circle: {' -> '.join(error.args[1])}")
+
+
+@pytest.mark.parametrize("library", HOMES)
+def test_heavy_libraries_have_one_home(library: str) -> None:
+    modules = graph(externals=True)
+    users = modules.find_modules_that_directly_import(library) if library in modules.modules else set()
+    strangers = {u for u in users if not any(u == h or u.startswith(f"{h}.") for h in HOMES[library])}
+    assert not strangers, f"{library} is imported outside its home by {', '.join(sorted(strangers))}"
