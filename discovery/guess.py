@@ -15,6 +15,8 @@ __all__ = ["scan"]
 #: Stiffness over the square of the dominant frequency.
 _STIFFNESS = np.concatenate([np.geomspace(0.3, 0.8, 12, endpoint=False), np.geomspace(0.8, 1.5, 140), np.geomspace(1.55, 4, 12)])
 _DAMPING = (0.003, 0.03)
+#: Samples of each recording that the regression uses.
+_REGRESSED = 8192
 
 
 def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[str, float]:
@@ -24,10 +26,11 @@ def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[
     rows, targets = [], []
     for e in experiments:
         r = e.recording
-        trajectory = smooth(r.time[e.fitted], r.output[e.fitted, 0], float(r.noise[0]))
         assert r.input is not None
-        rows.append(np.column_stack([r.input[e.fitted], -trajectory.rate, -trajectory.value]))
-        targets.append(trajectory.acceleration)
+        part = slice(0, min(_REGRESSED, len(r.time[e.fitted])))
+        trajectory = smooth(r.time[part], r.output[part, 0], float(r.noise[0]))
+        rows.append(np.column_stack([r.input[part], -trajectory.q_dot, -trajectory.q]))
+        targets.append(trajectory.q_ddot)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
     size = np.linalg.norm(matrix, axis=0)
     g, xi, alpha = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size

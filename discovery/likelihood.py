@@ -33,8 +33,8 @@ FloatArray = NDArray[np.float64]
 
 #: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
 NOISE_PRIOR = Normal(0.0, 5.0)
-# Readings in memory at once; a multiple of the kernel's lanes keeps both threads busy.
-_CHUNK, _LANES = 2_000_000, 64
+# Readings in memory at once, so that they stay in the cache, in whole blocks of the kernel's lanes.
+_CHUNK, _LANES = 400_000, 32
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,8 @@ class LogPosterior:
 
     def vectors(self, z: FloatArray) -> FloatArray:
         """Return the sampled vectors (..., d) of whitened coordinates (..., d)."""
-        return self.centre + z @ self.factor.T
+        # Not a matrix product: BLAS would wake its threads for these few numbers.
+        return self.centre + np.einsum("...j,ij->...i", z, self.factor)
 
     def values(self, z: FloatArray) -> FloatArray:
         """Return the quantities in SI units (..., d) of whitened coordinates; the noise as a standard deviation."""
@@ -110,22 +111,27 @@ class LogPosterior:
 
     def log_likelihood(self, vectors: FloatArray) -> FloatArray:
         """Return the log likelihood of sampled vectors (k, d), minus infinity where the motion blows up."""
-        p, bench = len(self.problem.names), self.problem.bench
-        sizes = np.cumsum([0, *(e.recording.output.size for e in bench.experiments)])
-        width = max(1, _CHUNK // (int(sizes[-1]) * _LANES)) * _LANES
-        total = np.empty(len(vectors))
+        p = len(self.problem.names)
+        chi2 = np.empty((len(self.instruments), len(vectors)))
+        n_readings = sum(e.recording.output.size for e in self.problem.bench.experiments)
+        width = max(1, _CHUNK // (n_readings * _LANES)) * _LANES
         for first in range(0, len(vectors), width):
-            block = vectors[first : first + width].T
-            value = np.zeros(block.shape[1])
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                residuals = bench.residuals(*self.problem.expand(block[:p]))
-                for log_factor, instrument in zip(block[p:], self.instruments, strict=True):
-                    rows = [residuals[sizes[i] : sizes[i + 1]] for i in instrument.experiments]
-                    chi2 = sum(np.einsum("nk,nk->k", r, r) for r in rows)
-                    value += instrument.log_weights - 0.5 * instrument.n * math.log(2 * math.pi)
-                    value -= 0.5 * chi2 * np.exp(-2 * log_factor) + instrument.n * log_factor
-            total[first : first + width] = np.where(np.isfinite(value), value, -np.inf)
-        return total
+            chi2[:, first : first + width] = self._chi2(vectors[first : first + width, :p].T)
+        total = np.zeros(len(vectors))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for part, log_factor, misfit in zip(self.instruments, vectors.T[p:], chi2, strict=True):
+                total += part.log_weights - 0.5 * part.n * math.log(2 * math.pi)
+                total -= 0.5 * misfit * np.exp(-2 * log_factor) + part.n * log_factor
+        return np.where(np.isfinite(total), total, -np.inf)
+
+    def _chi2(self, x: FloatArray) -> FloatArray:
+        """Return chi-square at the stated noise, shape (instruments, k), for free vectors (p, k)."""
+        bench = self.problem.bench
+        ends = np.cumsum([e.recording.output.size for e in bench.experiments])
+        with np.errstate(all="ignore"):
+            parts = np.split(bench.residuals(*self.problem.expand(x)), ends[:-1])
+            each = [np.einsum("nk,nk->k", r, r) for r in parts]
+        return np.array([sum(each[i] for i in part.experiments) for part in self.instruments])
 
     def __call__(self, z: FloatArray) -> FloatArray:
         """Return the log posterior density at whitened coordinates (k, d), up to the constant of the evidence.

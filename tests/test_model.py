@@ -98,7 +98,7 @@ def test_impossible_models_are_refused(base: str, effects: tuple[str, ...], mess
 
 
 def test_a_relative_effect_without_a_stiffness_is_refused() -> None:
-    with pytest.raises(InputError, match="uses alpha, which nothing declares. Add linear_stiffness"):
+    with pytest.raises(InputError, match=r"uses alpha, which nothing declares\. Add linear_stiffness"):
         build_program("oscillator", ("equilibrium_offset",))
 
 

@@ -13,6 +13,7 @@ import sympy as sp
 
 from discovery import symbols as s
 from discovery.effect import ARM, OSCILLATOR, Drive, Effect, Memory, Sensor
+from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.model import Model
 from discovery.parameters import natural_scale
@@ -33,7 +34,16 @@ _KIND_UNITS = {
     "drive": "q",
 }
 _SYMBOL_UNITS = {
-    **{s.t: "s", s.theta: "q", s.omega: "q s^-1", s.delta: "q", s.delta_dot: "q s^-1", s.v2: "q^2 s^-2", s.U: "q^2"},
+    **{
+        s.t: "s",
+        s.theta: "q",
+        s.omega: "q s^-1",
+        s.delta: "q",
+        s.delta_dot: "q s^-1",
+        s.v2: "q^2 s^-2",
+        s.w2: "q^2 s^-2",
+        s.U: "q^2",
+    },
     **{s.rho: "1", s.theta_m: "q", s.omega_m: "q s^-1", s.alpha_m: "q s^-2", s.alpha: "s^-2", s.length: "m", s.u: "q"},
 }
 #: Lengths along the axes are relative to the arm; those of an oscillator are its coordinate.
@@ -143,7 +153,12 @@ class DeclarationContract:
         context = tuple(e for e in others if e != effect)
         amplitudes = [p for p in get_effect(effect).parameters() if not p.shape]
         defaults = {sp.Symbol(p.name, real=True): sp.nsimplify(p.default) for p in amplitudes}
-        without = at_rest(build_program(base, context), {})
+        try:
+            without = at_rest(build_program(base, context), {})
+        except InputError:
+            # A base whose own losses scale with the stiffness cannot do without it.
+            assert effect == "linear_stiffness"
+            return
         assert at_rest(build_program(base, (*context, effect)), defaults) == without
 
     def test_round_trip(self, effect: str, base: str) -> None:

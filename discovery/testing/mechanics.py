@@ -25,6 +25,30 @@ __all__ = ["MechanicsContract"]
 FloatArray = NDArray[np.float64]
 
 
+def _plain_step(base: str, sample: Sample, drive: Drive, h: float) -> FloatArray:
+    """Return the reading (r, k) half way through one Runge-Kutta step of length h, by numpy."""
+    program = whole(base)
+    n = program.n_coordinates
+    slopes, p = evaluator(program), sample.parameters
+    start, half, stop = sample.time, sample.time + 0.5 * h, sample.time + h
+    r0, r1, r2 = (drive.evaluate(t) for t in (start, half, stop))
+    y = sample.state
+    k1 = slopes(start, r0, y, p)
+    k2 = slopes(half, r1, y + 0.5 * h * k1, p)
+    k3 = slopes(half, r1, y + 0.5 * h * k2, p)
+    k4 = slopes(stop, r2, y + h * k3, p)
+    end = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    k5 = slopes(stop, r2, end, p)
+    read = evaluator(replace(program, derivative=(), slopes=program.reading))
+    out = np.empty((len(program.reading), y.shape[1]))
+    for i, late in enumerate(bare_base(base, sample).of(program.lateness)):
+        ends = [np.stack([a[:n, i], b[:n, i], c[n : 2 * n, i]]) for a, b, c in ((y, k1, k1), (end, k5, k5))]
+        state = np.zeros((len(program.states), 1))
+        state[:n, 0] = BPoly.from_derivatives([0.0, h], ends)(0.5 * h - late)
+        out[:, i] = read(half, drive.evaluate(half - late), state, p[:, i : i + 1])[:, 0]
+    return out
+
+
 class MechanicsContract:
     """Laws of mechanics, at random states and parameters."""
 
@@ -44,7 +68,7 @@ class MechanicsContract:
     def test_numpy_and_kernel_agree(self, effect: str, base: str) -> None:
         """One step of the compiled kernel is one step of a plain Runge-Kutta method on the printed equations."""
         kernel = compile_kernel(base, every_effect(base))
-        program, n, h = kernel.program, kernel.program.n_coordinates, 0.2
+        program, h = kernel.program, 0.2
         sample = sample_states(base, ("linear_stiffness", effect), count=kernel.lanes)
         time = np.array([sample.time, sample.time + 0.5 * h, sample.time + h])
         angle, rate, change = sample.recorded[:, :1]
@@ -57,25 +81,11 @@ class MechanicsContract:
             grid.times, grid.steps, grid.restart, grid.drive, *middle, sample.parameters, sample.state.copy(), out, 0, 1
         )
 
-        slopes = evaluator(program)
-        r0, r1, r2 = (drive.evaluate(time[k : k + 1]) for k in range(3))
-        y = sample.state
-        k1 = slopes(time[0], r0, y, sample.parameters)
-        k2 = slopes(time[1], r1, y + 0.5 * h * k1, sample.parameters)
-        k3 = slopes(time[1], r1, y + 0.5 * h * k2, sample.parameters)
-        k4 = slopes(time[2], r2, y + h * k3, sample.parameters)
-        end = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        k5 = slopes(time[2], r2, end, sample.parameters)
-        lateness = bare_base(base, sample).of(program.lateness)
-        read = evaluator(replace(program, derivative=(), slopes=program.reading))
-        expected = np.empty(out.shape[1:])
-        for i, late in enumerate(lateness):
-            ends = [np.stack([a[:n, i], b[:n, i], c[n : 2 * n, i]]) for a, b, c in ((y, k1, k1), (end, k5, k5))]
-            q = BPoly.from_derivatives([0.0, h], ends)(0.5 * h - late)
-            state = np.concatenate([q, np.zeros(len(program.states) - n)])[:, None]
-            recorded = drive.evaluate(time[1:2] - late)
-            expected[:, i] = read(time[1], recorded, state, sample.parameters[:, i : i + 1])[:, 0]
-        np.testing.assert_allclose(out[0], expected, rtol=1e-11, atol=1e-12)
+        expected = _plain_step(base, sample, drive, h)
+        # Round-off of a stiff step grows as a small disturbance of the state does.
+        disturbed = _plain_step(base, replace(sample, state=sample.state * (1 + 1e-13)), drive, h)
+        allowed = 1e-12 + 100 * np.abs(disturbed - expected).max(axis=0)
+        np.testing.assert_array_less(np.abs(out[0] - expected), np.broadcast_to(allowed, expected.shape))
 
     def test_force_is_the_gradient_of_the_energy(self, effect: str, base: str) -> None:
         """What the effect adds to Euler-Lagrange's row is the numerical derivative of its energy or power."""

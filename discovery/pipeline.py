@@ -1,0 +1,199 @@
+"""From a data set to a folder of results: every stage in order, each saved as it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery import curves, stages
+from discovery.dataset import Dataset
+from discovery.fit import Fit
+from discovery.io import atomic_write
+from discovery.loop import LoopResult
+from discovery.predict import held_out, predict
+from discovery.problem import Bench, natural_units
+from discovery.provenance import provenance, write_json
+from discovery.residual import errors
+
+__all__ = ["run", "save_prediction", "write_loop"]
+
+FloatArray = NDArray[np.float64]
+
+
+def _describe(dataset: Dataset) -> dict[str, Any]:
+    from discovery.experiment import largest_deflection
+
+    rig = dataset.rig
+    quantities = {
+        name: {"value": q.value, "sd": q.sd, "unit": unit}
+        for name, unit in (("length", "m"), ("tip_mass", "kg"), ("beam_mass", "kg"), ("flexural_rigidity", "N m^2"))
+        if (q := getattr(rig, name)) is not None
+    }
+    for name, unit in (("position_noise", "m"), ("angle_noise", "rad")):
+        if getattr(rig, name) is not None:
+            quantities[name] = {"value": getattr(rig, name), "sd": None, "unit": unit}
+    return {
+        "rig": {"name": rig.name, "kind": rig.kind, "quantities": quantities, "declared": list(rig.declared)},
+        "recordings": [
+            {
+                "name": e.recording.name,
+                "role": role,
+                "samples": e.recording.time.size,
+                "fitted_samples": len(e.recording.time[e.fitted]) if role == "train" else 0,
+                "duration_s": float(e.recording.time[-1] - e.recording.time[0]),
+                "rate_hz": float(1 / np.median(np.diff(e.recording.time))),
+                "largest_deflection": largest_deflection([e]),
+                "channels": list(e.recording.channels),
+                "units": list(e.recording.units),
+                "noise": e.recording.noise,
+                "noise_estimated": e.recording.noise_estimated,
+            }
+            for role, e in dataset.everything
+        ],
+    }
+
+
+def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return predictions of all recordings by a fitted model, initial states of the held-out ones fitted."""
+    if not dataset.holdout:
+        return list(train)
+    bench = fitted.problem.bench
+    other = Bench(bench.base, bench.effects, dataset.holdout, bench.step)
+    (held,) = held_out([(fitted.model, fitted.values)], dataset.holdout, other, fitted.problem.units)
+    return [*train, *held]
+
+
+def _to_clean(dataset: Dataset, predictions: dict[str, list[FloatArray]]) -> dict[str, Any] | None:
+    """Return distances to the noise-free tip where a simulated recording brings it along."""
+    found: dict[str, Any] = {}
+    for i, (role, e) in enumerate(dataset.everything):
+        clean = curves.noise_free(e) if role == "holdout" else None
+        if clean is not None:
+            found[e.recording.name] = {label: errors(arrays[i], clean) for label, arrays in predictions.items()}
+    return found or None
+
+
+def write_loop(out: Path, result: LoopResult) -> dict[str, Any]:
+    """Write loop.json and return its content."""
+    summary = result.summary()
+    write_json(out / "loop.json", summary)
+    return summary
+
+
+def run(
+    dataset: Dataset, out: Path, *, seed: int, tell: stages.Tell, command: Sequence[str] | None = None, note: str = ""
+) -> dict[str, Any]:
+    """Run the whole pipeline and save its results.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Rig and recordings.
+    out : Path
+        Folder for results.json, loop.json and the netCDF files; made if need be.
+    seed : int
+        Seed of everything random.
+    tell : callable
+        Receives one sentence before every longer piece of work.
+    command : sequence of str, optional
+        Recorded in the provenance; the process's own by default.
+    note : str
+        Plain words on the data for the top of the report, for example that they are simulated.
+
+    Returns
+    -------
+    dict
+        The content of results.json.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    discovered = stages.discover(dataset, seed=seed, tell=tell)
+    fits = stages.estimate(dataset, tell=tell)
+    loop = stages.loop(dataset, tell=tell)
+    loop_summary = write_loop(out, loop)
+    # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere that of the final model.
+    arm = dataset.train[0].is_arm
+    subject = fits.models["declared"] if arm else loop.after
+    checkpoint = out / "posterior_chains.h5"
+    posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+    posterior.to_netcdf(out / "posterior.nc")
+    elastica = stages.predicted(dataset, posterior, seed=seed, tell=tell)
+
+    tell("saving trajectories")
+    predictions: dict[str, list[FloatArray]] = {
+        "linear": _everywhere(dataset, fits.models["linear"], fits.predictions["linear"]),
+        "before": list(loop.predictions["before"]),
+        "after": list(loop.predictions["after"]),
+    }
+    rng = np.random.default_rng(stages.stage_seed(seed, "predictive"))
+    bands: list[Any] = []
+    if dataset.train[0].recording.time.size <= 20_000:
+        from discovery.predictive import predictive
+
+        bands = predictive(posterior, dataset.train, n=200, rng=rng)
+    curves.save_groups(out / "trajectories.nc", curves.trajectories(dataset, predictions, bands))
+    period = 2 * np.pi * natural_units(dataset.train).time
+    decays = curves.backbones(dataset, predictions, period)
+    if decays:
+        curves.save_groups(out / "amplitude.nc", decays)
+    if elastica is not None:
+        groups = {"laws": curves.laws(posterior, elastica["delta_max"])}
+        points = curves.measured_radius(dataset)
+        if points is not None:
+            groups["measured"] = points
+        curves.save_groups(out / "laws.nc", groups)
+    content = {
+        "provenance": provenance(dataset, seed=seed, command=command),
+        "data_note": note,
+        **_describe(dataset),
+        **discovered.summary(),
+        **fits.summary(),
+        "posterior": {
+            "subject": "declared" if arm else "after",
+            "rows": posterior.summary(),
+            "status": posterior.status,
+        },
+        "elastica": elastica,
+        "loop": loop_summary,
+        "clean": _to_clean(dataset, predictions),
+    }
+    write_json(out / "results.json", content)
+    checkpoint.unlink(missing_ok=True)
+    return content
+
+
+def save_prediction(
+    path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None
+) -> None:
+    """Write what the instrument would read before and after the loop, with standard deviations.
+
+    Parameters
+    ----------
+    path : Path
+        prediction.csv.
+    experiment : Experiment
+        Times and input.
+    before, after : Fit
+        The declared model and the final one.
+    initial : tuple of float, optional
+        Deflection and rate at the first time; the static equilibrium at rest otherwise.
+    """
+    import pandas as pd
+
+    columns: dict[str, FloatArray] = {"time_s": experiment.recording.time}
+    spreads: dict[str, FloatArray] = {}
+    arm = experiment.is_arm
+    for label, fitted in (("before", before), ("after", after)):
+        value, sd = predict(fitted, experiment, initial)
+        if arm:
+            for k, axis in enumerate("xy"):
+                columns[f"tip_{axis}_{label}_m"] = value[:, k]
+                spreads[f"tip_{axis}_{label}_sd_m"] = sd[:, k]
+        else:
+            columns[f"output_{label}"] = value[:, 0]
+            spreads[f"output_{label}_sd"] = sd[:, 0]
+    with atomic_write(path) as temporary:
+        pd.DataFrame({**columns, **spreads}).to_csv(temporary, index=False, float_format="%.9g")

@@ -1,0 +1,209 @@
+"""The stages of a run: each a function of its inputs and a seed, whose result is saved to files of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+from numpy.typing import NDArray
+
+from discovery.dataset import Dataset
+from discovery.experiment import Experiment, largest_deflection
+from discovery.fit import Fit, declared_model, fit
+from discovery.loop import LoopResult, close_loop
+from discovery.model import Model
+from discovery.problem import natural_units
+from discovery.residual import errors
+
+__all__ = ["Discovered", "Fits", "Tell", "discover", "estimate", "loop", "predicted", "sampled", "stage_seed"]
+
+FloatArray = NDArray[np.float64]
+Tell = Callable[[str], None]
+#: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
+DISCOVERY_SAMPLES = 16_384
+_ORDER = ("discover", "posterior", "predictive", "elastica")
+
+
+def stage_seed(seed: int, stage: str) -> int:
+    """Return the seed of one stage, independent of the others."""
+    return int(SeedSequence(seed).spawn(len(_ORDER))[_ORDER.index(stage)].generate_state(1)[0])
+
+
+@dataclass(frozen=True)
+class Discovered:
+    """Equations found in the motion."""
+
+    equation: Any
+    radius: Any = None
+    multisine: Any = None
+
+    def summary(self) -> dict[str, Any]:
+        """Return what results.json holds of the discovery."""
+        e = self.equation
+
+        def described(equation) -> dict[str, Any]:
+            keys = ("terms", "effects", "coefficients", "sd", "unexplained", "likelihood_ratio", "probability")
+            return {k: getattr(equation, k) for k in keys}
+
+        found = {
+            "terms": e.summary(),
+            "status": e.status,
+            "rows": e.rows,
+            "at_rest": e.at_rest,
+            "threshold": e.threshold,
+            "noise_ratio": e.noise_ratio,
+            "stretches": e.stretches,
+            "resamples": e.resamples,
+            "smoothers": [asdict(x) for x in e.smoothers],
+            "inclusion": e.inclusion,
+            "equation": described(e.equation),
+            "rivals": [described(r) for r in e.rivals],
+            "table": [described(r) for r in e.table],
+            "path": [{"threshold": t, "terms": terms} for t, terms in e.path],
+            "best_three": described(e.best(3)),
+        }
+        law = self.radius
+        radius = None
+        if law is not None:
+            keys = ("gamma", "sd", "drift", "dynamic", "interval", "noise_ratio", "status")
+            radius = {k: getattr(law, k) for k in keys}
+            radius |= {"preferred": asdict(law.preferred), "rivals": law.summary()}
+        lines = None if self.multisine is None else self.multisine.summary()
+        return {"discovery": found, "radius": radius, "multisine": lines}
+
+
+def discover(dataset: Dataset, *, seed: int, tell: Tell) -> Discovered:
+    """Find the equation of motion, and an arm's radius law, by sparse regression.
+
+    Raises
+    ------
+    InputError
+        For recordings without the channels that this needs.
+    """
+    from discovery.differentiate import motion_of
+    from discovery.sindy import discover as sparse
+    from discovery.sindy import discover_radius
+
+    tell("smoothing the recordings")
+    motions = []
+    for e in dataset.train:
+        recording = _shortened(e)
+        motions.append(motion_of(recording, dataset.rig, e.drive))
+    rng = np.random.default_rng(stage_seed(seed, "discover"))
+    tell("searching the library for the equation of motion")
+    equation = sparse(motions, rng=rng)
+    radius = None
+    if all(m.radius is not None for m in motions):
+        tell("searching for the radius law")
+        radius = discover_radius(motions, rng=rng)
+    multisine = None
+    if not dataset.train[0].is_arm and dataset.train[0].recording.input is not None:
+        from discovery.distortion import analyse_multisine
+
+        tell("reading the multisine's own lines")
+        multisine = analyse_multisine(dataset.train[0].recording)
+    return Discovered(equation, radius, multisine)
+
+
+def _shortened(experiment: Experiment):
+    from dataclasses import replace
+
+    r = experiment.recording
+    stop = min(DISCOVERY_SAMPLES, len(r.time[experiment.fitted]))
+    if stop == r.time.size:
+        return r
+    return replace(r, time=r.time[:stop], output=r.output[:stop], input=None if r.input is None else r.input[:stop])
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Output-error fits of the linear and of the declared model.
+
+    Parameters
+    ----------
+    models : mapping of str to Fit
+        By label: "linear", "constant_radius" (an arm's declared model without the radius law), "declared".
+    predictions : mapping of str to list of ndarray
+        Of the training recordings.
+    errors : mapping
+        "position" and, for an arm, "angle" errors on the training recordings.
+    """
+
+    models: Mapping[str, Fit]
+    predictions: Mapping[str, list[FloatArray]]
+    errors: Mapping[str, Any] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what results.json holds of the fits."""
+        return {"fits": {k: f.summary() for k, f in self.models.items()}, "fit_errors": dict(self.errors)}
+
+
+def estimate(dataset: Dataset, *, tell: Tell) -> Fits:
+    """Fit the linear model and the declared one to the training recordings."""
+    train = dataset.train
+    units = natural_units(train)
+    declared = declared_model(train[0])
+    plans = {"linear": ("viscous_damping", "linear_stiffness")}
+    if train[0].is_arm and "radius_law" in declared.effects:
+        plans["constant_radius"] = tuple(e for e in declared.effects if e != "radius_law")
+    plans["declared"] = declared.effects
+    models, predictions, found = {}, {}, {}
+    start: dict[str, float] = {}
+    for label, effects in plans.items():
+        tell(f"fitting the {label.replace('_', ' ')} model")
+        models[label] = fit(Model(declared.base, effects, declared.known), train, units=units, start=start)
+        start = {n: v for n, v in models[label].values.items() if "[" not in n}
+        predictions[label] = models[label].predict()
+        found[label] = _fit_errors(train, predictions[label])
+    return Fits(models, predictions, found)
+
+
+def _fit_errors(train, predictions) -> dict[str, Any]:
+    measured = np.concatenate([e.recording.output[e.fitted] for e in train])
+    predicted = np.concatenate([p[e.fitted] for e, p in zip(train, predictions, strict=True)])
+    found: dict[str, Any] = {"position": errors(predicted, measured)}
+    if train[0].recording.channels == ("tip_x", "tip_y"):
+        angle = np.arctan2(predicted[:, 1], predicted[:, 0]) - np.arctan2(measured[:, 1], measured[:, 0])
+        wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
+        found["angle"] = errors(wrapped[:, None], np.zeros((wrapped.size, 1)))
+        radius = np.hypot(*predicted.T) - np.hypot(*measured.T)
+        found["radius"] = errors(radius[:, None], np.zeros((radius.size, 1)))
+    return found
+
+
+def sampled(fitted: Fit, *, seed: int, tell: Tell, backend=None):
+    """Sample the posterior of a fitted model."""
+    from discovery.posterior import sample
+
+    tell("sampling the posterior")
+
+    def on_progress(p) -> None:
+        tell(f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}")
+
+    return sample(fitted, rng_seed=stage_seed(seed, "posterior"), progress=on_progress, backend_path=backend)
+
+
+def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str, Any] | None:
+    """Compare a posterior with the elastica's prediction from the rig file; None where the rig does not allow it."""
+    from discovery.prediction import predict
+
+    rig = dataset.rig
+    if not dataset.train[0].is_arm or rig.flexural_rigidity is None or rig.tip_mass is None or rig.length is None or rig.beam_mass is None:
+        return None
+    tell("checking against the elastica")
+    rng = np.random.default_rng(stage_seed(seed, "elastica"))
+    deflection = np.concatenate([e.deflection[e.fitted] for e in dataset.train])
+    prediction = predict(rig, rng, delta_max=largest_deflection(dataset.train), deflection=deflection)
+    return {
+        "prediction": [asdict(row) for row in prediction.summary()],
+        "comparison": [asdict(row) for row in prediction.compare(posterior.flat())] if posterior is not None else [],
+        "delta_max": prediction.delta_max,
+    }
+
+
+def loop(dataset: Dataset, *, tell: Tell) -> LoopResult:
+    """Close the loop on a data set."""
+    return close_loop(dataset.train, dataset.holdout, progress=tell)

@@ -1,0 +1,398 @@
+"""The posterior against problems whose answer is known in closed form, and its refusals, seeds and files."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from discovery import ensembles
+from discovery.diagnostics import convergence
+from discovery.draws import Posterior
+from discovery.errors import ComputationError, InputError, NotConverged, NotIdentifiable
+from discovery.experiment import Experiment
+from discovery.fit import fit
+from discovery.instrument import instruments
+from discovery.likelihood import NOISE_PRIOR, log_posterior
+from discovery.model import Model
+from discovery.posterior import predictive, sample
+from discovery.recording import Recording
+from discovery.rig import Rig
+
+XI, ALPHA, GAIN, START = 0.3, 9.0, 1.7, (0.4, -0.2)
+NOISE = 0.02
+DRIVE = 2.1  # rad/s
+TIME = np.linspace(0.0, 12.0, 151)
+EFFECTS = ("viscous_damping", "linear_stiffness")
+
+
+class Sine:
+    """The input sin(DRIVE t) and its derivatives."""
+
+    kinks = np.empty(0)
+
+    def evaluate(self, t, side="right"):
+        phase = DRIVE * np.asarray(t, float)
+        return np.array([np.sin(phase), DRIVE * np.cos(phase), -(DRIVE**2) * np.sin(phase)])
+
+
+def responses(xi=XI, alpha=ALPHA, time=TIME):
+    """Responses of q'' + xi q' + alpha q = g u to a unit gain, deflection and rate, in closed form, shape (n, 3)."""
+    omega = np.sqrt(alpha - xi**2 / 4)
+    decay = np.exp(-xi * time / 2)
+    rate = decay * np.sin(omega * time) / omega
+    deflection = decay * np.cos(omega * time) + xi / 2 * rate
+    transfer = 1 / (alpha - DRIVE**2 + 1j * xi * DRIVE)
+    steady = (transfer * np.exp(1j * DRIVE * time)).imag
+    forced = steady - transfer.imag * deflection - DRIVE * transfer.real * rate
+    return np.column_stack([forced, deflection, rate])
+
+
+def experiment(rng, noise=NOISE, stated=NOISE, name="sine", xi=XI, alpha=ALPHA):
+    clean = responses(xi, alpha) @ [GAIN, *START]
+    output = (clean + noise * rng.standard_normal(TIME.size))[:, None]
+    recording = Recording(
+        name, TIME, Sine().evaluate(TIME)[0], output, ("output",), ("V",), np.array([stated]), name, "made here"
+    )
+    return Experiment(recording, Sine(), Rig("oscillator", "oscillator", declared=EFFECTS))
+
+
+def linear_model():
+    """With damping and stiffness known, readings are linear in the gain and the initial state."""
+    return Model("oscillator", EFFECTS, {"xi": XI, "alpha": ALPHA})
+
+
+@pytest.fixture(scope="module")
+def linear():
+    return fit(linear_model(), [experiment(np.random.default_rng(5))])
+
+
+@pytest.fixture(scope="module")
+def drawn(linear):
+    return sample(linear, rng_seed=11)
+
+
+def analytic(linear, stated=NOISE):
+    """Location, scale matrix and degrees of freedom of the Student t of (gain, deflection, rate), and s.
+
+    For flat priors and a noise that is log-uniform: W. Press et al., or any book on linear regression.
+    """
+    design = responses()
+    output = linear.problem.bench.experiments[0].recording.output[:, 0]
+    best, *_ = np.linalg.lstsq(design, output, rcond=None)
+    dof = TIME.size - 3
+    s2 = np.sum((output - design @ best) ** 2) / dof
+    return best, s2 * np.linalg.inv(design.T @ design), dof, np.sqrt(s2)
+
+
+def test_linear_problem_has_the_analytic_posterior(linear, drawn):
+    best, scale, dof, s = analytic(linear)
+    assert drawn.names == ("g", "delta_0_init[sine]", "rate_0_init[sine]", "sigma")
+    values = drawn.draws.reshape(-1, 4)
+    sd = np.sqrt(np.diag(scale) * dof / (dof - 2))
+    error = 1 / np.sqrt(min(drawn.ess.values()))
+    # The declared priors are broad, but not flat: their pull on the mean is far below the sampling error.
+    assert np.abs(values[:, :3].mean(axis=0) - best) / sd == pytest.approx(0, abs=5 * error)
+    covariance = np.cov(values[:, :3], rowvar=False) / np.outer(sd, sd)
+    assert covariance == pytest.approx(scale * dof / (dof - 2) / np.outer(sd, sd), abs=8 * error)
+    # sigma^2 is dof s^2 over a chi-square of dof degrees of freedom.
+    expected = s * np.sqrt(dof / stats.chi2(dof).ppf([0.95, 0.5, 0.05]))
+    width = expected[2] - expected[0]
+    assert np.abs(np.quantile(values[:, 3], [0.05, 0.5, 0.95]) - expected) / width == pytest.approx(0, abs=3 * error)
+
+
+def test_draws_follow_the_analytic_marginal(linear, drawn):
+    best, scale, dof, _ = analytic(linear)
+    thin = int(2 * max(drawn.tau.values()) + 1)
+    gain = drawn.draws[:, ::thin, :, 0].ravel()
+    marginal = stats.t(dof, best[0], np.sqrt(scale[0, 0]))
+    # Thinned to two autocorrelation times the draws are nearly independent; a wrong sampler fails by far.
+    assert stats.kstest(gain, marginal.cdf).pvalue > 1e-4
+
+
+def test_log_probability_is_prior_times_likelihood(linear, drawn):
+    values = drawn.draws[1, 3]
+    output = linear.problem.bench.experiments[0].recording.output[:, 0]
+    predicted = responses() @ values[:, :3].T
+    likelihood = stats.norm.logpdf(output[:, None], predicted, values[:, 3]).sum(axis=0)
+    assert drawn.log_likelihood[1, 3] == pytest.approx(likelihood, abs=1e-3)
+    natural = linear.problem.units
+    gain_unit = natural.scale(linear.model.parameters["g"])
+    prior = stats.norm.logpdf(values[:, 0], 0, 10 * gain_unit)
+    prior += stats.norm.logpdf(values[:, 1], 0, natural.coordinate)
+    prior += stats.norm.logpdf(values[:, 2], 0, natural.coordinate / natural.time)
+    prior += NOISE_PRIOR.log_density(np.log(values[:, 3] / NOISE))
+    assert (drawn.log_probability - drawn.log_likelihood)[1, 3] == pytest.approx(prior, abs=1e-8)
+
+
+def test_convergence_is_what_was_asked_for(drawn):
+    assert all(r <= 1.01 for r in drawn.r_hat.values())
+    assert all(n >= 4000 for n in drawn.ess.values())
+    kept = drawn.provenance["steps"] - drawn.provenance["burn_in"]
+    assert all(kept >= 50 * tau for tau in drawn.tau.values())
+    # The posterior is nearly Gaussian and the proposal informed by the fit.
+    assert drawn.acceptance["independence"] > 0.7
+
+
+def test_stated_noise_that_is_too_small_is_reported():
+    truthful = fit(linear_model(), [experiment(np.random.default_rng(5), stated=NOISE)])
+    timid = fit(linear_model(), [experiment(np.random.default_rng(5), stated=NOISE / 4)])
+    first, second = (sample(f, rng_seed=1) for f in (truthful, timid))
+    assert "no larger than the stated noise" in first.status
+    assert "times the stated noise" in second.status
+    # The readings are the same, so what is said of the noise and of the parameters must be, too.
+    for name in first.names:
+        a, b = first.flat()[name], second.flat()[name]
+        assert b.mean() == pytest.approx(a.mean(), abs=0.1 * a.std())
+        assert b.std() == pytest.approx(a.std(), rel=0.1)
+
+
+def test_same_seed_same_draws_and_other_seed_other_draws(linear, drawn):
+    np.random.seed(0)  # noqa: NPY002 - the global generator must not matter
+    again = sample(linear, rng_seed=11)
+    other = sample(linear, rng_seed=12)
+    assert np.array_equal(again.draws, drawn.draws)
+    assert not np.isin(other.draws[..., 0], drawn.draws[..., 0]).any()
+
+
+def test_ensembles_are_independent(drawn):
+    first = [set(chain[..., 0].ravel().tolist()) for chain in drawn.draws]
+    assert all(not a & b for i, a in enumerate(first) for b in first[:i])
+    # The averages of ensembles over their walkers move on their own.
+    mean = drawn.draws.mean(axis=2)[..., 0]
+    correlation = np.corrcoef(mean)[np.triu_indices(len(mean), 1)]
+    steps = mean.shape[1] / max(drawn.tau.values())
+    assert np.abs(correlation).max() < 5 / np.sqrt(steps)
+
+
+def test_interrupted_run_continues_to_the_same_draws(linear, drawn, tmp_path, monkeypatch):
+    path = tmp_path / "chain.h5"
+    advance, calls = ensembles.Ensemble.advance, []
+
+    def interrupted(self, steps):
+        calls.append(steps)
+        # In the second block, while other ensembles are at work.
+        if len(calls) == 7:
+            raise KeyboardInterrupt
+        advance(self, steps)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ensembles.Ensemble, "advance", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            sample(linear, rng_seed=11, backend_path=path)
+    assert path.exists()
+    resumed = sample(linear, rng_seed=11, backend_path=path)
+    assert np.array_equal(resumed.draws, drawn.draws)
+    assert np.array_equal(resumed.log_probability, drawn.log_probability)
+    assert resumed.acceptance == drawn.acceptance
+    assert [p.name for p in tmp_path.iterdir()] == ["chain.h5"]
+
+
+def test_checkpoint_of_another_run_is_refused(linear, tmp_path):
+    path = tmp_path / "chain.h5"
+    with pytest.raises(NotConverged):
+        sample(linear, rng_seed=1, max_steps=250, min_effective=1e9, backend_path=path)
+    with pytest.raises(InputError, match="another model, recording or seed"):
+        sample(linear, rng_seed=2, backend_path=path)
+    path.write_text("no checkpoint")
+    with pytest.raises(InputError, match="not a checkpoint"):
+        sample(linear, rng_seed=1, backend_path=path)
+
+
+def test_refusal_carries_the_numbers_and_progress_is_told(linear):
+    seen = []
+    with pytest.raises(NotConverged, match="250 steps") as caught:
+        sample(linear, rng_seed=1, max_steps=250, min_effective=1e6, progress=seen.append)
+    for numbers in (caught.value.tau, caught.value.ess, caught.value.r_hat):
+        assert set(numbers) == {"g", "delta_0_init[sine]", "rate_0_init[sine]", "sigma"}
+        assert all(np.isfinite(list(numbers.values())))
+    assert "effective samples g" in str(caught.value)
+    assert [p.steps for p in seen] == [60, 200, 250]
+    assert seen[-1].effective == min(caught.value.ess.values())
+
+
+@pytest.mark.parametrize(("keyword", "value"), [("ensembles", 3), ("max_steps", 100)])
+def test_settings_that_can_tell_nothing_are_refused(linear, keyword, value):
+    with pytest.raises(InputError, match="at least"):
+        sample(linear, rng_seed=1, **{keyword: value})
+
+
+def test_degenerate_walkers_are_refused(linear):
+    rng = np.random.default_rng(1)
+    coords = rng.standard_normal((16, 3))
+    ensembles.check_walkers(coords)
+    coords[:, 2] = coords[:, 0] - 2 * coords[:, 1]
+    with pytest.raises(ComputationError, match="condition number"):
+        ensembles.check_walkers(coords)
+    coords[:, 2] = 1.0
+    with pytest.raises(ComputationError, match="subspace"):
+        ensembles.check_walkers(coords)
+    with pytest.raises(ComputationError, match="at least 8"):
+        sample(linear, rng_seed=1, walkers=7)
+
+
+def test_a_density_without_support_is_refused():
+    seeds = np.random.SeedSequence(1).spawn(4)
+    with pytest.raises(ComputationError, match="finite posterior density"):
+        ensembles.start_ensembles(lambda z: np.full(len(z), -np.inf), 2, walkers=8, seeds=seeds)
+
+
+def test_undetermined_parameters_are_refused(linear):
+    loose = dataclasses.replace(linear, null_directions=({"g": 0.6, "rate_0_init[sine]": 0.8},))
+    with pytest.raises(NotIdentifiable) as caught:
+        sample(loose, rng_seed=1)
+    assert caught.value.directions[0]["g"] == 0.6
+
+
+def test_moves_sample_a_density_unlike_their_proposal():
+    """A product of a Gamma and a shifted, correlated Gaussian, which the adapted proposal only roughly resembles."""
+
+    def log_density(z):
+        inside = z[:, 0] > 0
+        x = np.where(inside, z[:, 0], 1.0)
+        return np.where(inside, np.log(x) - 2 * x - 0.5 * ((z[:, 1] - z[:, 0]) / 0.3) ** 2, -np.inf)
+
+    group = ensembles.start_ensembles(log_density, 2, walkers=32, seeds=np.random.SeedSequence(3).spawn(4))
+    for steps in ensembles.grow(group, 1500):
+        assert steps <= 1500
+    assert any(e.adapted for e in group)
+    draws = np.stack([e.chain[300:] for e in group])
+    found = convergence(draws)
+    assert found.meets(1000, 1.01)
+    thin = int(2 * found.tau.max() + 1)
+    points = draws[:, ::thin].reshape(-1, 2)
+    assert stats.kstest(points[:, 0], stats.gamma(2, scale=0.5).cdf).pvalue > 1e-4
+    assert stats.kstest((points[:, 1] - points[:, 0]) / 0.3, "norm").pvalue > 1e-4
+
+
+def test_convergence_sees_ensembles_that_disagree_and_coupled_walkers():
+    rng = np.random.default_rng(2)
+    draws = rng.standard_normal((4, 200, 16, 3))
+    draws[3, ..., 1] += 0.6
+    draws[..., 2] = 0.6 * draws[..., 2] + 0.8 * rng.standard_normal((4, 200, 1))
+    found = convergence(draws)
+    assert found.r_hat[0] < 1.01 < found.r_hat[1]
+    # Independent draws count in full; walkers that share 64 % of their variance count as little more than one.
+    assert found.ess[0] == pytest.approx(4 * 200 * 16, rel=0.25)
+    assert found.ess[2] == pytest.approx(4 * 200 / 0.66, rel=0.25)
+    assert not found.meets(10, 1.01)
+
+
+def test_netcdf_keeps_everything(drawn, linear, tmp_path):
+    xr = pytest.importorskip("xarray")
+    path = tmp_path / "posterior.nc"
+    drawn.to_netcdf(path)
+    back = Posterior.from_netcdf(path)
+    for field in dataclasses.fields(Posterior):
+        a, b = getattr(drawn, field.name), getattr(back, field.name)
+        assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b, field.name
+    assert back.summary() == drawn.summary()
+    with xr.open_dataset(path, engine="h5netcdf") as dataset:
+        assert dataset["g"].dims == ("chain", "draw", "walker")
+        assert dataset["g"].attrs["units"] == "s^-2 V"
+        assert '"seed": 11' in dataset.attrs["provenance"]
+    assert [p.name for p in tmp_path.iterdir()] == ["posterior.nc"]
+    bands = [predictive(p, linear.problem.bench.experiments, 50, rng=np.random.default_rng(1)) for p in (drawn, back)]
+    assert np.array_equal(bands[0][0].reading, bands[1][0].reading)
+
+
+def test_another_file_is_no_posterior(tmp_path):
+    path = tmp_path / "x.nc"
+    path.write_text("text")
+    with pytest.raises(InputError, match="not a posterior"):
+        Posterior.from_netcdf(path)
+
+
+def test_summary_states_its_intervals(drawn):
+    row = drawn.summary()[0]
+    assert row["name"] == "g"
+    assert row["interval"].startswith("equal-tailed 90 %")
+    assert np.quantile(drawn.flat()["g"], [0.05, 0.95]).tolist() == [row["q05"], row["q95"]]
+    assert abs(row["mean"] - row["fit_value"]) < 0.2 * row["fit_sd"]
+    assert drawn.summary()[-1]["unit"] == "V"
+
+
+def test_bands_are_those_of_the_linear_problem(linear, drawn):
+    best, scale, dof, s = analytic(linear)
+    (band,) = predictive(drawn, linear.problem.bench.experiments, 2000, rng=np.random.default_rng(3))
+    design = responses()
+    spread = np.sqrt(np.einsum("ni,ij,nj->n", design, scale, design))
+    width = 2 * stats.t(dof).ppf(0.95)
+    assert band.motion[1, :, 0] == pytest.approx(design @ best, abs=0.2 * spread.max())
+    assert band.motion[2, :, 0] - band.motion[0, :, 0] == pytest.approx(width * spread, rel=0.2, abs=1e-6)
+    total = np.sqrt(spread**2 + s**2)
+    assert band.reading[2, :, 0] - band.reading[0, :, 0] == pytest.approx(width * total, rel=0.2)
+
+
+def test_band_of_a_new_recording_starts_as_told(drawn):
+    new = experiment(np.random.default_rng(8), name="new")
+    rest, told = (
+        predictive(drawn, [new], 50, rng=np.random.default_rng(1), initial=initial)[0]
+        for initial in (None, {"new": (0.25, 0.0)})
+    )
+    assert rest.motion[:, 0, 0].tolist() == [0, 0, 0]
+    assert told.motion[:, 0, 0] == pytest.approx([0.25] * 3)
+
+
+def test_two_instruments_have_a_noise_each():
+    one, two = experiment(np.random.default_rng(1)), experiment(np.random.default_rng(2), name="other", noise=3 * NOISE)
+    both = [one, dataclasses.replace(two, recording=dataclasses.replace(two.recording, channels=("tip_deflection",)))]
+    parts = instruments(both)
+    assert [p.name for p in parts] == ["sigma[output]", "sigma[tip_deflection]"]
+    # The oscillator knows one channel only, so the fit sees one instrument and the likelihood is told of two.
+    fitted = fit(linear_model(), [one, two])
+    target = log_posterior(fitted)
+    assert target.names[-1] == "sigma"
+    target = dataclasses.replace(target, instruments=parts)
+    x, sigmas = fitted.minimum.x, np.array([0.5, 4.0])
+    vector = np.concatenate([x, np.log(sigmas)])
+    expected = sum(
+        stats.norm.logpdf(e.recording.output[:, 0], responses() @ [x[0], *start], NOISE * factor).sum()
+        for e, start, factor in zip([one, two], [x[1:3], x[3:5]], sigmas, strict=True)
+    )
+    assert target.log_likelihood(vector[None]) == pytest.approx([expected], abs=1e-3)
+
+
+def test_gaps_and_held_out_samples_do_not_count():
+    whole = experiment(np.random.default_rng(1))
+    output = whole.recording.output.copy()
+    output[20:30] = np.nan
+    gap = dataclasses.replace(whole, recording=dataclasses.replace(whole.recording, output=output), fitted_samples=100)
+    (part,) = instruments([gap])
+    assert part.n == 90
+    target = log_posterior(fit(linear_model(), [gap]))
+    x = target.centre.copy()
+    used = np.r_[0:20, 30:100]
+    expected = stats.norm.logpdf(output[used, 0], responses()[used] @ x[:3], NOISE * np.exp(x[3])).sum()
+    assert target.log_likelihood(x[None]) == pytest.approx([expected], abs=1e-3)
+
+
+def test_a_parameter_at_its_bound_has_a_one_sided_posterior():
+    """Undamped data: the damping is at zero, and its posterior is the part of a Gaussian that is not negative."""
+    fitted = fit(Model("oscillator", EFFECTS), [experiment(np.random.default_rng(7), xi=-0.004)])
+    assert "xi" in fitted.reasons
+    posterior = sample(fitted, rng_seed=1)
+    xi = posterior.flat()["xi"]
+    assert xi.min() >= 0
+    assert posterior.r_hat["xi"] <= 1.01
+    assert stats.skew(xi) > 0.5
+    assert posterior.summary()[posterior.names.index("xi")]["fit_sd"] is None
+
+
+@pytest.mark.slow
+def test_intervals_cover_as_often_as_they_say():
+    """Twenty recordings with damping and stiffness unknown: the 90 % intervals hold the truth in about 18 of them."""
+    model = Model("oscillator", EFFECTS)
+    hits = dict.fromkeys(("xi", "alpha", "g", "sigma"), 0)
+    truth = {"xi": XI, "alpha": ALPHA, "g": GAIN, "sigma": NOISE}
+    for seed in range(20):
+        posterior = sample(fit(model, [experiment(np.random.default_rng(100 + seed))]), rng_seed=seed)
+        for row in posterior.summary():
+            if row["name"] in hits:
+                hits[row["name"]] += row["q05"] <= truth[row["name"]] <= row["q95"]
+    low = stats.binom(20, 0.9).ppf(0.001)
+    assert all(count >= low for count in hits.values()), hits
+    # Not too wide either: of all together, some must miss.
+    assert sum(hits.values()) < 80, hits
