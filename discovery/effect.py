@@ -112,7 +112,7 @@ class Closure(Effect):
 
 
 class Memory(Effect):
-    """A load that depends on states of its own."""
+    """A load on the bending that depends on states of its own; written for one component `bend`, it acts on each."""
 
     kind = "memory"
 

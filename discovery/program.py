@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -77,13 +78,30 @@ def _drive(effects: list[Effect], system: str) -> Assignments:
 
 def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
     """Return the force of one effect on each channel: -dV/dc, -dD/dc', +dP/dc'."""
-    if effect.kind not in ("potential", "dissipation", "load", "memory"):
+    if effect.kind not in ("potential", "dissipation", "load"):
         return {}
     wanted = s.POSITION_CHANNELS if effect.kind == "potential" else s.RATE_CHANNELS
-    sign = 1 if effect.kind in ("load", "memory") else -1
+    sign = 1 if effect.kind == "load" else -1
     expression = effect.expression()
     forces = {c: sign * sp.diff(expression, c) for c in wanted}
     return {c: f for c, f in forces.items() if f != 0}
+
+
+def _memory(
+    effect: Effect, bending: Sequence[tuple[sp.Expr, sp.Expr, tuple[sp.Expr, ...]]], n: int
+) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
+    """Return the states of a memory effect, one set for each component of the bending, and its force."""
+    power, states = effect.expression(), effect.states()
+    force: list[sp.Expr] = [sp.Integer(0)] * n
+    found = {}
+    for k, (value, rate, jacobian) in enumerate(bending):
+        own = {z: sp.Symbol(f"{z.name}_{k}", real=True) for z in states}
+        here = {**own, s.bend: value, s.bend_dot: rate}
+        found.update({own[z]: slope.subs(here) for z, slope in states.items()})
+        pull = sp.diff(power, s.bend_dot).subs(here)
+        for i in range(n):
+            force[i] += jacobian[i] * pull
+    return found, force
 
 
 def _kinetic(effect: Effect, channels: dict[sp.Symbol, Channel], n: int) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
@@ -168,8 +186,13 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
             mass = [[mass[i][j] + extra_mass[i][j] for j in range(n)] for i in range(n)]
             force = [force[i] + extra_force[i] for i in range(n)]
 
-    memory = [effect.states() for effect in effects if effect.kind == "memory"]
-    slopes = [slope for states in memory for slope in states.values()]
+    memory: dict[sp.Symbol, sp.Expr] = {}
+    for effect in effects:
+        if effect.kind == "memory":
+            states, extra_force = _memory(effect, mechanics.bending, n)
+            memory.update(states)
+            force = [force[i] + extra_force[i] for i in range(n)]
+    slopes = list(memory.values())
     named = set().union(*[e.free_symbols for e in [*forces.values(), *slopes, *force, *mass[0]]])
     program: Assignments = list(mechanics.assignments)
     program += [(c, sp.sympify(channels[c].value)) for c in channels if c in named]
@@ -199,7 +222,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
             reading = (sensor.oscillator_reading(reading[0]),)
     result = Program(
         parameters=tuple(parameters),
-        states=(*mechanics.coordinates, *mechanics.rates, *[z for states in memory for z in states]),
+        states=(*mechanics.coordinates, *mechanics.rates, *memory),
         n_coordinates=n,
         drive=tuple(_drive([e for e in effects if e.kind == "drive"], base.system)),
         derivative=tuple(program),

@@ -15,6 +15,8 @@ __all__ = [
     "U",
     "alpha",
     "alpha_m",
+    "bend",
+    "bend_dot",
     "delta",
     "delta_dot",
     "length",
@@ -56,6 +58,9 @@ v_x, v_y = sp.symbols("v_x v_y", real=True)
 v2 = sp.Symbol("v2", real=True, nonnegative=True)
 #: Squared rate of the bending, 2 U with rates in place of coordinates [s^-2 q^2]; delta_dot^2 for a linear spring.
 w2 = sp.Symbol("w2", real=True, nonnegative=True)
+#: One component of the bending and its rate [q], [q/s]: the elastic energy is alpha/2 times the sum of the components'
+#: squares (for a linear spring the only one is delta). What is written for one acts on each.
+bend, bend_dot = sp.symbols("bend bend_dot", real=True)
 #: Distance of the tip from the hub, in lengths of the arm [-].
 rho = sp.Symbol("rho", real=True)
 #: Elastic energy of the base per unit of linear stiffness [q^2]; delta^2/2 for a linear spring.

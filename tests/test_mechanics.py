@@ -33,8 +33,8 @@ MATTIASSON = [
 ]
 #: Largest error of the tip [lengths] that three and two curvature modes reach at these loads.
 STATIC_ERROR = {
-    "elastica": {1.0: 1e-5, 2.0: 1e-4, 5.0: 3e-3, 10.0: 2e-2},
-    "elastica_2": {1.0: 1e-3, 2.0: 5e-3, 5.0: 3e-2, 10.0: 6e-2},
+    "elastica": {1.0: 1e-5, 2.0: 1e-5, 5.0: 5e-5, 10.0: 2e-4},
+    "elastica_2": {1.0: 1.5e-5, 2.0: 1e-4, 5.0: 1e-3, 10.0: 4e-3},
 }
 
 
@@ -173,7 +173,7 @@ def test_the_static_elastica_is_mattiassons(base: str, load: float, across: floa
     assert error < STATIC_ERROR[base][load]
 
 
-@pytest.mark.parametrize(("deflection", "tolerance"), [(0.1, 1e-5), (0.3, 1e-5), (0.6, 1e-4), (0.9, 1e-3)])
+@pytest.mark.parametrize(("deflection", "tolerance"), [(0.1, 1e-10), (0.3, 1e-8), (0.6, 1e-7), (0.9, 1e-6)])
 def test_the_static_elastica_follows_the_perpendicular_law(deflection: float, tolerance: float) -> None:
     force, radius = (float(v) for v in perpendicular_law(deflection))
     x, y = static_tip("elastica", force, deflection + np.pi / 2)
@@ -187,10 +187,10 @@ def test_a_motion_starts_on_the_static_shape(base: str, deflection: float) -> No
     q, rate = get_base(base).initial_coordinates(np.array([deflection]), np.array([0.7]), np.zeros(2))
     show = numpy_derivative(mechanics_program(base, s.theta, s.rho, s.omega))
     theta, rho, omega = show(0.0, (0.0, 0.0, 0.0), np.concatenate([q, rate])[:, 0], [0.0] * 5)
-    assert theta == pytest.approx(deflection, abs=2e-4)
-    assert omega == pytest.approx(0.7, abs=2e-3)
+    assert theta == pytest.approx(deflection, abs=1e-7)
+    assert omega == pytest.approx(0.7, abs=1e-6)
     assert rho == pytest.approx(
-        float(perpendicular_law(deflection)[1]), abs={"elastica": 1e-3, "elastica_2": 5e-3}[base]
+        float(perpendicular_law(deflection)[1]), abs={"elastica": 1e-6, "elastica_2": 5e-4}[base]
     )
 
 
@@ -245,11 +245,11 @@ def program_frequencies(base: str, mu: float) -> np.ndarray:
 @pytest.mark.parametrize("base", ELASTICA)
 def test_small_motions_have_the_frequencies_of_a_clamped_beam_with_tip_mass(base: str, mu: float) -> None:
     got, exact = program_frequencies(base, mu), analytic_frequencies(mu, 2)
-    assert got[0] == pytest.approx(exact[0], rel=2e-4)
-    assert got[1] == pytest.approx(exact[1], rel=0.02)
+    assert got[0] == pytest.approx(exact[0], rel=5e-5)
+    assert got[1] == pytest.approx(exact[1], rel=5e-4)
     # Fewer shapes than a rod has can only stiffen it.
     assert (got[:2] > exact * (1 - 1e-6)).all()
-    assert get_base(base).highest_frequency({"mu": mu}) ** 2 == pytest.approx(got[-1], rel=1e-6)
+    assert get_base(base).highest_frequency({"mu": mu}) ** 2 == pytest.approx(got[-1], rel=1e-3)
 
 
 def test_seven_polynomials_have_the_frequencies_of_a_clamped_beam_with_tip_mass() -> None:
@@ -261,9 +261,9 @@ def test_seven_polynomials_have_the_frequencies_of_a_clamped_beam_with_tip_mass(
 @pytest.mark.parametrize("base", ELASTICA)
 def test_without_a_rod_the_slow_mode_is_that_of_the_massless_spring(base: str) -> None:
     slow = [program_frequencies(base, mu)[0] - 1 for mu in (0.1, 0.01, 0.001)]
-    assert abs(slow[2]) < 1e-5
+    assert abs(slow[2]) < 1e-8
     # The share 33/140 of the rod's mass leaves an error of second order in mu.
-    assert abs(slow[1]) < 0.02 * abs(slow[0]) + 1e-6
+    assert abs(slow[1]) < 0.02 * abs(slow[0])
 
 
 # Motion.
@@ -287,7 +287,7 @@ def test_the_exact_arm_moves_like_a_converged_beam(friction: float) -> None:
     alpha = 3 * rig.flexural_rigidity / (rig.effective_mass * rig.length**3)
     xi, mu = rig.disc_friction / rig.effective_mass, rig.beam_mass / rig.tip_mass
     drive = exact_drive(manoeuvre, 6.0)
-    distance = {}
+    mean, peak = {}, {}
     for base in ("constant_radius", "reduced", "elastica_2", "elastica"):
         values = {
             "alpha": alpha,
@@ -298,10 +298,11 @@ def test_the_exact_arm_moves_like_a_converged_beam(friction: float) -> None:
             "gamma": 5**-0.5,
         }
         tip = whole_kernel(base, time, drive, 0.004, **values)
-        distance[base] = float(np.hypot(tip[:, 0] - twin.tip_x, tip[:, 1] - twin.tip_y).mean())
-    print(distance)
-    assert distance["elastica"] < 1e-4
-    assert distance["elastica"] < distance["elastica_2"] < distance["reduced"] < distance["constant_radius"]
+        distance = np.hypot(tip[:, 0] - twin.tip_x, tip[:, 1] - twin.tip_y)
+        mean[base], peak[base] = float(distance.mean()), float(distance.max())
+    assert mean["elastica"] < 5e-5
+    assert peak["elastica"] < 1.5e-4
+    assert mean["elastica"] < mean["elastica_2"] < mean["reduced"] < mean["constant_radius"]
 
 
 @pytest.mark.parametrize("base", ["constant_radius", "reduced", "elastica_2", "elastica"])

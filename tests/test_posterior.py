@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 from discovery import ensembles
+from discovery.checkpoint import restore, save
 from discovery.diagnostics import convergence
 from discovery.draws import Posterior
 from discovery.errors import ComputationError, InputError, NotConverged, NotIdentifiable
@@ -246,17 +247,21 @@ def test_undetermined_parameters_are_refused(linear):
     assert caught.value.directions[0]["g"] == 0.6
 
 
+def gamma_and_normal(z):
+    """A product of a Gamma and a shifted, correlated Gaussian, which the proposal only roughly resembles."""
+    inside = z[:, 0] > 0
+    x = np.where(inside, z[:, 0], 1.0)
+    return np.where(inside, np.log(x) - 2 * x - 0.5 * ((z[:, 1] - z[:, 0]) / 0.3) ** 2, -np.inf)
+
+
+def group_of_four():
+    seeds = np.random.SeedSequence(3).spawn(4)
+    return ensembles.start_ensembles(gamma_and_normal, 2, walkers=32, seeds=seeds)
+
+
 def test_moves_sample_a_density_unlike_their_proposal():
-    """A product of a Gamma and a shifted, correlated Gaussian, which the adapted proposal only roughly resembles."""
-
-    def log_density(z):
-        inside = z[:, 0] > 0
-        x = np.where(inside, z[:, 0], 1.0)
-        return np.where(inside, np.log(x) - 2 * x - 0.5 * ((z[:, 1] - z[:, 0]) / 0.3) ** 2, -np.inf)
-
-    group = ensembles.start_ensembles(log_density, 2, walkers=32, seeds=np.random.SeedSequence(3).spawn(4))
-    for steps in ensembles.grow(group, 1500):
-        assert steps <= 1500
+    group = group_of_four()
+    assert list(ensembles.grow(group, 1500))[-1] == 1500
     assert any(e.adapted for e in group)
     draws = np.stack([e.chain[300:] for e in group])
     found = convergence(draws)
@@ -265,6 +270,21 @@ def test_moves_sample_a_density_unlike_their_proposal():
     points = draws[:, ::thin].reshape(-1, 2)
     assert stats.kstest(points[:, 0], stats.gamma(2, scale=0.5).cdf).pvalue > 1e-4
     assert stats.kstest((points[:, 1] - points[:, 0]) / 0.3, "norm").pvalue > 1e-4
+
+
+def test_adapted_ensembles_continue_from_a_checkpoint(tmp_path):
+    whole, first, second = group_of_four(), group_of_four(), group_of_four()
+    list(ensembles.grow(whole, 500))
+    list(ensembles.grow(first, 300))
+    save(tmp_path / "chain.h5", first, "run")
+    assert restore(tmp_path / "chain.h5", second, "run")
+    list(ensembles.grow(second, 500))
+    assert any(e.adapted for e in second)
+    for a, b in zip(whole, second, strict=True):
+        assert np.array_equal(a.chain, b.chain)
+        assert np.array_equal(a.log_prob, b.log_prob)
+        assert a.adapted == b.adapted
+    assert not restore(tmp_path / "none.h5", second, "run")
 
 
 def test_convergence_sees_ensembles_that_disagree_and_coupled_walkers():

@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.effect import Memory
 from discovery.parameters import HalfNormal, LogNormal, Parameter
-from discovery.symbols import alpha, delta_dot
+from discovery.symbols import alpha, bend_dot
 
 _STRAIN = sp.Symbol("e_v", real=True)
 
@@ -12,9 +12,10 @@ _STRAIN = sp.Symbol("e_v", real=True)
 class ViscoelasticRelaxation(Memory):
     r"""A Maxwell branch beside the spring: the standard linear solid.
 
-    .. math:: P = -\alpha\, v\, e\, \dot\delta,\qquad \dot e = \dot\delta - e/\tau_v
+    .. math:: P = -\alpha\, v\, e\, \dot b,\qquad \dot e = \dot b - e/\tau_v
 
-    e is the part of the deflection that the branch has not yet relaxed; a recording starts relaxed.
+    b is a component of the bending (the deflection of a linear spring), e the part of it that the branch has not yet
+    relaxed. A recording starts relaxed.
     """
 
     cite = "Zener, Elasticity and Anelasticity of Metals (1948), chapter 5"
@@ -26,8 +27,8 @@ class ViscoelasticRelaxation(Memory):
 
     def states(self):
         """Return the strain of the branch with its rate."""
-        return {_STRAIN: delta_dot - _STRAIN / self.tau_v}
+        return {_STRAIN: bend_dot - _STRAIN / self.tau_v}
 
     def expression(self):
         """Return P."""
-        return -alpha * self.v * _STRAIN * delta_dot
+        return -alpha * self.v * _STRAIN * bend_dot

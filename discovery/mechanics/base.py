@@ -58,6 +58,8 @@ class Mechanics:
         What the symbols of `discovery.symbols` are in this base.
     mass : tuple of tuple of sympy.Expr
         Mass matrix per unit of effective inertia.
+    bending : tuple of (sympy.Expr, sympy.Expr, tuple of sympy.Expr)
+        Components of the bending: value, rate and Jacobian of each.
     force : tuple of sympy.Expr
         Inertial forces at zero q'' (centrifugal, Coriolis, base acceleration), on the right-hand side.
     """
@@ -68,6 +70,7 @@ class Mechanics:
     channels: Mapping[sp.Symbol, Channel]
     mass: tuple[tuple[sp.Expr, ...], ...]
     force: tuple[sp.Expr, ...]
+    bending: tuple[tuple[sp.Expr, sp.Expr, tuple[sp.Expr, ...]], ...]
 
 
 class Base(ABC):
@@ -195,4 +198,5 @@ def lagrangian_mechanics(
     channels[s.w2] = Channel(bending.value**2, (2 * bending.value * bending.jacobian[0],))
     channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
     channels[s.rho] = Channel(radius, (sp.Integer(0),))
-    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),))
+    only = (channels[s.delta].value, bending.value, bending.jacobian)
+    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),), (only,))

@@ -116,7 +116,17 @@ class Elastica(ArmBase):
         c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
         channels[s.x_g] = Channel(c * moment_x - sn * moment_y, tuple(c * a - sn * b for a, b in zip(lever_x, lever_y, strict=True)))
         channels[s.y_g] = Channel(sn * moment_x + c * moment_y, tuple(sn * a + c * b for a, b in zip(lever_x, lever_y, strict=True)))
-        return Mechanics(q, qd, tuple(program), channels, tuple(map(tuple, mass)), force)
+        # U = |L^T q|^2 / 2 with L L^T the bending matrix: its components relax, each by itself.
+        root = np.linalg.cholesky(stiffness)
+        components = tuple(
+            (
+                sum(float(root[j, i]) * q[j] for j in range(i, n)),
+                sum(float(root[j, i]) * qd[j] for j in range(i, n)),
+                tuple(sp.Float(float(root[j, i])) if j >= i else sp.Integer(0) for j in range(n)),
+            )
+            for i in range(n)
+        )
+        return Mechanics(q, qd, tuple(program), channels, tuple(map(tuple, mass)), force, components)
 
     def _channels(self, tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd) -> dict[sp.Symbol, Channel]:
         """Return the channels from the tip's motion, given along the axes of the hub."""

@@ -38,7 +38,7 @@ class Oscillator(Base):
             radius=sp.Integer(1),
             elastic=_Q**2 / 2,
         )
-        return Mechanics(bare.coordinates, bare.rates, (), bare.channels, bare.mass, (bare.force[0] + self.g * s.u,))
+        return Mechanics(bare.coordinates, bare.rates, (), bare.channels, bare.mass, (bare.force[0] + self.g * s.u,), bare.bending)
 
     def reading(self, closure):
         """Return the coordinate."""

@@ -1,0 +1,248 @@
+"""The models of a run as formulas: what each effect adds to the equation of motion, or to the energies of the exact arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from discovery.mechanics import get_base
+from discovery.registry import get_effect
+from discovery.report.mathml import expression, number, row, symbol, total
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from discovery.effect import Effect
+    from discovery.mechanics.base import Mechanics
+
+__all__ = ["Formula", "effect_formula", "model_formulas"]
+
+#: Letters of the energies, and of the power of a load or a memory.
+_LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+
+
+@dataclass(frozen=True)
+class Formula:
+    """One line of mathematics with the words before it.
+
+    Parameters
+    ----------
+    words : str
+        A clause that says what it is.
+    body : str
+        Presentation MathML without the enclosing element.
+    """
+
+    words: str
+    body: str
+
+
+def _coordinate(system: str) -> str:
+    return "theta_t" if system == "flexible_arm" else "q"
+
+
+def _equal(left: str, right: str) -> str:
+    return row(left, "<mo>=</mo>", right)
+
+
+def effect_formula(effect: Effect, system: str) -> str:
+    """Return what an effect declares: its energy, power, law or what the instrument reports.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect.
+    system : str
+        Kind of system.
+    """
+    import sympy as sp
+
+    name = _coordinate(system)
+    if effect.kind in _LETTERS:
+        lines = [_equal(symbol(_LETTERS[effect.kind]), expression(effect.expression(), name))]  # type: ignore[attr-defined]
+        if effect.kind == "memory":
+            for state, rate in effect.states().items():  # type: ignore[attr-defined]
+                lines.append(_equal(symbol(state.name, 1), expression(rate, name)))
+        return row('<mo>,</mo><mspace width="1em"/>'.join(lines))
+    if effect.kind == "closure":
+        ratio = row(symbol("rho_t"), "<mo>/</mo>", symbol("l"))
+        return _equal(ratio, expression(effect.expression(), name))  # type: ignore[attr-defined]
+    if effect.kind == "drive":
+        entered = symbol("theta_m" if system == "flexible_arm" else "u")
+        return row(entered, "<mo>→</mo>", expression(effect.expression(), name))  # type: ignore[attr-defined]
+    late = effect.lateness()  # type: ignore[attr-defined]
+    if late != 0:
+        return _equal(symbol("t_read"), row(symbol("t"), "<mo>−</mo>", expression(late, name)))
+    if system == "flexible_arm":
+        true = sp.symbols("tip_x tip_y", real=True)
+        read = effect.arm_reading(*true)  # type: ignore[attr-defined]
+        names = ("x_read", "y_read")
+        lines = [_equal(symbol(n), expression(e, name)) for n, e in zip(names, read, strict=True)]
+        return row('<mo>,</mo><mspace width="1em"/>'.join(lines))
+    true_output = sp.Symbol("q", real=True)
+    return _equal(symbol("q_read"), expression(effect.oscillator_reading(true_output), name))  # type: ignore[attr-defined]
+
+
+def _in_words(value: sp.Expr, mechanics: Mechanics) -> sp.Expr:
+    """Return an expression of a base's own coordinate in the symbols of effects."""
+    from discovery import symbols as s
+
+    q, qd = mechanics.coordinates[0], mechanics.rates[0]
+    return value.subs({q: s.delta + s.theta_m, qd: s.delta_dot + s.omega_m}).expand().subs(
+        {s.delta + s.theta_m: s.theta, s.delta_dot + s.omega_m: s.omega}
+    )
+
+
+def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
+    """Return what an effect adds to the left-hand side of an equation of one coordinate."""
+    import sympy as sp
+
+    from discovery import symbols as s
+
+    declared = effect.expression()  # type: ignore[attr-defined]
+    if effect.kind == "memory":
+        return -sp.diff(declared, s.bend_dot)
+    if effect.kind == "kinetic":
+        momentum = sp.diff(declared, s.omega)
+        pairs = ((s.theta_m, s.omega_m), (s.omega_m, s.alpha_m), (s.theta, s.omega))
+        return sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(declared, s.theta)
+    channels = s.POSITION_CHANNELS if effect.kind == "potential" else s.RATE_CHANNELS
+    sign = -1 if effect.kind == "load" else 1
+    added = sp.Integer(0)
+    for channel in channels:
+        force = sp.diff(declared, channel)
+        if force != 0:
+            added += sign * force * _lever(channel, mechanics)
+    return added.subs({s.rho: 1, s.v2: s.omega**2, s.w2: s.delta_dot**2}).doit()
+
+
+def _lever(channel: sp.Symbol, mechanics: Mechanics) -> sp.Expr:
+    from discovery import symbols as s
+
+    simple = {s.U: s.delta, s.v2: 2 * s.omega, s.w2: 2 * s.delta_dot}
+    if channel in simple:
+        return simple[channel]
+    jacobian = mechanics.channels[channel].jacobian[0]
+    return jacobian.subs({mechanics.coordinates[0]: s.theta, mechanics.rates[0]: s.omega})
+
+
+def _rounded(value: sp.Expr) -> sp.Expr:
+    """Return the expression with decimal factors to four digits."""
+    import sympy as sp
+
+    return value.xreplace({f: sp.Float(float(f), 4) for f in value.atoms(sp.Float)})
+
+
+def _scalar_equation(model: Mapping, system: str) -> str:
+    """Return the equation of motion of the paper's arm or of an oscillator."""
+    mechanics = get_base(model["base"]).mechanics()
+    name = _coordinate(system)
+    parts = [symbol(name, 2)]
+    for effect_id in model["effects"]:
+        effect = get_effect(effect_id)
+        if effect.kind in _LETTERS:
+            body = expression(_rounded(_push(effect, mechanics)), name)
+            if effect_id == "linear_stiffness" and system == "flexible_arm":
+                body = row(symbol("alpha"), '<mspace width="0.12em"/>', symbol("delta"))
+            parts.append(_signed(body))
+    right = "<mn>0</mn>" if system == "flexible_arm" else row(symbol("g"), '<mspace width="0.12em"/>', symbol("u"))
+    return _equal(row(*parts), right)
+
+
+def _signed(body: str) -> str:
+    """Return a term of a sum with its sign in front."""
+    minus = "<mrow><mo>-</mo>"
+    return row("<mo>−</mo>", "<mrow>", body.removeprefix(minus)) if body.startswith(minus) else row("<mo>+</mo>", body)
+
+
+def _exact_arm() -> list[Formula]:
+    shape = row(
+        symbol("theta"), "<mo>(</mo>", symbol("s"), "<mo>,</mo>", symbol("t"), "<mo>)</mo>", "<mo>=</mo>",
+        symbol("theta_m"), "<mo>(</mo>", symbol("t"), "<mo>)</mo>", "<mo>+</mo>",
+        row("<munder><mo>∑</mo><mi>k</mi></munder>", symbol("q_k"), "<mo>(</mo>", symbol("t"), "<mo>)</mo>",
+            '<mspace width="0.12em"/>', symbol("phi_k"), "<mo>(</mo>", symbol("s"), "<mo>)</mo>"),
+    )  # fmt: skip
+
+    def partial(letter: str, dots: int) -> str:
+        return f"<mfrac>{row('<mo>∂</mo>', symbol(letter))}{row('<mo>∂</mo>', symbol('q_k', dots))}</mfrac>"
+
+    lagrange = row(
+        f"<mfrac><mi>d</mi>{row('<mi>d</mi>', symbol('t'))}</mfrac>", partial("T", 1), "<mo>−</mo>", partial("T", 0),
+        "<mo>+</mo>", partial("V", 0), "<mo>+</mo>", partial("D", 1), "<mo>=</mo>", symbol("Q_k"),
+    )  # fmt: skip
+    energy = _equal(
+        row(symbol("alpha"), symbol("U")),
+        row(
+            "<mfrac><mn>1</mn><mn>2</mn></mfrac>",
+            f"<mfrac>{symbol('alpha')}<mn>3</mn></mfrac>",
+            "<msubsup><mo>∫</mo><mn>0</mn><mi>l</mi></msubsup>",
+            f"<msup>{row('<mo>(</mo>', row('<mo>∂</mo>', symbol('theta')), '<mo>/</mo>', row('<mo>∂</mo>', symbol('s')), '<mo>)</mo>')}<mn>2</mn></msup>",
+            '<mspace width="0.12em"/><mi>d</mi>',
+            symbol("s"),
+            '<mspace width="0.4em"/><mtext>(s in lengths of the arm)</mtext>',
+        ),
+    )
+    return [
+        Formula("Shape of the rod, inextensible, in a few curvature modes", shape),
+        Formula("Lagrange’s equations, with the kinetic energy T of the rod and of the tip", lagrange),
+        Formula("Bending energy per unit of inertia", energy.replace("<mi>l</mi></msubsup>", "<mn>1</mn></msubsup>")),
+    ]
+
+
+def _reduced_arm() -> list[Formula]:
+    rate = row("<msup>", symbol("theta_t", 1), "<mn>2</mn></msup>")
+    terms = [
+        ("", symbol("theta_t", 2)),
+        ("0.2", row(symbol("delta"), rate)),
+        ("−0.4", row(symbol("delta"), symbol("delta", 1), symbol("theta_t", 1))),
+        ("0.04", row(symbol("delta"), "<msup>", symbol("delta", 1), "<mn>2</mn></msup>")),
+        ("−0.04", row("<msup>", symbol("delta"), "<mn>2</mn></msup>", symbol("theta_m", 2))),
+        ("", row(symbol("A"), symbol("theta_m", 2))),
+        ("", row(symbol("alpha"), "<mo>(</mo>", total([("", symbol("delta")), ("0.122", row("<msup>", symbol("delta"), "<mn>3</mn></msup>"))]), "<mo>)</mo>")),
+    ]  # fmt: skip
+    words = "Mass on the elastica’s radius law, to third order, without a free parameter; effects add"
+    return [Formula(words, row(total(terms), "<mo>+</mo><mo>…</mo><mo>=</mo><mn>0</mn>"))]
+
+
+def model_formulas(model: Mapping, system: str) -> list[Formula]:
+    """Return the formulas of a model.
+
+    Parameters
+    ----------
+    model : mapping
+        What `discovery.model.Model.to_dict` gave.
+    system : str
+        Kind of system.
+
+    Returns
+    -------
+    list of Formula
+        The equation of motion where the base has one coordinate, else Lagrange's equations and every effect's part in
+        them; then what closures, drives and sensors say.
+    """
+    scalar = model["base"] in ("constant_radius", "oscillator")
+    if scalar:
+        found = [Formula("Equation of motion", _scalar_equation(model, system))]
+        if system == "flexible_arm":
+            found.append(Formula("with the deflection", _equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))))
+    else:
+        found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
+    for effect_id in model["effects"]:
+        effect = get_effect(effect_id)
+        if not scalar or effect.kind not in _LETTERS or effect.kind == "memory":
+            found.append(Formula(effect.title(), effect_formula(effect, system)))
+    return found
+
+
+def discovered_equation(terms: list[tuple[str, str]], system: str) -> str:
+    """Return an equation found by sparse regression, with its numbers.
+
+    Parameters
+    ----------
+    terms : list of (str, str)
+        Printed coefficient and MathML of each term; they stand on the left of an arm's equation.
+    system : str
+        Kind of system.
+    """
+    return _equal(total([("", symbol(_coordinate(system), 2)), *terms]), number("0"))

@@ -1,0 +1,127 @@
+"""Numbers as a reader wants them: rounded to their uncertainty, with a true minus sign and units in superscripts."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+__all__ = ["MISSING", "Scale", "interval", "scale_for", "significant", "uncertain", "unit_text"]
+
+MISSING = "–"
+_SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_MINUS = "\N{MINUS SIGN}"
+_NARROW = "\N{NARROW NO-BREAK SPACE}"
+#: Prefixes by unit: an error of a few millimetres is not written in metres.
+_PREFIXED = {"m": ("m", "µm", "mm"), "rad": ("rad", "µrad", "mrad"), "V": ("V", "µV", "mV"), "s": ("s", "µs", "ms")}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A unit for display: what a value in SI is multiplied by, and the symbol."""
+
+    factor: float
+    symbol: str
+
+
+def scale_for(unit: str, typical: float) -> Scale:
+    """Return the prefix under which values of a typical size are easy to read.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit of the values.
+    typical : float
+        Their size.
+    """
+    if unit not in _PREFIXED or not math.isfinite(typical) or not 0 < abs(typical) < 0.1:
+        return Scale(1.0, unit_text(unit))
+    _, micro, milli = _PREFIXED[unit]
+    return Scale(1e6, micro) if abs(typical) < 1e-4 else Scale(1e3, milli)
+
+
+def unit_text(unit: str, coordinate: str = "rad") -> str:
+    """Return a unit such as ``"s^-2 q^-2"`` as a reader writes it; `coordinate` stands for q, and nothing for 1."""
+    factors = []
+    for factor in unit.replace("**", "^").split():
+        symbol, _, power = factor.partition("^")
+        symbol = coordinate if symbol == "q" else symbol
+        if symbol != "1":
+            factors.append(symbol + (power.strip("()").translate(_SUPERSCRIPT) if power else ""))
+    return "\N{NO-BREAK SPACE}".join(factors)
+
+
+def _fixed(value: float, decimals: int) -> str:
+    text = f"{value:.{max(0, decimals)}f}" if decimals >= 0 else f"{round(value, decimals):.0f}"
+    text = "0" + text[2:] if re.fullmatch(r"-0\.?0*", text) else text
+    whole, dot, rest = text.partition(".")
+    digits = whole.lstrip("-")
+    if len(digits) > 4:
+        digits = f"{int(digits):,}".replace(",", _NARROW)
+    return (_MINUS if whole.startswith("-") else "") + digits + dot + rest
+
+
+def _power(exponent: int) -> str:
+    return f"×{_NARROW}10{str(exponent).translate(_SUPERSCRIPT)}"
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """Return a number with so many significant digits; a dash where there is none.
+
+    Examples
+    --------
+    >>> significant(0.0458137), significant(None)
+    ('0.0458', '–')
+    """
+    if value is None or math.isnan(value):
+        return MISSING
+    if math.isinf(value):
+        return "∞" if value > 0 else f"{_MINUS}∞"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if -4 < exponent < 7:
+        return _fixed(value, digits - 1 - exponent)
+    return f"{_fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{_power(exponent)}"
+
+
+def _decimals(sd: float) -> int:
+    """Return the decimals that leave two significant digits of a standard deviation."""
+    return 1 - math.floor(math.log10(float(f"{sd:.1e}")))
+
+
+def uncertain(value: float | None, sd: float | None) -> str:
+    """Return ``value ± sd`` with two digits of the standard deviation and the value rounded like it.
+
+    Examples
+    --------
+    >>> uncertain(8.79068, 0.00124)
+    '8.7907 ± 0.0012'
+    """
+    if value is None or math.isnan(value):
+        return MISSING
+    if sd is None or not math.isfinite(sd) or sd <= 0:
+        return significant(value, 5)
+    size = max(abs(value), sd)
+    exponent = math.floor(math.log10(size))
+    if -4 < exponent < 6:
+        decimals = _decimals(sd)
+        return f"{_fixed(value, decimals)} ± {_fixed(sd, decimals)}"
+    decimals = _decimals(sd) + exponent
+    unit = 10.0**exponent
+    return f"({_fixed(value / unit, decimals)} ± {_fixed(sd / unit, decimals)}){_NARROW}{_power(exponent)}"
+
+
+def interval(low: float | None, high: float | None) -> str:
+    """Return both ends of an interval with the digits that their distance deserves."""
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return MISSING
+    if high == low:
+        return f"{significant(low, 5)} to {significant(high, 5)}"
+    exponent = math.floor(math.log10(max(abs(low), abs(high))))
+    decimals = _decimals(high - low)
+    if -4 < exponent < 6:
+        return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"
+    unit = 10.0**exponent
+    decimals += exponent
+    return f"({_fixed(low / unit, decimals)} to {_fixed(high / unit, decimals)}){_NARROW}{_power(exponent)}"

@@ -1,0 +1,194 @@
+"""What a run left behind: its result files, read once and never computed again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["MODELS", "Run", "Trajectory", "read_run"]
+
+FloatArray = NDArray[np.float64]
+#: Models whose predictions are stored beside the measurement.
+MODELS = ("linear", "before", "after")
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One recording with what each model says about it.
+
+    Parameters
+    ----------
+    name, role : str
+        Of the recording; "train" or "holdout".
+    time : ndarray, shape (n,)
+        [s].
+    channels, units : tuple of str
+        As recorded.
+    measured : ndarray, shape (n, c)
+        NaN in gaps.
+    models : mapping of str to ndarray, shape (n, c)
+        By name, of those in `MODELS` that are there.
+    input, deflection : ndarray, shape (n,), or None
+        Motor angle [rad] or input of an oscillator; deflection [rad] or the output.
+    fitted : ndarray of bool, shape (n,)
+        Samples that were fitted.
+    clean : ndarray, shape (n, c), or None
+        The motion without noise, of a simulated recording.
+    band : ndarray, shape (3, n, c), or None
+        5, 50 and 95 % of the declared model's predictive distribution.
+    """
+
+    name: str
+    role: str
+    time: FloatArray
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    measured: FloatArray
+    models: Mapping[str, FloatArray]
+    input: FloatArray | None
+    deflection: FloatArray | None
+    fitted: NDArray[np.bool_]
+    clean: FloatArray | None
+    band: FloatArray | None
+
+    def deflection_of(self, model: str) -> FloatArray | None:
+        """Return the deflection that a model predicts, shape (n,); None where the channels do not give it."""
+        reading = self.models[model]
+        if self.channels == ("tip_x", "tip_y") and self.input is not None:
+            relative = np.arctan2(reading[:, 1], reading[:, 0]) - self.input
+            return (relative + np.pi) % (2 * np.pi) - np.pi
+        if self.channels == ("tip_angle",) and self.input is not None:
+            return reading[:, 0] - self.input
+        return reading[:, 0] if self.channels == ("output",) else None
+
+    def distance(self, model: str) -> FloatArray:
+        """Return the distance between a model and the measurement at every sample, shape (n,)."""
+        return np.sqrt(np.sum((self.models[model] - self.measured) ** 2, axis=1))
+
+
+@dataclass(frozen=True)
+class Run:
+    """The result files of a run directory.
+
+    Parameters
+    ----------
+    folder : Path
+        The run directory.
+    results : mapping
+        Content of ``results.json``.
+    """
+
+    folder: Path
+    results: Mapping[str, Any]
+
+    @property
+    def is_arm(self) -> bool:
+        """Whether the system is a flexible arm."""
+        return self.results["rig"]["kind"] == "flexible_arm"
+
+    @property
+    def loop(self) -> Mapping[str, Any]:
+        """The loop's result, as in ``loop.json``."""
+        return self.results["loop"]
+
+    @property
+    def coordinate_unit(self) -> str:
+        """Unit of the coordinate: rad for an arm, that of the output for an oscillator."""
+        return "rad" if self.is_arm else str(self.loop["errors"]["unit"])
+
+    def open(self, file: str, group: str | None = None) -> xr.Dataset | None:
+        """Return one group of a netCDF file of the run, loaded; None where the file or the group is not there."""
+        import xarray as xr
+
+        path = self.folder / file
+        if not path.is_file():
+            return None
+        try:
+            with xr.open_dataset(path, group=group, engine="h5netcdf") as dataset:
+                return dataset.load()
+        except OSError as error:
+            if group is not None and "not find group" in str(error) + str(error.__cause__):
+                return None
+            raise InputError(f"{path} cannot be read as netCDF: {error}. Run the pipeline again.") from error
+
+    @cached_property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """Recordings in the order of ``results.json``; those without a stored trajectory are left out."""
+        found = []
+        for recording in self.results["recordings"]:
+            dataset = self.open("trajectories.nc", recording["name"])
+            if dataset is not None:
+                found.append(_trajectory(recording, dataset))
+        return tuple(found)
+
+    @cached_property
+    def held_out(self) -> tuple[Trajectory, ...]:
+        """Recordings with samples that no fit saw: separate hold-outs, else recordings whose last part was held out."""
+        separate = tuple(t for t in self.trajectories if t.role == "holdout")
+        return separate or tuple(t for t in self.trajectories if not t.fitted.all())
+
+
+def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory:
+    def array(name: str) -> FloatArray | None:
+        return np.asarray(dataset[name].to_numpy(), dtype=np.float64) if name in dataset else None
+
+    measured = array("measured")
+    if measured is None:
+        raise InputError(f"trajectories.nc has no variable 'measured' for {recording['name']!r}. Run the pipeline again.")
+    models = {name: values for name in MODELS if (values := array(name)) is not None}
+    quantiles = [array(f"posterior_{q}") for q in ("q05", "q50", "q95")]
+    band = np.stack([q for q in quantiles if q is not None]) if all(q is not None for q in quantiles) else None
+    fitted = array("fitted")
+    everything = np.full(len(measured), recording["role"] == "train")
+    return Trajectory(
+        name=recording["name"],
+        role=recording["role"],
+        time=np.asarray(dataset["time"].to_numpy(), dtype=np.float64),
+        channels=tuple(recording["channels"]),
+        units=tuple(recording["units"]),
+        measured=measured,
+        models=models,
+        input=array("input"),
+        deflection=array("deflection"),
+        fitted=everything if fitted is None else fitted.astype(bool),
+        clean=array("clean"),
+        band=band,
+    )
+
+
+def read_run(folder: Path) -> Run:
+    """Read the result files of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        The run directory, with ``results.json`` in it.
+
+    Raises
+    ------
+    InputError
+        If ``results.json`` is missing or is not what a run writes.
+    """
+    path = Path(folder) / "results.json"
+    try:
+        results = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: {folder} is not the folder of a finished run. Run the pipeline first.") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as JSON: {error}. Run the pipeline again.") from error
+    missing = [key for key in ("rig", "recordings", "loop", "provenance") if key not in results]
+    if missing:
+        raise InputError(f"{path} lacks {', '.join(missing)}: it is not the result of a whole run. Run the pipeline again.")
+    return Run(Path(folder), results)

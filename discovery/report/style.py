@@ -1,0 +1,154 @@
+"""The look of the figures: one palette and line style a model, sizes that stay legible on a narrow screen."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "BLUE", "GREEN", "GREY", "LINES", "ORANGE", "PURPLE", "RED", "SKY", "Picture", "decimate", "label", "new_figure",
+    "render", "series", "styled",
+]  # fmt: skip
+
+FloatArray = NDArray[np.float64]
+# Okabe and Ito's palette, which colour-blind readers can tell apart.
+BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
+PURPLE, SKY, GREY = "#CC79A7", "#56B4E9", "#4D4D4D"
+#: Every model looks the same in every figure: colour, dashes and width all differ.
+LINES: dict[str, dict[str, Any]] = {
+    "measured": {"color": "black", "linestyle": "none", "marker": ".", "markersize": 2.5, "label": "measured"},
+    "linear": {"color": ORANGE, "linestyle": (0, (1, 1.2)), "linewidth": 1.3, "label": "linear model"},
+    "before": {"color": RED, "linestyle": (0, (4, 1.6)), "linewidth": 1.2, "label": "before: declared model"},
+    "after": {"color": BLUE, "linestyle": "-", "linewidth": 1.0, "label": "after: final model"},
+}
+#: Width of a figure [inches]. A phone shows it at three quarters of its size, a wide screen at five quarters.
+WIDTH = 4.6
+_STYLE = {
+    "axes.edgecolor": GREY,
+    "axes.grid": True,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.7,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 100,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "savefig.facecolor": "white",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "discovery",
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure with the words that go with it.
+
+    Parameters
+    ----------
+    name : str
+        Stem of its file.
+    figure : Figure
+        The drawing.
+    caption : str
+        What is drawn, and what it shows.
+    alt : str
+        The same for those who cannot see it.
+    wide : bool
+        It needs the full width of the page.
+    raster : bool
+        Stored as PNG, because as SVG it would be heavy.
+    """
+
+    name: str
+    figure: Figure
+    caption: str
+    alt: str
+    wide: bool = False
+    raster: bool = False
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw with the look of the report inside this block, and with the user's outside."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """Return an empty figure [inches] that belongs to no window and no global state."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def render(picture: Picture) -> tuple[str, bytes]:
+    """Return the file suffix and the content of a picture; the same picture gives the same bytes."""
+    buffer = io.BytesIO()
+    if picture.raster:
+        picture.figure.savefig(buffer, format="png", dpi=200, metadata={"Software": None})
+        return ".png", buffer.getvalue()
+    picture.figure.savefig(buffer, format="svg", dpi=200, metadata={"Date": None, "Creator": None})
+    return ".svg", buffer.getvalue()
+
+
+def decimate(time: FloatArray, values: FloatArray, limit: int = 1400) -> tuple[FloatArray, FloatArray]:
+    """Return a curve of at most about `limit` points that keeps the extremes of every stretch.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        The curve; NaN marks gaps.
+    limit : int
+        Number of points.
+    """
+    n = time.size
+    if n <= limit:
+        return time, values
+    edges = np.linspace(0, n, limit // 2 + 1).astype(int)
+    keep = []
+    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        part = values[start:stop]
+        good = np.flatnonzero(np.isfinite(part))
+        if good.size:
+            keep += sorted({start + good[np.argmin(part[good])], start + good[np.argmax(part[good])]})
+        else:
+            keep.append(start)
+    index = np.array(keep)
+    return time[index], values[index]
+
+
+def series(axes: Axes, model: str, time: FloatArray, values: FloatArray, **changes: Any) -> None:
+    """Draw one curve in the model's own look; more than 3000 measured points become an embedded picture."""
+    look = {**LINES[model], **changes}
+    if look["linestyle"] == "none":
+        axes.plot(time, values, **look, rasterized=time.size > 3000)
+    else:
+        axes.plot(*decimate(time, values), **look)
+
+
+def label(quantity: str, unit: str) -> str:
+    """Return an axis label with its unit."""
+    return f"{quantity} [{unit}]" if unit else quantity
