@@ -50,12 +50,13 @@ def backbone(time: FloatArray, deflection: FloatArray, period: float, start: flo
     t, d = time[good], deflection[good]
     if t.size < 10 or t[-1] - t[0] < 2 * period:
         return Backbone(np.empty(0), np.empty(0), np.empty(0))
-    width = max(1, int(round(period / 12 / float(np.median(np.diff(t))))))
+    width = max(1, round(period / 12 / float(np.median(np.diff(t)))))
     smooth = np.convolve(d, np.ones(2 * width + 1) / (2 * width + 1), mode="same")
     slope = np.sign(np.diff(smooth))
     slope[slope == 0] = 1
     turning = np.flatnonzero(slope[1:] != slope[:-1]) + 1
-    times, values = [], []
+    times: list[float] = []
+    values: list[float] = []
     for index in turning:
         near = np.abs(t - t[index]) < period / 6
         if near.sum() < 5 or (times and t[index] - times[-1] < 0.3 * period):
@@ -77,4 +78,8 @@ def backbone(time: FloatArray, deflection: FloatArray, period: float, start: flo
     with np.errstate(divide="ignore", invalid="ignore"):
         decay = 2 * np.log(swing[:-2] / swing[2:]) / (when[2:-1] - when[:-3])
     n = decay.size
-    return Backbone(swing[1 : n + 1], 1.0 / ((span[:n] + span[1 : n + 1]) / 2), decay) if n else Backbone(centre, 1 / span, np.full(span.size, np.nan))
+    return (
+        Backbone(swing[1 : n + 1], 1.0 / ((span[:n] + span[1 : n + 1]) / 2), decay)
+        if n
+        else Backbone(centre, 1 / span, np.full(span.size, np.nan))
+    )

@@ -18,7 +18,7 @@ from discovery.effect import Effect
 from discovery.fit import answer_on
 from discovery.least_squares import Minimum, levenberg_marquardt, minimise
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 from discovery.registry import catalogue
 
 __all__ = ["Candidate", "Refit", "candidates", "refit", "screen", "similarity"]

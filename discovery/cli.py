@@ -1,4 +1,4 @@
-"""The command line: one verb a stage; exit status 0 done, 2 bad input or usage, 3 the computation could not be completed."""
+"""The command line: one verb a stage; exit status 0 done, 2 bad input or usage, 3 a computation that failed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ def _options(*names: str) -> Callable[[Any], Any]:
     """Return a decorator with the options that several commands share."""
     known = {
         "train": click.option("--train", multiple=True, type=_PATH, help="Recording to fit; repeat for several."),
-        "holdout": click.option("--holdout", multiple=True, type=_PATH, help="Recording that is never fitted; repeat for several."),
+        "holdout": click.option(
+            "--holdout", multiple=True, type=_PATH, help="Recording that is never fitted; repeat for several."
+        ),
         "out": click.option("--out", required=True, type=_PATH, help="Folder for the results."),
         "seed": click.option("--seed", default=1, show_default=True, help="Seed of everything random."),
         "quiet": click.option("--quiet", is_flag=True, help="No progress on standard error."),
@@ -99,8 +101,12 @@ def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str)
 @click.argument("rig", type=_PATH)
 @_options("train", "holdout", "out", "seed", "quiet")
 @click.option("--predict", "target", type=_PATH, help="File with times and input only: write prediction.csv for it.")
-@click.option("--initial-state", metavar="ANGLE,RATE", help="Initial state of --predict [SI]; static equilibrium otherwise.")
-def loop(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None) -> None:
+@click.option(
+    "--initial-state", metavar="ANGLE,RATE", help="Initial state of --predict [SI]; static equilibrium otherwise."
+)
+def loop(
+    rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None
+) -> None:
     """Find what the declared model lacks."""
     from discovery.stages import loop as close
 
@@ -132,7 +138,9 @@ def _initial(text: str | None) -> tuple[float, float] | None:
     try:
         angle, rate = (float(part) for part in text.split(","))
     except ValueError:
-        raise InputError(f"--initial-state {text!r} is not ANGLE,RATE: give two numbers in rad and rad/s, such as 0.1,0.") from None
+        raise InputError(
+            f"--initial-state {text!r} is not ANGLE,RATE: give two numbers in rad and rad/s, such as 0.1,0."
+        ) from None
     return angle, rate
 
 
@@ -205,7 +213,9 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
         found = stages.sampled(fitted, seed=seed, tell=tell, backend=checkpoint)
     found.to_netcdf(folder / "posterior.nc")
     rows = found.summary()
-    write_json(folder / "posterior.json", {"provenance": provenance(dataset, seed=seed), "rows": rows, "status": found.status})
+    write_json(
+        folder / "posterior.json", {"provenance": provenance(dataset, seed=seed), "rows": rows, "status": found.status}
+    )
     checkpoint.unlink(missing_ok=True)
     for row in rows:
         click.echo(f"{row['parameter']}: {row['mean']:.6g} +- {row['sd']:.2g} {row['unit']}")
@@ -225,12 +235,18 @@ def elastica(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     folder = _folder(out)
     saved = folder / "posterior.nc"
     with _progress(quiet) as tell:
-        found = stages.predicted(dataset, Posterior.from_netcdf(saved) if saved.exists() else None, seed=seed, tell=tell)
+        found = stages.predicted(
+            dataset, Posterior.from_netcdf(saved) if saved.exists() else None, seed=seed, tell=tell
+        )
     if found is None:
-        raise InputError(f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file.")
+        raise InputError(
+            f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file."
+        )
     write_json(folder / "elastica.json", {"provenance": provenance(dataset, seed=seed), **found})
     for row in found["prediction"]:
-        click.echo(f"{row['mass']:12} {row['law']:22} {row['parameter']:10} {row['mean']:.5g} +- {row['sd']:.2g} {row['unit']}")
+        click.echo(
+            f"{row['mass']:12} {row['law']:22} {row['parameter']:10} {row['mean']:.5g} +- {row['sd']:.2g} {row['unit']}"
+        )
 
 
 @cli.command()
@@ -290,7 +306,13 @@ def effects(name: str | None) -> None:
 
 @cli.command()
 @click.argument("manoeuvre")
-@click.option("--effect", "effects_", multiple=True, metavar="ID:NAME=VALUE[,NAME=VALUE]", help="Hidden effect of the twin; repeat for several.")
+@click.option(
+    "--effect",
+    "effects_",
+    multiple=True,
+    metavar="ID:NAME=VALUE[,NAME=VALUE]",
+    help="Hidden effect of the twin; repeat for several.",
+)
 @click.option("--out", required=True, type=_PATH, help="CSV file to write.")
 @click.option("--seed", default=1, show_default=True, help="Seed of the noise.")
 def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) -> None:
@@ -312,7 +334,9 @@ def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) ->
             values = {k.strip(): float(v) for k, v in (part.split("=") for part in rest.split(",") if part)}
             hidden.append(DISTURBANCES[effect_id](**values))
         except (TypeError, ValueError) as error:
-            raise InputError(f"--effect {text!r} cannot be read: {error}. Write it as {effect_id}:name=value,name=value.") from None
+            raise InputError(
+                f"--effect {text!r} cannot be read: {error}. Write it as {effect_id}:name=value,name=value."
+            ) from None
     write_csv(make_recording(manoeuvre, seed, disturbances=tuple(hidden)), out)
     click.echo(f"{out}")
 
@@ -328,7 +352,7 @@ def data_list() -> None:
     from discovery_datasets import registry
 
     for name, entry in registry.FILES.items():
-        click.echo(f"{name:50} {entry.licence}\n    {entry.origin}")
+        click.echo(f"{name:50} {entry.licence}\n    {entry.url}")
 
 
 @data.command("fetch")

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from discovery import symbols as s
 from discovery.mechanics import get_base
 from discovery.program import RECORDED, Program, build_program
 
@@ -109,9 +109,15 @@ def _source(program: Program, lanes: int) -> str:
     ):
         offset[label] = position
         position += rows * lanes
-    used = set().union(*[e.free_symbols for _, e in (*program.drive, *program.derivative)], *[e.free_symbols for e in program.slopes])
+    used = set().union(
+        *[e.free_symbols for _, e in (*program.drive, *program.derivative)], *[e.free_symbols for e in program.slopes]
+    )
     indent = " " * 8
-    derivative = [f"{indent}{p} = w[{offset['P'] + k * lanes} + i]" for k, p in enumerate(program.parameters) if sp.Symbol(p, real=True) in used]
+    derivative = [
+        f"{indent}{p} = w[{offset['P'] + k * lanes} + i]"
+        for k, p in enumerate(program.parameters)
+        if sp.Symbol(p, real=True) in used
+    ]
     derivative += [f"{indent}{y.name} = w[{offset['S'] + k * lanes} + i]" for k, y in enumerate(program.states)]
     derivative += _assignments(program.drive, indent) + _assignments(program.derivative, indent)
     derivative += [f"{indent}w[{offset['K'] + k * lanes} + i] = {_print(e)}" for k, e in enumerate(program.slopes)]
@@ -119,7 +125,11 @@ def _source(program: Program, lanes: int) -> str:
     drive_used = any(a in seen for a, _ in program.drive)
     if drive_used:
         seen |= set().union(*[e.free_symbols for _, e in program.drive])
-    parameters = [f"{indent}{p} = w[{offset['P'] + k * lanes} + i]" for k, p in enumerate(program.parameters) if sp.Symbol(p, real=True) in seen]
+    parameters = [
+        f"{indent}{p} = w[{offset['P'] + k * lanes} + i]"
+        for k, p in enumerate(program.parameters)
+        if sp.Symbol(p, real=True) in seen
+    ]
     observe = list(parameters)
     observe += [f"{indent}{y.name} = w[{offset['Q'] + k * lanes} + i]" for k, y in enumerate(program.states[:n_q])]
     if drive_used:
@@ -216,6 +226,7 @@ def numpy_derivative(program: Program) -> Callable[..., list]:
     lines += [f"    {', '.join(r.name for r in RECORDED)}, = recorded"]
     lines += _assignments(program.drive, "    ") + _assignments(program.derivative, "    ")
     lines.append(f"    return [{', '.join(_print(e) for e in program.slopes)}]")
-    namespace = {"_sin": np.sin, "_cos": np.cos, "_atan2": np.arctan2, "_sqrt": np.sqrt, "math": np, "abs": np.abs}
+    functions = {"_sin": np.sin, "_cos": np.cos, "_atan2": np.arctan2, "_sqrt": np.sqrt, "abs": np.abs}
+    namespace: dict[str, Any] = {**functions, "math": np}
     exec("def derivative(t, recorded, state, parameters):\n" + "\n".join(lines), namespace)
     return namespace["derivative"]

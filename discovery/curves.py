@@ -1,4 +1,4 @@
-"""Curves that a report draws: trajectories, spring and radius laws with bands, frequency and damping against amplitude."""
+"""Curves that a report draws: trajectories, spring and radius laws, frequency and damping against amplitude."""
 
 from __future__ import annotations
 

@@ -75,10 +75,13 @@ def load_dataset(
     rig = read_rig(rig_path)
     parts = {
         "train": [RecordPart(Path(p), None) for p in train] or list(rig.records.get("train", ())),
-        "holdout": [RecordPart(Path(p), None) for p in holdout] or ([] if train else list(rig.records.get("holdout", ()))),
+        "holdout": [RecordPart(Path(p), None) for p in holdout]
+        or ([] if train else list(rig.records.get("holdout", ()))),
     }
     if not parts["train"]:
-        raise InputError(f"{rig_path}: there is nothing to fit. Give --train FILE, or a train list under [records] in the rig file.")
+        raise InputError(
+            f"{rig_path}: there is nothing to fit. Give --train FILE, or a train list under [records] in the rig file."
+        )
     found = {role: [_part(p.file, p.samples, rig) for p in listed] for role, listed in parts.items()}
     _distinguish(found)
     alone = not found["holdout"]
@@ -90,7 +93,7 @@ def load_dataset(
 
 
 def _distinguish(found: dict[str, list[Recording]]) -> None:
-    """Number recordings that share a name, such as parts of one file."""
+    """Give recordings that share a name, such as parts of one file, a number each."""
     names = [r.name for listed in found.values() for r in listed]
     count: dict[str, int] = {}
     for listed in found.values():

@@ -20,7 +20,20 @@ from discovery.parameters import Parameter
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = ["ARM", "OSCILLATOR", "Closure", "Dissipation", "Drive", "Effect", "Kinetic", "Load", "Memory", "Potential", "Sensor"]
+__all__ = [
+    "ARM",
+    "OSCILLATOR",
+    "Closure",
+    "Dissipation",
+    "Drive",
+    "Effect",
+    "Expressed",
+    "Kinetic",
+    "Load",
+    "Memory",
+    "Potential",
+    "Sensor",
+]
 
 #: Kinds of system on which an effect can act.
 ARM, OSCILLATOR = "flexible_arm", "oscillator"
@@ -61,58 +74,46 @@ class Effect(ABC):
         return f"<{self.kind} effect {self.id()}({', '.join(p.name for p in self.parameters())})>"
 
 
-class Kinetic(Effect):
+class Expressed(Effect):
+    """An effect that is one expression."""
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return the expression of the effect's kind."""
+
+
+class Kinetic(Expressed):
     """A kinetic energy T of channel rates, per unit inertia [q^2 s^-2]."""
 
     kind = "kinetic"
 
-    @abstractmethod
-    def expression(self) -> sp.Expr:
-        """Return T."""
 
-
-class Potential(Effect):
+class Potential(Expressed):
     """A potential energy V of channel positions (and time), per unit inertia [q^2 s^-2]."""
 
     kind = "potential"
 
-    @abstractmethod
-    def expression(self) -> sp.Expr:
-        """Return V."""
 
-
-class Dissipation(Effect):
+class Dissipation(Expressed):
     """A Rayleigh dissipation function D, even in the channel rates, per unit inertia [q^2 s^-3]."""
 
     kind = "dissipation"
 
-    @abstractmethod
-    def expression(self) -> sp.Expr:
-        """Return D."""
 
-
-class Load(Effect):
+class Load(Expressed):
     """A load given by its power P, linear in the channel rates, per unit inertia [q^2 s^-3]."""
 
     kind = "load"
 
-    @abstractmethod
-    def expression(self) -> sp.Expr:
-        """Return P."""
 
-
-class Closure(Effect):
+class Closure(Expressed):
     """A static law rho/l of the deflection that others use (the radius law)."""
 
     kind = "closure"
 
-    @abstractmethod
-    def expression(self) -> sp.Expr:
-        """Return rho/l [-]."""
 
-
-class Memory(Effect):
-    """A load on the bending that depends on states of its own; written for one component `bend`, it acts on each."""
+class Memory(Expressed):
+    """A load of power P on the bending that depends on states of its own; written for one `bend`, it acts on each."""
 
     kind = "memory"
 
@@ -120,19 +121,11 @@ class Memory(Effect):
     def states(self) -> dict[sp.Symbol, sp.Expr]:
         """Return each extra state with its time derivative."""
 
-    @abstractmethod
-    def expression(self) -> sp.Expr:
-        """Return the power P of the load, per unit inertia [q^2 s^-3]."""
 
-
-class Drive(Effect):
-    """What the system really receives instead of the recorded input."""
+class Drive(Expressed):
+    """What the system really receives: the effective motor angle (or input u) in terms of the recorded one and time."""
 
     kind = "drive"
-
-    @abstractmethod
-    def expression(self) -> sp.Expr:
-        """Return the effective motor angle (or input u) in terms of the recorded one and time."""
 
 
 class Sensor(Effect):

@@ -89,8 +89,10 @@ class Fit:
         bound = [n for n, b in zip(self.problem.names, self.minimum.at_bound, strict=True) if b]
         return f"Converged; at a bound: {', '.join(bound)}." if bound else "Converged."
 
-    def predict(self, experiments: Sequence[Experiment] | None = None, initial: FloatArray | None = None) -> list[FloatArray]:
-        """Return the fitted model's channels, each (n, c): on the fitted recordings, or on others from given initial states (m, 2)."""
+    def predict(
+        self, experiments: Sequence[Experiment] | None = None, initial: FloatArray | None = None
+    ) -> list[FloatArray]:
+        """Return the fitted model's channels, each (n, c): on the fitted recordings, or from initial states (m, 2)."""
         parameters, fitted = self.problem.expand(self.minimum.x[:, None])
         if experiments is None:
             return [c[:, :, 0] for c in self.problem.bench.predict(parameters, fitted)]
@@ -268,13 +270,18 @@ def choose_step(
             return step
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
         step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.25
-    raise ComputationError(f"No step gives a trajectory error below {tolerance:g}; the last one tried was {step:.3g} s.")
+    raise ComputationError(
+        f"No step gives a trajectory error below {tolerance:g}; the last one tried was {step:.3g} s."
+    )
 
 
 def _shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:
     fine = Bench.like(problem.bench, problem.bench.step / 2)
     vector = minimum.x[:, None]
-    change = fine.residuals(*problem.expand(vector))[:, 0] - minimum.residual[: len(minimum.residual) - len(problem.prior_residuals(vector))]
+    change = (
+        fine.residuals(*problem.expand(vector))[:, 0]
+        - minimum.residual[: len(minimum.residual) - len(problem.prior_residuals(vector))]
+    )
     rows = minimum.jacobian[: change.size]
     known = np.isfinite(np.diag(covariance))
     if not known.any():
@@ -345,7 +352,9 @@ def fit(
     return Fit(problem, minimum, covariance, reasons, directions, _shift(problem, minimum, covariance))
 
 
-def first_guess(model: Model, experiments: Sequence[Experiment], units: NaturalUnits, given: Mapping[str, float]) -> dict[str, float]:
+def first_guess(
+    model: Model, experiments: Sequence[Experiment], units: NaturalUnits, given: Mapping[str, float]
+) -> dict[str, float]:
     """Return start values from a scan: linear stiffness around the dominant frequency, damping over decades.
 
     Free-run residuals have many minima in the stiffness (whole periods slip), so the scan simulates a grid of

@@ -13,7 +13,9 @@ from discovery.problem import Bench, NaturalUnits, Problem
 __all__ = ["scan"]
 
 #: Stiffness over the square of the dominant frequency.
-_STIFFNESS = np.concatenate([np.geomspace(0.3, 0.8, 12, endpoint=False), np.geomspace(0.8, 1.5, 140), np.geomspace(1.55, 4, 12)])
+_STIFFNESS = np.concatenate(
+    [np.geomspace(0.3, 0.8, 12, endpoint=False), np.geomspace(0.8, 1.5, 140), np.geomspace(1.55, 4, 12)]
+)
 _DAMPING = (0.003, 0.03)
 #: Samples of each recording that the regression uses.
 _REGRESSED = 8192

@@ -1,4 +1,4 @@
-"""The closed loop: refit the declared model, upgrade its mechanics, find the effect that it lacks, add it, say what is left."""
+"""The closed loop: refit the declared model, find the effect that it lacks, add it, and say what is left."""
 
 from __future__ import annotations
 
@@ -188,7 +188,9 @@ class _HoldOut:
         """How the held-out data relate to the fitted ones."""
         return "last third of each training recording, continued" if self.continued else "separate recordings"
 
-    def predictions(self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float], list[FloatArray]]]) -> list[list[FloatArray]]:
+    def predictions(
+        self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float], list[FloatArray]]]
+    ) -> list[list[FloatArray]]:
         """Return the predictions of the held-out recordings by each model (model, values, training predictions)."""
         if self.continued:
             return [on_train for _, _, on_train in models]
@@ -317,8 +319,9 @@ def close_loop(
     added = (*geometry, *search.added)
     verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
     test = (
-        f"systematic part of the held-out residual (averages over a 24th of a period, noise removed): {rough:.3g} noise sds, "
-        f"{'at most' if noise else 'above'} {limit:.3g} = max({settings.floor:g}, {settings.relative_floor:g} x {search.first_rough:.3g})"
+        "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "
+        f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {limit:.3g} = "
+        f"max({settings.floor:g}, {settings.relative_floor:g} x {search.first_rough:.3g})"
     )
     first = train[0].recording
     result_errors: dict[str, Any] = {
@@ -351,7 +354,7 @@ def close_loop(
 
 
 def _kernel_effects(model: Model) -> tuple[str, ...]:
-    """Return every effect that may come into question on the model's base, so that one kernel serves the whole search."""
+    """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
     return tuple(sorted({*model.effects, *candidates(model)}))
 
 
@@ -390,7 +393,11 @@ def _judge_geometry(before: Fit, search: _Search, train, judge, settings, units,
             # Fewer free parameters and a better fit of everything, or a smaller held-out error alone.
             better = chi2 < 0.98 * previous[0] or chi2 + found.chi2 < 0.98 * sum(previous)
             reason = "no free parameter, and a smaller error" if better else "the error is not smaller"
-            numbers = {"chi2_train": found.chi2, "mean_chi2_holdout_before": previous[0] / count, "mean_chi2_holdout_after": chi2 / count}
+            numbers = {
+                "chi2_train": found.chi2,
+                "mean_chi2_holdout_before": previous[0] / count,
+                "mean_chi2_holdout_after": chi2 / count,
+            }
             steps.append(Step("upgrade", name, better, reason, numbers))
             if not better:
                 continue
@@ -400,7 +407,7 @@ def _judge_geometry(before: Fit, search: _Search, train, judge, settings, units,
 
 
 class _Search:
-    """Adds effects one at a time while each explains enough on training and held-out data, then tries to remove some."""
+    """Adds effects one at a time while each explains enough of training and held-out data, then removes idle ones."""
 
     def __init__(self, start: Fit, train, judge: _HoldOut, settings: LoopSettings, units: NaturalUnits, tell) -> None:
         self.fit = start
@@ -498,9 +505,7 @@ class _Search:
         self.tell(f"adding {chosen.effect}")
         values = dict(zip(chosen.problem.names, chosen.minimum.x.tolist(), strict=True))
         model = self.fit.model.with_effect(chosen.effect)
-        self.fit = fit(
-            model, self.train, start=values, bench=problem.bench, units=self.units, gaussian=self.gaussian
-        )
+        self.fit = fit(model, self.train, start=values, bench=problem.bench, units=self.units, gaussian=self.gaussian)
         self.added.append(chosen.effect)
         projected = {c.effect: c.sensitivity for c in scored}
         others = [r.chi2 for r in refits if r.effect != chosen.effect]
@@ -512,7 +517,8 @@ class _Search:
             "linear_score": scores[chosen.effect],
             "runner_up_delta_chi2": chi2 - min(others, default=chi2),
             "largest_similarity": max(
-                (similarity(projected[chosen.effect], v) for k, v in projected.items() if k != chosen.effect), default=0.0
+                (similarity(projected[chosen.effect], v) for k, v in projected.items() if k != chosen.effect),
+                default=0.0,
             ),
         }
         self.held_chi2 = self._held([Refit(chosen.effect, self.fit.problem, self.fit.minimum)])[0]
@@ -529,7 +535,11 @@ class _Search:
         triples = []
         for r in refits:
             values = dict(zip(r.problem.names, r.minimum.x.tolist(), strict=True))
-            on_train = [c[:, :, 0] for c in bench.predict(*r.problem.expand(r.minimum.x[:, None]))] if self.judge.continued else []
+            on_train = (
+                [c[:, :, 0] for c in bench.predict(*r.problem.expand(r.minimum.x[:, None]))]
+                if self.judge.continued
+                else []
+            )
             triples.append((r.problem.model, values, on_train))
         return [self.judge.score(p)[0] for p in self.judge.predictions(bench, triples)]
 
@@ -538,12 +548,23 @@ class _Search:
         for effect in tuple(self.added[:-1]):
             model = self.fit.model.without([effect])
             trial = fit(
-                model, self.train, start=self.fit.values, bench=self.fit.problem.bench, units=self.units, gaussian=self.gaussian
+                model,
+                self.train,
+                start=self.fit.values,
+                bench=self.fit.problem.bench,
+                units=self.units,
+                gaussian=self.gaussian,
             )
             loss = trial.chi2 - self.fit.chi2
             superfluous = loss < self.settings.least_gain
             self.steps.append(
-                Step("remove", effect, superfluous, f"without it chi-square rises by {loss:.0f}", {"chi2_before": self.fit.chi2, "chi2_after": trial.chi2})
+                Step(
+                    "remove",
+                    effect,
+                    superfluous,
+                    f"without it chi-square rises by {loss:.0f}",
+                    {"chi2_before": self.fit.chi2, "chi2_after": trial.chi2},
+                )
             )
             if superfluous:
                 self.fit = trial

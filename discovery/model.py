@@ -49,7 +49,9 @@ class Model:
         for effect_id in self.effects:
             effect = get_effect(effect_id)
             if base.system not in effect.systems:
-                raise InputError(f"Effect {effect_id!r} acts on {', '.join(sorted(effect.systems))}, not on {base.system}.")
+                raise InputError(
+                    f"Effect {effect_id!r} acts on {', '.join(sorted(effect.systems))}, not on {base.system}."
+                )
         twice = {e for e in self.effects if self.effects.count(e) > 1}
         if twice:
             raise InputError(f"Effect {', '.join(sorted(twice))} appears twice in the model; name each effect once.")
@@ -71,7 +73,9 @@ class Model:
         for effect in self.terms:
             for parameter in effect.parameters():
                 if parameter.name in found:
-                    raise InputError(f"Two parts of the model have a parameter named {parameter.name!r}; use distinct names.")
+                    raise InputError(
+                        f"Two parts of the model have a parameter named {parameter.name!r}; use distinct names."
+                    )
                 found[parameter.name] = parameter
         return found
 

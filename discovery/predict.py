@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from discovery.compile import numpy_derivative
-from discovery.effect import ARM
+from discovery.effect import ARM, Load
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment
 from discovery.fit import Fit, fit_problems
@@ -48,7 +48,7 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     moving = {
         p.name
         for effect in model.terms
-        if effect.kind == "load" and any(symbol.name == "t" for symbol in effect.expression().free_symbols)
+        if isinstance(effect, Load) and any(symbol.name == "t" for symbol in effect.expression().free_symbols)
         for p in effect.parameters()
         if not p.shape
     }
@@ -99,7 +99,9 @@ def predict(
     problem = fit.problem
     names = problem.free
     bench = Bench(problem.bench.base, problem.bench.effects, [experiment], problem.bench.step)
-    drive = [0.0] if experiment.drive is None else experiment.drive.evaluate(experiment.recording.time[:1])[:, 0]
+    drive = (
+        [0.0] if experiment.drive is None else experiment.drive.evaluate(experiment.recording.time[:1])[:, 0].tolist()
+    )
     single = Problem(fit.model, bench, problem.units, problem.gaussian)
     centre = fit.minimum.x[: len(names)]
     covariance = np.nan_to_num(fit.covariance[: len(names), : len(names)])
@@ -113,9 +115,7 @@ def predict(
     points = np.clip(points, low[: len(names), None], high[: len(names), None])
     if initial is None:
         # The rest position moves little with the parameters: its derivative is taken along with theirs.
-        rest = [
-            equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive) for p in points.T
-        ]
+        rest = [equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive) for p in points.T]
         state = np.array([rest, np.zeros(len(rest))])
     else:
         state = np.repeat(np.array(initial)[:, None], points.shape[1], axis=1)
@@ -126,7 +126,10 @@ def predict(
 
 
 def held_out(
-    candidates: Sequence[tuple[Model, Mapping[str, float]]], experiments: Sequence[Experiment], bench: Bench, units: NaturalUnits
+    candidates: Sequence[tuple[Model, Mapping[str, float]]],
+    experiments: Sequence[Experiment],
+    bench: Bench,
+    units: NaturalUnits,
 ) -> list[list[FloatArray]]:
     """Return predictions of recordings that were not fitted: parameters held, only the initial state is fitted.
 

@@ -102,7 +102,9 @@ class Bench:
         self.simulators = [Simulator(base, self.effects, e.recording.time, e.drive, step=step) for e in experiments]
         self.names = self.simulators[0].names
         self._weights = [e.weights() for e in experiments]
-        self._targets = [np.where(w > 0, e.recording.output, 0.0) for e, w in zip(experiments, self._weights, strict=True)]
+        self._targets = [
+            np.where(w > 0, e.recording.output, 0.0) for e, w in zip(experiments, self._weights, strict=True)
+        ]
 
     @classmethod
     def like(cls, other: Bench, step: float) -> Bench:
@@ -128,7 +130,9 @@ class Bench:
         """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k)."""
         k = parameters.shape[1]
         parts = []
-        for channels, target, weight in zip(self.predict(parameters, initial), self._targets, self._weights, strict=True):
+        for channels, target, weight in zip(
+            self.predict(parameters, initial), self._targets, self._weights, strict=True
+        ):
             parts.append(((channels - target[:, :, None]) * weight[:, :, None]).reshape(-1, k))
         return np.concatenate(parts)
 
@@ -208,7 +212,7 @@ class Problem:
         return np.array([*lower, *(-np.array(free_start))]), np.array([*upper, *free_start])
 
     def start(self, values: Mapping[str, float]) -> FloatArray:
-        """Return a start vector: `values` where given, else rig values or declared starts, and measured initial states."""
+        """Return a start: `values` where given, else rig values or declared starts, and measured initial states."""
         x = []
         for name in self.free:
             if name in values:
@@ -221,7 +225,10 @@ class Problem:
                 x.append(first * self.units.scale(parameter))
         for e in self.bench.experiments:
             guess = e.initial_guess
-            x += [values.get(f"delta_0_init[{e.recording.name}]", guess[0]), values.get(f"rate_0_init[{e.recording.name}]", guess[1])]
+            x += [
+                values.get(f"delta_0_init[{e.recording.name}]", guess[0]),
+                values.get(f"rate_0_init[{e.recording.name}]", guess[1]),
+            ]
         return np.array(x)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""From a base and a sum of effects to straight-line mathematics: derivatives of the state and reading of the instrument."""
+"""From a base and a sum of effects to straight-line mathematics: slopes of the state, reading of the instrument."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import ARM, Effect
+from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Memory, Potential, Sensor
 from discovery.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.base import Channel
@@ -58,7 +58,7 @@ class Program:
     lateness: sp.Expr
 
 
-def _drive(effects: list[Effect], system: str) -> Assignments:
+def _drive(effects: list[Drive], system: str) -> Assignments:
     if system != ARM:
         value: sp.Expr = RECORDED[0]
         for effect in effects:
@@ -78,17 +78,17 @@ def _drive(effects: list[Effect], system: str) -> Assignments:
 
 def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
     """Return the force of one effect on each channel: -dV/dc, -dD/dc', +dP/dc'."""
-    if effect.kind not in ("potential", "dissipation", "load"):
+    if not isinstance(effect, Potential | Dissipation | Load):
         return {}
-    wanted = s.POSITION_CHANNELS if effect.kind == "potential" else s.RATE_CHANNELS
-    sign = 1 if effect.kind == "load" else -1
+    wanted = s.POSITION_CHANNELS if isinstance(effect, Potential) else s.RATE_CHANNELS
+    sign = 1 if isinstance(effect, Load) else -1
     expression = effect.expression()
     forces = {c: sign * sp.diff(expression, c) for c in wanted}
     return {c: f for c, f in forces.items() if f != 0}
 
 
 def _memory(
-    effect: Effect, bending: Sequence[tuple[sp.Expr, sp.Expr, tuple[sp.Expr, ...]]], n: int
+    effect: Memory, bending: Sequence[tuple[sp.Expr, sp.Expr, tuple[sp.Expr, ...]]], n: int
 ) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
     """Return the states of a memory effect, one set for each component of the bending, and its force."""
     power, states = effect.expression(), effect.states()
@@ -104,7 +104,7 @@ def _memory(
     return found, force
 
 
-def _kinetic(effect: Effect, channels: dict[sp.Symbol, Channel], n: int) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
+def _kinetic(effect: Kinetic, channels: dict[sp.Symbol, Channel], n: int) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
     """Return what a kinetic energy in channel rates adds to the mass matrix and to the force."""
     energy = effect.expression()
     mass = [[sp.Integer(0)] * n for _ in range(n)]
@@ -181,14 +181,14 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     mass = [list(row) for row in mechanics.mass]
     force = list(mechanics.force)
     for effect in effects:
-        if effect.kind == "kinetic":
+        if isinstance(effect, Kinetic):
             extra_mass, extra_force = _kinetic(effect, channels, n)
             mass = [[mass[i][j] + extra_mass[i][j] for j in range(n)] for i in range(n)]
             force = [force[i] + extra_force[i] for i in range(n)]
 
     memory: dict[sp.Symbol, sp.Expr] = {}
     for effect in effects:
-        if effect.kind == "memory":
+        if isinstance(effect, Memory):
             states, extra_force = _memory(effect, mechanics.bending, n)
             memory.update(states)
             force = [force[i] + extra_force[i] for i in range(n)]
@@ -210,9 +210,9 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         mass, force = inertia, total
     accelerations = _solve(mass, force, program)
 
-    closures = [e for e in effects if e.kind == "closure"]
+    closures = [e for e in effects if isinstance(e, Closure)]
     reading = base.reading(closures[-1].expression() if closures else None)
-    sensors = [e for e in effects if e.kind == "sensor"]
+    sensors = [e for e in effects if isinstance(e, Sensor)]
     if base.system == ARM:
         reading = tuple(s.length * r for r in reading)
         for sensor in sensors:
@@ -224,7 +224,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         parameters=tuple(parameters),
         states=(*mechanics.coordinates, *mechanics.rates, *memory),
         n_coordinates=n,
-        drive=tuple(_drive([e for e in effects if e.kind == "drive"], base.system)),
+        drive=tuple(_drive([e for e in effects if isinstance(e, Drive)], base.system)),
         derivative=tuple(program),
         slopes=(*mechanics.rates, *accelerations, *slopes),
         reading=tuple(reading),

@@ -56,7 +56,12 @@ def provenance(dataset: Dataset, *, seed: int, command: Sequence[str] | None = N
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "rig_sha256": dataset.rig.sha256,
         "data": [
-            {"name": e.recording.name, "role": role, "sha256": e.recording.sha256, "source": Path(e.recording.source).name}
+            {
+                "name": e.recording.name,
+                "role": role,
+                "sha256": e.recording.sha256,
+                "source": Path(e.recording.source).name,
+            }
             for role, e in dataset.everything
         ],
     }

@@ -95,7 +95,7 @@ def _ljung_box(series: FloatArray, lags: int = 20) -> tuple[float, float]:
     if variance == 0:
         return 0.0, 1.0
     lags = min(lags, n // 5)
-    r = np.array([centred[k:] @ centred[:-k] for k in range(1, lags + 1)]) / variance
+    r = np.array([float(centred[k:] @ centred[:-k]) for k in range(1, lags + 1)]) / variance
     statistic = n * (n + 2) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
     return float(r[0]), float(stats.chi2.sf(statistic, lags))
 

@@ -70,7 +70,8 @@ class Grid:
         knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end]])
         counts = np.maximum(1, np.ceil(np.diff(knots) / step - 1e-9)).astype(int)
         edges = np.concatenate(
-            [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(knots[:-1], knots[1:], counts, strict=True)] + [[end]]
+            [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(knots[:-1], knots[1:], counts, strict=True)]
+            + [[end]]
         )
         times, steps = edges[:-1], np.diff(edges)
         restart = np.zeros(times.size, bool)

@@ -146,7 +146,7 @@ def estimate(dataset: Dataset, *, tell: Tell) -> Fits:
     train = dataset.train
     units = natural_units(train)
     declared = declared_model(train[0])
-    plans = {"linear": ("viscous_damping", "linear_stiffness")}
+    plans: dict[str, tuple[str, ...]] = {"linear": ("viscous_damping", "linear_stiffness")}
     if train[0].is_arm and "radius_law" in declared.effects:
         plans["constant_radius"] = tuple(e for e in declared.effects if e != "radius_law")
     plans["declared"] = declared.effects
@@ -191,7 +191,13 @@ def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str
     from discovery.prediction import predict
 
     rig = dataset.rig
-    if not dataset.train[0].is_arm or rig.flexural_rigidity is None or rig.tip_mass is None or rig.length is None or rig.beam_mass is None:
+    if (
+        not dataset.train[0].is_arm
+        or rig.flexural_rigidity is None
+        or rig.tip_mass is None
+        or rig.length is None
+        or rig.beam_mass is None
+    ):
         return None
     tell("checking against the elastica")
     rng = np.random.default_rng(stage_seed(seed, "elastica"))

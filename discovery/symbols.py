@@ -2,7 +2,7 @@
 
 An effect never knows the base that it acts on. It is an expression in these symbols; the base says what they are in its
 own coordinates and how a force on each of them moves the system. Lengths of the arm are in units of its length l, and
-energies per unit of effective inertia (m + 33 m_r / 140) l^2, so that forces carry s^-2 as in the paper's equation (15).
+energies per unit of effective inertia (m + 33 m_r / 140) l^2, so that forces carry s^-2 as in the paper's (15).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ __all__ = [
     "u",
     "v2",
     "v_x",
-    "w2",
     "v_y",
+    "w2",
     "x",
     "x_g",
     "y",
@@ -76,5 +76,6 @@ length = sp.Symbol("length", real=True)
 
 #: Position-like channels: a potential V pushes on each with -dV/dc.
 POSITION_CHANNELS = (theta, delta, x, y, x_g, y_g, U)
-#: Rate-like channels: a dissipation D pushes with -dD/dc', a load of power P with +dP/dc'. `v2` and `w2` act through their gradients.
+#: Rate-like channels: a dissipation D pushes with -dD/dc', a load of power P with +dP/dc';
+#: `v2` and `w2` act through their gradients.
 RATE_CHANNELS = (omega, delta_dot, v_x, v_y, v2, w2)

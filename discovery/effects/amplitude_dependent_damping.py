@@ -12,7 +12,9 @@ class AmplitudeDependentDamping(Dissipation):
     """
 
     cite = "van der Pol (1926); Nayfeh and Mook, Nonlinear Oscillations (1979), section 3.3"
-    xi_2 = Parameter("s^-1 q^-2", "amplitude-dependent damping", (0.0, 20.0), HalfNormal(0.5), starts=(0.005, 0.05), latex=r"\xi_2")
+    xi_2 = Parameter(
+        "s^-1 q^-2", "amplitude-dependent damping", (0.0, 20.0), HalfNormal(0.5), starts=(0.005, 0.05), latex=r"\xi_2"
+    )
 
     def expression(self):
         """Return D."""

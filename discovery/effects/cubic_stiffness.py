@@ -14,7 +14,9 @@ class CubicStiffness(Potential):
     """
 
     cite = "source paper, equation (15); Duffing (1918)"
-    beta = Parameter("s^-2 q^-2", "cubic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.1, -0.1), latex=r"\beta")
+    beta = Parameter(
+        "s^-2 q^-2", "cubic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.1, -0.1), latex=r"\beta"
+    )
 
     def expression(self):
         """Return V."""

@@ -1,8 +1,7 @@
 """The linear spring."""
 
 from discovery.effect import Potential
-from discovery.parameters import Parameter
-from discovery.parameters import LogNormal
+from discovery.parameters import LogNormal, Parameter
 from discovery.symbols import U
 
 

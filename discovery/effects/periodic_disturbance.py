@@ -16,7 +16,9 @@ class PeriodicDisturbance(Load):
     cite = "forced vibration; Den Hartog, Mechanical Vibrations (1956), chapter 2"
     a_s = Parameter("s^-2 q", "sine amplitude", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_s")
     a_c = Parameter("s^-2 q", "cosine amplitude", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_c")
-    Omega = Parameter("s^-1", "angular frequency", (0.1, 20.0), LogNormal(2.0, 1.0), default=2.0, shape=True, latex=r"\Omega")
+    Omega = Parameter(
+        "s^-1", "angular frequency", (0.1, 20.0), LogNormal(2.0, 1.0), default=2.0, shape=True, latex=r"\Omega"
+    )
 
     def expression(self):
         """Return P."""

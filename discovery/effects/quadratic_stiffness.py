@@ -12,7 +12,9 @@ class QuadraticStiffness(Potential):
     """
 
     cite = "Nayfeh and Mook, Nonlinear Oscillations (1979), section 2.1"
-    k_2 = Parameter("s^-2 q^-1", "quadratic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.03, -0.03), latex="k_2")
+    k_2 = Parameter(
+        "s^-2 q^-1", "quadratic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.03, -0.03), latex="k_2"
+    )
 
     def expression(self):
         """Return V."""

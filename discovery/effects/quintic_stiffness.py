@@ -12,7 +12,9 @@ class QuinticStiffness(Potential):
     """
 
     cite = "Nayfeh and Mook, Nonlinear Oscillations (1979), section 2.1"
-    k_5 = Parameter("s^-2 q^-4", "quintic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.05, -0.05), latex="k_5")
+    k_5 = Parameter(
+        "s^-2 q^-4", "quintic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.05, -0.05), latex="k_5"
+    )
 
     def expression(self):
         """Return V."""

@@ -12,7 +12,14 @@ class StiffnessDrift(Potential):
     """
 
     cite = "linear parameter drift; Ljung, System Identification (1999), section 11.2"
-    r = Parameter("s^-1", "relative stiffness drift", (-0.05, 0.05), Normal(0.0, 0.002), starts=(3e-5, -3e-5, 3e-4, -3e-4), latex="r")
+    r = Parameter(
+        "s^-1",
+        "relative stiffness drift",
+        (-0.05, 0.05),
+        Normal(0.0, 0.002),
+        starts=(3e-5, -3e-5, 3e-4, -3e-4),
+        latex="r",
+    )
 
     def expression(self):
         """Return V."""

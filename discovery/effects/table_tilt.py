@@ -19,8 +19,12 @@ class TableTilt(Potential):
 
     systems = frozenset({ARM})
     cite = "statics of a point mass on an inclined plane"
-    phi_x = Parameter("rad", "downhill slope along x", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001, -0.001), latex=r"\phi_x")
-    phi_y = Parameter("rad", "downhill slope along y", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001, -0.001), latex=r"\phi_y")
+    phi_x = Parameter(
+        "rad", "downhill slope along x", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001, -0.001), latex=r"\phi_x"
+    )
+    phi_y = Parameter(
+        "rad", "downhill slope along y", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001, -0.001), latex=r"\phi_y"
+    )
 
     def expression(self):
         """Return V."""

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 from discovery.effect import ARM
@@ -97,7 +96,7 @@ class Base(ABC):
 
     @abstractmethod
     def reading(self, closure: sp.Expr | None) -> tuple[sp.Expr, ...]:
-        """Return the true output in terms of coordinates and theta_m: tip x, y in lengths of the arm, or the coordinate.
+        """Return the true output in coordinates and theta_m: tip x, y in lengths of the arm, or the coordinate.
 
         `closure` is rho/l as a function of `delta` where the model declares a radius law.
         """

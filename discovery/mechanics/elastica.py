@@ -12,7 +12,14 @@ from scipy.linalg import eigh
 
 from discovery import symbols as s
 from discovery.mechanics.base import ArmBase, Channel, Mechanics
-from discovery.mechanics.rod_shapes import bending_matrix, mass_matrix, polynomials, quadrature, reduced_shapes, static_shapes
+from discovery.mechanics.rod_shapes import (
+    bending_matrix,
+    mass_matrix,
+    polynomials,
+    quadrature,
+    reduced_shapes,
+    static_shapes,
+)
 from discovery.parameters import HalfNormal, Normal, Parameter
 
 __all__ = ["BASE", "TWO_MODES", "Elastica", "ElasticaTwoModes"]
@@ -25,7 +32,8 @@ class Elastica(ArmBase):
     all contained; bending stiffness enters through `linear_stiffness` (alpha = 3 EI / (m_eff l^3),
     m_eff = m + 33 m_r / 140), the rod through mu = m_r / m. Positions are integrated by cumulative Gauss-Legendre
     quadrature. Every material damps the ringing of the rod a little: tau_r is the retardation time of a Kelvin-Voigt
-    rod (Banks and Inman, Journal of Applied Mechanics 58 (1991) 716). All vectors are in the frame of the hub: inner products do not care, and the bending angles stay small.
+    rod (Banks and Inman, Journal of Applied Mechanics 58 (1991) 716). All vectors are in the frame of the hub: inner
+    products do not care, and the bending angles stay small.
     """
 
     name = "elastica"
@@ -79,9 +87,7 @@ class Elastica(ArmBase):
 
         def integrate(label: str, density: list[sp.Expr]) -> list[sp.Symbol]:
             named = [name(f"{label}d{b}", density[b]) for b in range(nodes)]
-            return [
-                name(f"{label}{a}", sum(float(cumulative[a, b]) * named[b] for b in range(nodes))) for a in points
-            ]
+            return [name(f"{label}{a}", sum(float(cumulative[a, b]) * named[b] for b in range(nodes))) for a in points]
 
         px = [integrate(f"px{k}_", [-float(phi[k, b]) * sine[b] for b in range(nodes)]) for k in range(n)]
         py = [integrate(f"py{k}_", [float(phi[k, b]) * cosine[b] for b in range(nodes)]) for k in range(n)]
@@ -114,8 +120,12 @@ class Elastica(ArmBase):
         lever_x = [tip_share * sum(share[a] * px[k][a] for a in points) for k in range(n)]
         lever_y = [tip_share * sum(share[a] * py[k][a] for a in points) for k in range(n)]
         c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
-        channels[s.x_g] = Channel(c * moment_x - sn * moment_y, tuple(c * a - sn * b for a, b in zip(lever_x, lever_y, strict=True)))
-        channels[s.y_g] = Channel(sn * moment_x + c * moment_y, tuple(sn * a + c * b for a, b in zip(lever_x, lever_y, strict=True)))
+        channels[s.x_g] = Channel(
+            c * moment_x - sn * moment_y, tuple(c * a - sn * b for a, b in zip(lever_x, lever_y, strict=True))
+        )
+        channels[s.y_g] = Channel(
+            sn * moment_x + c * moment_y, tuple(sn * a + c * b for a, b in zip(lever_x, lever_y, strict=True))
+        )
         # U = |L^T q|^2 / 2 with L L^T the bending matrix: its components relax, each by itself.
         root = np.linalg.cholesky(stiffness)
         components = tuple(
@@ -172,7 +182,7 @@ class Elastica(ArmBase):
 
     @cached_property
     def _static_fit(self) -> np.ndarray:
-        """Coefficients (n, 6) of the static q_k(delta) in delta, delta^3, ..., delta^11: the manifold of slow motion."""
+        """Coefficients (n, 6) of the static q_k(delta) in delta, delta^3, ..., delta^11: where slow motion runs."""
         deflections = np.linspace(0.05, 1.3, 26)
         powers = deflections[:, None] ** np.arange(1, 12, 2)
         return np.linalg.lstsq(powers, static_shapes(self._weights, deflections).T, rcond=None)[0].T

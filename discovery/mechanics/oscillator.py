@@ -16,7 +16,7 @@ _Q, _QD = sp.symbols("q_1 qd_1", real=True)
 
 
 class Oscillator(Base):
-    r"""One coordinate q with unit inertia: q'' = g u(t) + effects, where u is the recorded input (zero in a free decay)."""
+    r"""One coordinate q with unit inertia: q'' = g u(t) + effects, with the recorded input u (none in a free decay)."""
 
     name = "oscillator"
     system = OSCILLATOR
@@ -38,7 +38,9 @@ class Oscillator(Base):
             radius=sp.Integer(1),
             elastic=_Q**2 / 2,
         )
-        return Mechanics(bare.coordinates, bare.rates, (), bare.channels, bare.mass, (bare.force[0] + self.g * s.u,), bare.bending)
+        return Mechanics(
+            bare.coordinates, bare.rates, (), bare.channels, bare.mass, (bare.force[0] + self.g * s.u,), bare.bending
+        )
 
     def reading(self, closure):
         """Return the coordinate."""

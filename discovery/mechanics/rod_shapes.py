@@ -33,7 +33,7 @@ def polynomials(at: FloatArray) -> FloatArray:
 
 
 def quadrature(nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return Gauss-Legendre nodes and weights on [0, 1], and the matrix (nodes + 1, nodes) that integrates from 0 to each node and to 1."""
+    """Return Gauss-Legendre nodes and weights on [0, 1], and the matrix that integrates from 0 to each and to 1."""
     x, w = np.polynomial.legendre.leggauss(nodes)
     # Interpolate by Legendre polynomials; the integral of P_k from -1 is (P_{k+1} - P_{k-1}) / (2k + 1).
     vandermonde = np.polynomial.legendre.legvander(x, nodes - 1)
@@ -62,7 +62,7 @@ def mass_matrix(weights: FloatArray, mu: float) -> FloatArray:
 
 
 def static_shapes(weights: FloatArray, deflections: FloatArray) -> FloatArray:
-    """Return the static q, shape (n, m), whose tip shows polar angles `deflections` (m,) under a force across the radius.
+    """Return the static q, shape (n, m), with tip angles `deflections` (m,) under a force across the radius.
 
     Newton's method on energy balance and angle, continued along increasing deflection.
     """
@@ -82,7 +82,9 @@ def static_shapes(weights: FloatArray, deflections: FloatArray) -> FloatArray:
             hx, hy = -(phi * (w * cosine)) @ phi.T, -(phi * (w * sine)) @ phi.T
             turn = (np.outer(jy, jx) - np.outer(jx, jy) + x * hy - y * hx) / rho
             turn -= np.outer(direction, x * jx + y * jy) / rho**2
-            tangent = np.block([[bending - force * turn, -direction[:, None]], [(direction / rho)[None], np.zeros((1, 1))]])
+            tangent = np.block(
+                [[bending - force * turn, -direction[:, None]], [(direction / rho)[None], np.zeros((1, 1))]]
+            )
             step = np.linalg.solve(tangent, -np.append(bending @ q - force * direction, np.arctan2(y, x) - target))
             q, force = q + step[:-1], force + step[-1]
             if np.abs(step).max() < 1e-13:

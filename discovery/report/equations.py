@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from discovery.mechanics import get_base
+from discovery.prediction import DYNAMIC_REDUCTION
 from discovery.registry import get_effect
 from discovery.report.mathml import expression, number, row, symbol, total
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from discovery.effect import Effect
     from discovery.mechanics.base import Mechanics
 
-__all__ = ["Formula", "effect_formula", "model_formulas"]
+__all__ = ["Formula", "discovered_equation", "effect_formula", "model_formulas"]
 
 #: Letters of the energies, and of the power of a load or a memory.
 _LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
@@ -84,16 +85,6 @@ def effect_formula(effect: Effect, system: str) -> str:
     return _equal(symbol("q_read"), expression(effect.oscillator_reading(true_output), name))  # type: ignore[attr-defined]
 
 
-def _in_words(value: sp.Expr, mechanics: Mechanics) -> sp.Expr:
-    """Return an expression of a base's own coordinate in the symbols of effects."""
-    from discovery import symbols as s
-
-    q, qd = mechanics.coordinates[0], mechanics.rates[0]
-    return value.subs({q: s.delta + s.theta_m, qd: s.delta_dot + s.omega_m}).expand().subs(
-        {s.delta + s.theta_m: s.theta, s.delta_dot + s.omega_m: s.omega}
-    )
-
-
 def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
     """Return what an effect adds to the left-hand side of an equation of one coordinate."""
     import sympy as sp
@@ -142,67 +133,65 @@ def _scalar_equation(model: Mapping, system: str) -> str:
     for effect_id in model["effects"]:
         effect = get_effect(effect_id)
         if effect.kind in _LETTERS:
-            body = expression(_rounded(_push(effect, mechanics)), name)
-            if effect_id == "linear_stiffness" and system == "flexible_arm":
-                body = row(symbol("alpha"), '<mspace width="0.12em"/>', symbol("delta"))
-            parts.append(_signed(body))
+            pushes = _rounded(_push(effect, mechanics)).as_ordered_terms()
+            parts += [_signed(expression(push, name)) for push in pushes if push != 0]
     right = "<mn>0</mn>" if system == "flexible_arm" else row(symbol("g"), '<mspace width="0.12em"/>', symbol("u"))
     return _equal(row(*parts), right)
 
 
 def _signed(body: str) -> str:
     """Return a term of a sum with its sign in front."""
-    minus = "<mrow><mo>-</mo>"
-    return row("<mo>−</mo>", "<mrow>", body.removeprefix(minus)) if body.startswith(minus) else row("<mo>+</mo>", body)
+    minus = "<mrow><mo>−</mo>"
+    return f"<mo>−</mo><mrow>{body.removeprefix(minus)}" if body.startswith(minus) else f"<mo>+</mo>{body}"
+
+
+def _power(base: str, exponent: int) -> str:
+    return f"<msup>{base}<mn>{exponent}</mn></msup>"
 
 
 def _exact_arm() -> list[Formula]:
-    shape = row(
-        symbol("theta"), "<mo>(</mo>", symbol("s"), "<mo>,</mo>", symbol("t"), "<mo>)</mo>", "<mo>=</mo>",
-        symbol("theta_m"), "<mo>(</mo>", symbol("t"), "<mo>)</mo>", "<mo>+</mo>",
-        row("<munder><mo>∑</mo><mi>k</mi></munder>", symbol("q_k"), "<mo>(</mo>", symbol("t"), "<mo>)</mo>",
-            '<mspace width="0.12em"/>', symbol("phi_k"), "<mo>(</mo>", symbol("s"), "<mo>)</mo>"),
-    )  # fmt: skip
+    def at(*names: str) -> str:
+        return row("<mo>(</mo>", "<mo>,</mo>".join(symbol(n) for n in names), "<mo>)</mo>")
 
     def partial(letter: str, dots: int) -> str:
         return f"<mfrac>{row('<mo>∂</mo>', symbol(letter))}{row('<mo>∂</mo>', symbol('q_k', dots))}</mfrac>"
 
+    modes = row("<munder><mo>∑</mo><mi>k</mi></munder>", symbol("q_k"), at("t"), symbol("phi_k"), at("s"))
+    shape = _equal(row(symbol("theta"), at("s", "t")), row(symbol("theta_m"), at("t"), "<mo>+</mo>", modes))
     lagrange = row(
         f"<mfrac><mi>d</mi>{row('<mi>d</mi>', symbol('t'))}</mfrac>", partial("T", 1), "<mo>−</mo>", partial("T", 0),
         "<mo>+</mo>", partial("V", 0), "<mo>+</mo>", partial("D", 1), "<mo>=</mo>", symbol("Q_k"),
     )  # fmt: skip
-    energy = _equal(
-        row(symbol("alpha"), symbol("U")),
-        row(
-            "<mfrac><mn>1</mn><mn>2</mn></mfrac>",
-            f"<mfrac>{symbol('alpha')}<mn>3</mn></mfrac>",
-            "<msubsup><mo>∫</mo><mn>0</mn><mi>l</mi></msubsup>",
-            f"<msup>{row('<mo>(</mo>', row('<mo>∂</mo>', symbol('theta')), '<mo>/</mo>', row('<mo>∂</mo>', symbol('s')), '<mo>)</mo>')}<mn>2</mn></msup>",
-            '<mspace width="0.12em"/><mi>d</mi>',
-            symbol("s"),
-            '<mspace width="0.4em"/><mtext>(s in lengths of the arm)</mtext>',
-        ),
+    curvature = f"<mfrac>{row('<mo>∂</mo>', symbol('theta'))}{row('<mo>∂</mo>', symbol('s'))}</mfrac>"
+    energy = row(
+        "<mfrac><mn>1</mn><mn>6</mn></mfrac>",
+        "<msubsup><mo>∫</mo><mn>0</mn><mn>1</mn></msubsup>",
+        _power(row("<mo>(</mo>", curvature, "<mo>)</mo>"), 2),
+        "<mi>d</mi>",
+        symbol("s"),
     )
     return [
         Formula("Shape of the rod, inextensible, in a few curvature modes", shape),
-        Formula("Lagrange’s equations, with the kinetic energy T of the rod and of the tip", lagrange),
-        Formula("Bending energy per unit of inertia", energy.replace("<mi>l</mi></msubsup>", "<mn>1</mn></msubsup>")),
+        Formula("Lagrange’s equations, T the kinetic energy of the rod and of the tip", lagrange),
+        Formula("Elastic energy of the rod per unit of stiffness, s in lengths of the arm", _equal(symbol("U"), energy)),
     ]
 
 
 def _reduced_arm() -> list[Formula]:
-    rate = row("<msup>", symbol("theta_t", 1), "<mn>2</mn></msup>")
+    c = DYNAMIC_REDUCTION
+    delta, delta_dot, theta_dot, motor = symbol("delta"), symbol("delta", 1), symbol("theta_t", 1), symbol("theta_m", 2)
+    spring = total([("", delta), (f"{float(c.beta):.3g}", _power(delta, 3))])
     terms = [
         ("", symbol("theta_t", 2)),
-        ("0.2", row(symbol("delta"), rate)),
-        ("−0.4", row(symbol("delta"), symbol("delta", 1), symbol("theta_t", 1))),
-        ("0.04", row(symbol("delta"), "<msup>", symbol("delta", 1), "<mn>2</mn></msup>")),
-        ("−0.04", row("<msup>", symbol("delta"), "<mn>2</mn></msup>", symbol("theta_m", 2))),
-        ("", row(symbol("A"), symbol("theta_m", 2))),
-        ("", row(symbol("alpha"), "<mo>(</mo>", total([("", symbol("delta")), ("0.122", row("<msup>", symbol("delta"), "<mn>3</mn></msup>"))]), "<mo>)</mo>")),
-    ]  # fmt: skip
+        (f"{float(c.c1):g}", row(delta, _power(theta_dot, 2))),
+        (f"−{-float(c.c2):g}", row(delta, delta_dot, theta_dot)),
+        (f"{float(c.c3):g}", row(delta, _power(delta_dot, 2))),
+        (f"−{float(c.c_m):g}", row(_power(delta, 2), motor)),
+        ("", row(symbol("A"), motor)),
+        ("", row(symbol("alpha"), "<mo>(</mo>", spring, "<mo>)</mo>")),
+    ]
     words = "Mass on the elastica’s radius law, to third order, without a free parameter; effects add"
-    return [Formula(words, row(total(terms), "<mo>+</mo><mo>…</mo><mo>=</mo><mn>0</mn>"))]
+    return [Formula(words, _equal(row(total(terms), "<mo>+</mo><mo>…</mo>"), number("0")))]
 
 
 def model_formulas(model: Mapping, system: str) -> list[Formula]:

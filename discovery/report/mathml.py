@@ -162,28 +162,64 @@ def formula(text: str) -> str:
 
 @cache
 def _printer(coordinate: str):
+    from xml.dom.minidom import parseString
+
+    import sympy as sp
     from sympy.printing.mathml import MathMLPresentationPrinter
+    from sympy.printing.precedence import precedence
 
+    oscillator = coordinate == "q"
     states = {
-        "theta": (coordinate, 0), "omega": (coordinate, 1), "theta_m": ("theta_m", 0), "omega_m": ("theta_m", 1),
-        "alpha_m": ("theta_m", 2), "delta_dot": ("delta", 1), "v2": ("v^2", 0), "w2": ("w^2", 0), "length": ("l", 0),
-        "x_g": ("x_g", 0), "y_g": ("y_g", 0), "tip_x": ("x_t", 0), "tip_y": ("y_t", 0),
+        "theta": (coordinate, 0), "omega": (coordinate, 1), "q": ("q", 0), "theta_m": ("theta_m", 0),
+        "omega_m": ("theta_m", 1), "alpha_m": ("theta_m", 2), "delta": ("q" if oscillator else "delta", 0),
+        "delta_dot": ("q" if oscillator else "delta", 1), "bend": ("b", 0), "bend_dot": ("b", 1), "w2": ("w^2", 0),
+        "tip_speed": ("q" if oscillator else "v_t", int(oscillator)), "x": ("x_t", 0), "y": ("y_t", 0), "x_g": ("x_g", 0), "y_g": ("y_g", 0), "v_x": ("x_t", 1),
+        "v_y": ("y_t", 1), "tip_x": ("x_t", 0), "tip_y": ("y_t", 0), "U": ("U", 0), "rho": ("rho", 0), "t": ("t", 0),
+        "u": ("u", 0),
     }  # fmt: skip
-
     class Printer(MathMLPresentationPrinter):
-        """Sympy's printer with the symbols of `discovery.symbols`."""
+        """Sympy's printer with the symbols of `discovery.symbols`, constants before states."""
 
-        def _print_Symbol(self, sym, style="plain"):  # noqa: N802 (sympy's name)
-            from xml.dom.minidom import parseString
-
-            name, dots = states.get(sym.name, (_latex(sym.name), 0))
-            if name.endswith("^2"):
-                text = f"<msup>{symbol(name[:-2] + '_t')}<mn>2</mn></msup>" if name == "v^2" else f"<msup>{symbol(name[:-2])}<mn>2</mn></msup>"
-            else:
-                text = symbol(name, dots)
+        def _node(self, text: str):
             return self.dom.importNode(parseString(text).documentElement, deep=True)
 
-    return Printer({"fold_short_frac": False, "mul_symbol": None})
+        def _print_Symbol(self, sym, style="plain"):
+            name, dots = states.get(sym.name, (_latex(sym.name), 0))
+            plain = symbol(name.removesuffix("^2"), dots)
+            return self._node(f"<msup>{plain}<mn>2</mn></msup>" if name.endswith("^2") else plain)
+
+        def _print_Mul(self, expr):
+            number, _ = expr.as_coeff_Mul()
+            top, bottom = sp.fraction(abs(number) * expr / number if number else expr)
+            fraction = bottom != 1
+            body = self._node("<mfrac/>" if fraction else "<mrow/>")
+            if fraction:
+                body.appendChild(self._product(top))
+                body.appendChild(self._product(bottom))
+            else:
+                body = self._product(top)
+            if number >= 0:
+                return body
+            signed = self._node("<mrow><mo>−</mo></mrow>")
+            signed.appendChild(body)
+            return signed
+
+        def _product(self, expr):
+            def place(factor):
+                moving = {x.name for x in factor.free_symbols} & states.keys()
+                return (not factor.is_number, bool(factor.atoms(sp.Function, sp.Add)), bool(moving), str(factor))
+
+            factors = sorted(sp.Mul.make_args(expr), key=place)
+            if len(factors) == 1:
+                return self._print(factors[0])
+            out = self._node("<mrow/>")
+            for i, factor in enumerate(factors):
+                if i:
+                    out.appendChild(self._node('<mspace width="0.12em"/>'))
+                out.appendChild(self.parenthesize(factor, precedence(expr), strict=False))
+            return out
+
+    return Printer()
 
 
 @cache
@@ -196,7 +232,7 @@ def _declared() -> dict[str, str]:
 
 
 def _latex(name: str) -> str:
-    return _declared().get(name, name)
+    return "l" if name == "length" else _declared().get(name, name)
 
 
 def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
@@ -211,5 +247,8 @@ def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
     """
     import sympy as sp
 
-    printer = _printer(coordinate)
-    return printer._print(sp.sympify(value)).toxml()
+    from discovery.symbols import v2
+
+    # The speed itself, so that its square root and its powers look as one writes them.
+    shown = sp.sympify(value).subs(v2, sp.Symbol("tip_speed", positive=True) ** 2)
+    return _printer(coordinate)._print(shown).toxml()

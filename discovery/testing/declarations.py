@@ -43,6 +43,8 @@ _SYMBOL_UNITS = {
         s.v2: "q^2 s^-2",
         s.w2: "q^2 s^-2",
         s.U: "q^2",
+        s.bend: "q",
+        s.bend_dot: "q s^-1",
     },
     **{s.rho: "1", s.theta_m: "q", s.omega_m: "q s^-1", s.alpha_m: "q s^-2", s.alpha: "s^-2", s.length: "m", s.u: "q"},
 }

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
+from discovery import symbols as s
 from discovery.compile import numpy_derivative
+from discovery.effect import Effect, Memory
 from discovery.mechanics import get_base
 from discovery.program import Program
 from discovery.testing.states import Sample, whole
 
-if TYPE_CHECKING:
-    import sympy as sp
-
-__all__ = ["Bare", "accelerations", "at_rest", "bare_base", "evaluator", "slopes_of"]
+__all__ = ["Bare", "accelerations", "at_rest", "bare_base", "energy", "evaluator", "memory_states", "slopes_of"]
 
 FloatArray = NDArray[np.float64]
 #: Slopes (n, k) at a time, for recorded input (3, k), state (n, k) and parameters (p, k).
@@ -69,8 +69,6 @@ def _order(expression: sp.Expr) -> list[sp.Symbol]:
 
 @lru_cache(maxsize=256)
 def _function(expression: sp.Expr) -> Callable[..., FloatArray]:
-    import sympy as sp
-
     return sp.lambdify(_order(expression), expression, "numpy")
 
 
@@ -102,6 +100,29 @@ def bare_base(base_name: str, sample: Sample) -> Bare:
         known.update(zip(labels, values, strict=False))
     mass, rest = rows[len(names) :][: n * n], rows[len(names) + n * n :]
     return Bare(known, mass.reshape(n, n, -1), rest[:n], rest[n:])
+
+
+def memory_states(effect: Memory, base_name: str) -> dict[sp.Symbol, sp.Expr]:
+    """Return the states of a memory effect on a base with their slopes, one set for each component of the bending."""
+    slopes = {}
+    for k, here in enumerate(_components(effect, base_name)):
+        slopes.update({sp.Symbol(f"{z.name}_{k}", real=True): slope.subs(here) for z, slope in effect.states().items()})
+    return slopes
+
+
+def energy(effect: Effect, base_name: str) -> sp.Expr:
+    """Return the energy or power of an effect on a base, in channels and states."""
+    expression = effect.expression()  # type: ignore[attr-defined]
+    if not isinstance(effect, Memory):
+        return expression
+    return sp.Add(*[expression.subs(here) for here in _components(effect, base_name)])
+
+
+def _components(effect: Memory, base_name: str) -> list[dict[sp.Symbol, sp.Expr]]:
+    return [
+        {s.bend: value, s.bend_dot: rate, **{z: sp.Symbol(f"{z.name}_{k}", real=True) for z in effect.states()}}
+        for k, (value, rate, _) in enumerate(get_base(base_name).mechanics().bending)
+    ]
 
 
 def at_rest(program: Program, values: Mapping[sp.Symbol, Any]) -> tuple[Any, ...]:

@@ -13,11 +13,12 @@ from scipy.interpolate import BPoly
 from discovery import symbols as s
 from discovery.compile import compile_kernel
 from discovery.drive import Drive
+from discovery.effect import Memory
 from discovery.mechanics import get_base
 from discovery.program import RECORDED
 from discovery.registry import get_effect
 from discovery.simulate import Grid
-from discovery.testing.equations import accelerations, bare_base, evaluator, slopes_of
+from discovery.testing.equations import accelerations, bare_base, energy, evaluator, memory_states, slopes_of
 from discovery.testing.states import Sample, derivative, every_effect, sample_states, whole, without
 
 __all__ = ["MechanicsContract"]
@@ -100,10 +101,14 @@ class MechanicsContract:
         if instance.kind in ("closure", "sensor", "drive"):
             np.testing.assert_allclose(added, 0.0, atol=1e-12 * np.abs(mass).max())
             return
-        energy = instance.expression()  # type: ignore[attr-defined]
+        if isinstance(instance, Memory):
+            bare, slopes, states = bare_base(base, sample), slopes_of(base, sample), whole(base).states
+            for state, slope in memory_states(instance, base).items():
+                np.testing.assert_allclose(slopes[states.index(state)], bare.of(slope), rtol=1e-12, atol=1e-14)
+        stored = energy(instance, base)
 
         def push(row: int, at: Sample) -> FloatArray:
-            return derivative(lambda by: bare_base(base, at.moved(row, by)).of(energy))
+            return derivative(lambda by: bare_base(base, at.moved(row, by)).of(stored))
 
         def momentum_rate(i: int) -> FloatArray:
             return derivative(lambda tau: push(n + i, sample.along(tau, acceleration, n)))
@@ -142,7 +147,7 @@ class MechanicsContract:
         acceleration = accelerations(base, sample)
         stored = s.alpha * s.U
         if instance.kind in ("kinetic", "potential") and effect != "linear_stiffness":
-            stored += instance.expression()  # type: ignore[attr-defined]
+            stored += energy(instance, base)
 
         def total(tau: float) -> FloatArray:
             at = sample.along(tau, acceleration, n)
@@ -155,7 +160,7 @@ class MechanicsContract:
             assert (gained < scale).all(), f"{effect} adds energy"
             assert gained.min() < -1e3 * scale, f"{effect} loses no energy"
         elif instance.kind in ("load", "memory"):
-            power = bare_base(base, sample).of(instance.expression())  # type: ignore[attr-defined]
+            power = bare_base(base, sample).of(energy(instance, base))
             np.testing.assert_allclose(gained, power, rtol=1e-7, atol=scale)
         else:
             np.testing.assert_allclose(gained, 0.0, atol=scale)

@@ -1,0 +1,450 @@
+"""What a periodic multisine says by itself: noise level, even and odd nonlinear distortion, before any model.
+
+A linear system in steady state answers a multisine at the excited lines only. Of an odd multisine, which excites odd
+multiples of 1 / period, even powers of a nonlinearity fall on even lines and odd powers on odd lines: on those left
+free, and on the excited ones, where they change with the random phases from realisation to realisation. What does not
+repeat from period to period is noise. What the measured input holds at lines that it should not is taken off through
+the frequency response, interpolated between the excited lines.
+
+References
+----------
+R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., Wiley (2012), chapter 4.
+J. Schoukens, R. Pintelon, T. Dobrowiecki, Y. Rolain, Automatica 41 (2005) 491 (odd multisines, robust method).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import find_peaks
+from scipy.signal.windows import hann
+from scipy.stats import f as f_distribution
+
+if TYPE_CHECKING:
+    from discovery.recording import Recording
+
+__all__ = ["Distortion", "Multisine", "analyse_multisine"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Noise = tuple[FloatArray, int, str]
+
+MISMATCH = 0.01  # of the input's power, between a stretch and its repetition
+MIN_LINES = 8  # within 20 dB of the strongest line; a swinging or stepping drive has fewer
+EXCITED = 0.01  # power of an excited line relative to the strongest
+SIGNIFICANCE = 1e-3
+MARGIN_DB = 1.0  # closer to the noise than this, its interpolation in frequency decides: no verdict "yes"
+
+
+class _Periods(NamedTuple):
+    period: int
+    stretches: list[tuple[int, int]]
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Nonlinear distortion of one parity within the excited band.
+
+    Attributes
+    ----------
+    parity : str
+        ``"odd"``, ``"even"``, or ``"odd or even"`` if the multisine excites both kinds of lines.
+    basis : str
+        ``"unexcited lines"``, or ``"spread over realisations"``: of the excited lines, around the mean response. The
+        second sees what changes with the phases; the rest of the distortion looks like a change of that response.
+    lines : int
+        Number of lines used.
+    level, noise : float
+        Rms of the distortion (noise taken off) and of the noise on these lines, in the output's unit.
+    ratio_db : float
+        Power on these lines, noise included, over that of the noise [dB]; NaN if the noise is not known.
+    limit_db : float
+        Ratio that noise alone exceeds with a probability of 0.001 (F distribution), at least 1 dB.
+    peak : float
+        Frequency around which the power is largest [Hz].
+    detected : bool or None
+        Whether the ratio exceeds the limit; None if that cannot be judged.
+    """
+
+    parity: Literal["odd", "even", "odd or even"]
+    basis: Literal["unexcited lines", "spread over realisations"]
+    lines: int
+    level: float
+    noise: float
+    ratio_db: float
+    limit_db: float
+    peak: float
+    detected: bool | None
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """Spectrum of a recording under a periodic multisine, line by line.
+
+    Levels are rms values of the sine at a line, of one averaged period, in the signal's unit.
+
+    Attributes
+    ----------
+    period : int
+        Samples.
+    rate : float
+        Sampling rate [Hz].
+    periods : tuple of tuple of int
+        First sample of every whole period that was used, by realisation.
+    kind : str
+        ``"odd"`` or ``"full"``.
+    settling : float
+        Time after the start of a realisation until its periods repeat [s].
+    steady : bool
+        Whether every period used lies behind it; NaN verdicts otherwise, as transients reach every line.
+    frequency : ndarray, shape (n,)
+        Of every line k / period, k = 1, 2, ... [Hz].
+    line_class : ndarray of str, shape (n,)
+        ``"excited"``, ``"odd"`` and ``"even"`` (unexcited, in the band), ``"outside"`` or ``"interference"`` (near a
+        tone of the input that is no line of the period, such as mains hum; used for nothing).
+    input, output : ndarray, shape (n,)
+        Levels; the output in the band without the part that unwanted input causes.
+    spread : ndarray, shape (n,)
+        Level of the variation over realisations at excited lines, NaN elsewhere and for a single realisation.
+    noise : ndarray, shape (n,)
+        Level of the noise; NaN if it is not known.
+    noise_rms : float
+        Standard deviation of the output's noise over all frequencies, of single samples.
+    noise_source : str
+        How it was found.
+    interference : tuple of float
+        Frequencies of the tones [Hz].
+    distortions : tuple of Distortion
+    unit : str
+        Of the output.
+    """
+
+    period: int
+    rate: float
+    periods: tuple[tuple[int, ...], ...]
+    kind: Literal["odd", "full"]
+    settling: float
+    steady: bool
+    frequency: FloatArray
+    line_class: NDArray[np.str_]
+    input: FloatArray
+    output: FloatArray
+    spread: FloatArray
+    noise: FloatArray
+    noise_rms: float
+    noise_source: str
+    interference: tuple[float, ...]
+    distortions: tuple[Distortion, ...]
+    unit: str
+
+    def verdict(self) -> tuple[str, ...]:
+        """Say in one sentence each what the noise is and whether there is distortion, of which parity."""
+        noise = f"noise: {self.noise_rms:.3g} {self.unit} rms ({self.noise_source})"
+        return (noise, *(self._sentence(distortion) for distortion in self.distortions))
+
+    def _sentence(self, found: Distortion) -> str:
+        if found.detected is None:
+            why = "the noise is not known" if self.steady else "the periods were not seen to settle"
+            return f"{found.parity} nonlinearity: cannot be judged, {why}"
+        where = f"{found.basis}, {found.lines} lines"
+        if not found.detected:
+            limit = f"the limit is {found.limit_db:.1f} dB"
+            return f"{found.parity} nonlinearity: no, {found.ratio_db:.1f} dB above the noise; {limit} ({where})"
+        return (
+            f"{found.parity} nonlinearity: yes, {found.ratio_db:.1f} dB above the noise, {found.level:.3g} {self.unit} "
+            f"rms, most near {found.peak:.3g} Hz ({where}): {found.parity} powers are suggested"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the numbers of the analysis without its arrays, ready for JSON."""
+        excited = self.frequency[self.line_class == "excited"]
+        return {
+            "kind": self.kind,
+            "period_samples": self.period,
+            "period_s": self.period / self.rate,
+            "realisations": len(self.periods),
+            "periods": [len(starts) for starts in self.periods],
+            "excited_lines": int(excited.size),
+            "band_hz": [float(excited[0]), float(excited[-1])],
+            "settling_s": self.settling,
+            "steady": self.steady,
+            "unit": self.unit,
+            "noise_rms": self.noise_rms,
+            "noise_source": self.noise_source,
+            "interference_hz": list(self.interference),
+            "distortions": [asdict(distortion) for distortion in self.distortions],
+            "verdict": list(self.verdict()),
+        }
+
+
+def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | None:
+    """Find the periods of a multisine in the input and read noise and distortion off the output's lines.
+
+    Realisations with different phases may follow one another, with or without pauses; the period is found on the
+    input, as the lag at which stretches of it come again (or come again with the opposite sign, at half the period of
+    an odd multisine). It must be a whole number of samples.
+
+    Parameters
+    ----------
+    recording : Recording
+        Uniformly sampled; periods with gaps are left out.
+    channel : int
+        Column of the output.
+
+    Returns
+    -------
+    Multisine or None
+        None if the input is missing, irregularly sampled, or no multisine: nothing in it comes again, or fewer than
+        eight lines carry it.
+    """
+    step = np.diff(recording.time)
+    if recording.input is None or step.size < 64 or np.ptp(step) > 1e-3 * step.mean():
+        return None
+    u, y = recording.input - recording.input.mean(), recording.output[:, channel]
+    found = _find_periods(u)
+    if found is None:
+        return None
+    period, rate = found.period, float(1.0 / step.mean())
+    settled, settling = _settling(y, found)
+    windows, steady = _windows(u, y, found, settling)
+    if not windows:
+        return None
+    lines = np.arange(1, (period + 1) // 2)
+    U, Y = (
+        np.array([np.mean([rfft(x[s : s + period])[lines] / period for s in starts], 0) for starts in windows])
+        for x in (u, y)
+    )
+    power = _power(U)
+    kinds = _classify(power)
+    excited = kinds == "excited"
+    if excited.sum() < MIN_LINES:
+        return None
+    position = np.flatnonzero(excited)
+    ratio = np.mean(Y[:, excited] / U[:, excited], axis=0)
+    inside = slice(position[0], position[-1] + 1)
+    response = np.zeros(lines.size, complex)
+    response[inside] = np.interp(lines[inside], lines[position], ratio)
+    error = Y - response * U
+    realisations = len(windows)
+    spread = np.full(lines.size, np.nan)
+    if realisations > 1:
+        spread[excited] = realisations / (realisations - 1) * _power(error[:, excited])
+    output = np.where(excited, _power(Y), _power(error))
+    density, samples, source = _noise(u, y, found, settling if settled else None, response, kinds, _power(Y))
+    noise = density * float(np.mean([1.0 / len(starts) for starts in windows]))
+    frequency = lines * rate / period
+    odd_only = bool(np.mean(lines[excited] % 2) == 1.0)
+    tests: list[tuple[Any, Any, NDArray[np.bool_], FloatArray, int]] = []
+    by_spread = ("spread over realisations", excited, spread, realisations - 1)
+    if np.sum(kinds == "odd") >= MIN_LINES:
+        tests.append(("odd", "unexcited lines", kinds == "odd", output, realisations))
+    elif realisations > 1:
+        tests.append(("odd" if odd_only else "odd or even", *by_spread))
+    if np.sum(kinds == "even") >= MIN_LINES:
+        tests.append(("even", "unexcited lines", kinds == "even", output, realisations))
+    steady = steady and settled
+    return Multisine(
+        period=period,
+        rate=rate,
+        periods=windows,
+        kind="odd" if odd_only else "full",
+        settling=settling / rate,
+        steady=steady,
+        frequency=frequency,
+        line_class=kinds,
+        input=np.sqrt(2.0 * power),
+        output=np.sqrt(2.0 * output),
+        spread=np.sqrt(2.0 * spread),
+        noise=np.sqrt(2.0 * noise),
+        noise_rms=float(np.sqrt(2.0 * np.sum(density))),
+        noise_source=source,
+        interference=_tones(frequency, power, kinds),
+        distortions=tuple(
+            _judge(parity, basis, frequency[use], values[use], noise[use], copies, samples * len(response[inside]) / lines.size, steady)
+            for parity, basis, use, values, copies in tests
+        ),
+        unit=recording.units[channel],
+    )
+
+
+def _find_periods(u: FloatArray) -> _Periods | None:
+    """Period and stretches of the input: the lag, with its sign, at which most of its power comes again."""
+    n = u.size
+    spectrum = rfft(u, next_fast_len(2 * n))
+    likeness = irfft(np.abs(spectrum) ** 2, next_fast_len(2 * n))[:n]
+    best: tuple[float, int, list[tuple[int, int]]] = (0.0, 0, [])
+    for sign in (1, -1):
+        peaks, _ = find_peaks(sign * likeness, height=0.01 * likeness[0])
+        peaks = peaks[(peaks >= 16) & (peaks < n - 16)]
+        for lag in peaks[np.argsort(-sign * likeness[peaks], kind="stable")][:32]:
+            # An odd multisine repeats half a period later with the opposite sign.
+            period = int(lag) if sign > 0 else 2 * int(lag)
+            stretches = _repeating(u, int(lag), sign)
+            again = sum((stop - start - lag) * float(np.var(u[start:stop])) for start, stop in stretches)
+            usable = [stretch for stretch in stretches if stretch[1] - stretch[0] >= period]
+            if usable and again > best[0]:
+                best = (again, period, usable)
+    return _Periods(best[1], best[2]) if best[2] else None
+
+
+def _repeating(u: FloatArray, lag: int, sign: int) -> list[tuple[int, int]]:
+    """Stretches [start, stop) in which every sample equals ``sign`` times the one a lag away, within `MISMATCH`."""
+    width = max(16, lag // 64)
+    square = np.concatenate([[0.0], np.cumsum((u[lag:] - sign * u[:-lag]) ** 2)])
+    same = square[width:] - square[:-width] < MISMATCH * 2.0 * width * float(np.var(u))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]])))
+    # The last window may already hold a few samples of what comes next.
+    runs = [(int(a), int(b) - 1 + width - width // 4) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(a, b + lag) for a, b in runs if b - a >= 2 * width]
+
+
+def _changes(x: FloatArray, found: _Periods, skip: int) -> list[FloatArray]:
+    """Differences between samples one period apart, of each stretch that is long enough, after the first ``skip``."""
+    spare = [stop - start - found.period for start, stop in found.stretches]
+    long = max(32, max(spare) // 2)
+    return [
+        x[start + found.period + skip : stop] - x[start + skip : stop - found.period]
+        for (start, stop), length in zip(found.stretches, spare, strict=True)
+        if length >= long
+    ]
+
+
+def _settling(y: FloatArray, found: _Periods) -> tuple[bool, int]:
+    """Whether the periods of the output were seen to become equal, and the samples that this takes."""
+    changes = _changes(y, found, 0)
+    if not changes:
+        return False, 0
+    length = min(change.size for change in changes)
+    block = max(16, length // 12)
+    blocks = np.array([change[: length // block * block].reshape(-1, block) for change in changes])
+    power = np.nanmean(np.where(np.isfinite(blocks).any(axis=(0, 2), keepdims=True), blocks, 0.0) ** 2, axis=(0, 2))
+    late = np.flatnonzero(power > 4.0 * np.median(power[2 * power.size // 3 :]))
+    # Transients decay exponentially: half as long again leaves little of what was just above the noise.
+    settling = int(1.5 * (late[-1] + 1)) * block if late.size else 0
+    longest = 2 * length // 3
+    return settling <= longest, min(settling, longest)
+
+
+def _windows(u: FloatArray, y: FloatArray, found: _Periods, settling: int) -> tuple[tuple[tuple[int, ...], ...], bool]:
+    """First samples of the whole periods that end each stretch, and whether all of them lie behind the transient."""
+    period, steady, windows = found.period, True, []
+    for start, stop in found.stretches:
+        count = (stop - start - settling) // period
+        starts = [stop - (j + 1) * period for j in reversed(range(max(count, 1)))]
+        starts = [s for s in starts if np.isfinite(y[s : s + period]).all()]
+        if starts and np.var(u[starts[0] : starts[0] + period]) > 0.1 * np.var(u):
+            windows.append(tuple(starts))
+            steady = steady and count > 0
+    return tuple(windows), steady
+
+
+def _power(spectra: NDArray[np.complex128]) -> FloatArray:
+    """Mean over realisations of the squared magnitude of each line."""
+    return np.mean(np.abs(spectra) ** 2, axis=0)
+
+
+def _classify(power: FloatArray) -> NDArray[np.str_]:
+    """Class of each line (k = 1, 2, ...) from the power of the input."""
+    number = np.arange(1, power.size + 1)
+    excited = power > EXCITED * power.max()
+    if np.mean(number[excited] % 2) > 0.98:
+        # The few even lines of an odd multisine are tones such as mains hum.
+        excited &= number % 2 == 1
+    position = np.flatnonzero(excited)
+    inside = (number > number[position[0]]) & (number < number[position[-1]])
+    kinds = np.full(power.size, "interference")  # the longest name sets the width of the array
+    kinds[:] = np.where(excited, "excited", np.where(inside, np.where(number % 2 == 1, "odd", "even"), "outside"))
+    if not excited.all():
+        tone = ~excited & (power > max(100.0 * np.median(power[~excited]), 1e-5 * np.median(power[excited])))
+        kinds[np.convolve(tone, np.ones(5), "same") > 0] = "interference"
+    return kinds
+
+
+def _tones(frequency: FloatArray, power: FloatArray, kinds: NDArray[np.str_]) -> tuple[float, ...]:
+    """Frequencies [Hz] of the tones: of each group of lines left out, the one with the strongest even or free line."""
+    groups = np.split(np.flatnonzero(kinds == "interference"), _breaks(kinds))
+    return tuple(float(frequency[group[np.argmax(power[group])]]) for group in groups if group.size)
+
+
+def _breaks(kinds: NDArray[np.str_]) -> IntArray:
+    return np.flatnonzero(np.diff(np.flatnonzero(kinds == "interference")) > 2) + 1
+
+
+def _noise(
+    u: FloatArray,
+    y: FloatArray,
+    found: _Periods,
+    settling: int | None,
+    response: NDArray[np.complex128],
+    kinds: NDArray[np.str_],
+    power: FloatArray,
+) -> Noise:
+    """Noise power of one period at each line, the number of samples behind it, and in words where it comes from."""
+    number = np.arange(1, kinds.size + 1)
+    changes = (
+        [] if settling is None else list(zip(_changes(y, found, settling), _changes(u, found, settling), strict=True))
+    )
+    width = min((found.period, *(change.size for change, _ in changes)))
+    if changes and width >= 32:
+        window = hann(width, sym=False)
+        bins = np.arange(width // 2 + 1)
+        at_bins = np.interp(bins, number * width / found.period, response)
+        frames = [
+            (rfft(window * frame[0]) - at_bins * rfft(window * frame[1]))
+            for change in changes
+            for frame in zip(
+                *(np.lib.stride_tricks.sliding_window_view(x, width)[:: max(width // 2, 1)] for x in change),
+                strict=True,
+            )
+            if np.isfinite(frame[0]).all()
+        ]
+        if frames:
+            tones = number[kinds == "interference"] * width / found.period
+            clean = np.array([not np.any(np.abs(tones - k) < 2.0) for k in bins])
+            density = _power(np.array(frames)) / (2.0 * found.period * np.sum(window**2))
+            at_lines = np.interp(number * width / found.period, bins[clean], density[clean])
+            return at_lines, sum(change.size for change, _ in changes), "change from one period to the next"
+    outside = np.flatnonzero(kinds == "outside")
+    outside = outside[outside.size // 2 :]
+    if outside.size < 2 * MIN_LINES or number[outside[0]] < number[kinds == "excited"][-1]:
+        return np.full(kinds.size, np.nan), 0, "not known: no period is repeated and no line is free above the band"
+    # Odd or even products may reach these lines: the quieter parity counts.
+    level = min(float(np.mean(power[outside[number[outside] % 2 == parity]])) for parity in (0, 1))
+    return np.full(kinds.size, level), outside.size, "lines above the band, taken as white"
+
+
+def _judge(
+    parity: Literal["odd", "even", "odd or even"],
+    basis: Literal["unexcited lines", "spread over realisations"],
+    frequency: FloatArray,
+    power: FloatArray,
+    noise: FloatArray,
+    copies: int,
+    samples: float,
+    steady: bool,
+) -> Distortion:
+    """Compare the power on lines, each a mean over ``copies`` realisations, with that of the noise."""
+    width = max(3, frequency.size // 100)
+    peak = float(frequency[np.argmax(np.convolve(power, np.ones(width) / width, "same"))])
+    total, expected = float(2.0 * np.sum(power)), float(2.0 * np.sum(noise))
+    ratio_db = limit_db = float("nan")
+    if expected > 0.0:
+        # Lines at a resonance carry most of the noise, so fewer count.
+        counted = float(np.sum(noise) ** 2 / np.sum(noise**2))
+        limit = f_distribution.isf(SIGNIFICANCE, 2.0 * copies * counted, samples * counted / frequency.size)
+        ratio_db, limit_db = 10.0 * float(np.log10(total / expected)), max(10.0 * float(np.log10(limit)), MARGIN_DB)
+    return Distortion(
+        parity=parity,
+        basis=basis,
+        lines=int(frequency.size),
+        level=float(np.sqrt(max(total - expected, 0.0))),
+        noise=float(np.sqrt(expected)),
+        ratio_db=ratio_db,
+        limit_db=limit_db,
+        peak=peak,
+        detected=ratio_db > limit_db if steady and expected > 0.0 else None,
+    )
