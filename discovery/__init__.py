@@ -1,1 +1,121 @@
-"""Discover equations of motion, say how sure they are, and find the effect that a model lacks."""
+"""Discover equations of motion, say how sure they are, and find the effect that a model lacks.
+
+The public names below load what they need when they are first used, so ``import discovery`` stays light.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from discovery.dataset import Dataset as Dataset
+    from discovery.dataset import load_dataset as load_dataset
+    from discovery.draws import Posterior as Posterior
+    from discovery.effect import Effect as Effect
+    from discovery.errors import ComputationError as ComputationError
+    from discovery.errors import DiscoveryError as DiscoveryError
+    from discovery.errors import InputError as InputError
+    from discovery.errors import NotConverged as NotConverged
+    from discovery.errors import NotIdentifiable as NotIdentifiable
+    from discovery.errors import SimulationFailure as SimulationFailure
+    from discovery.fit import Fit as Fit
+    from discovery.fit import declared_model as declared_model
+    from discovery.fit import fit as fit_model
+    from discovery.loop import LoopResult as LoopResult
+    from discovery.loop import LoopSettings as LoopSettings
+    from discovery.loop import close_loop as close_loop
+    from discovery.model import Model as Model
+    from discovery.parameters import Parameter as Parameter
+    from discovery.pipeline import run as run
+    from discovery.posterior import sample as sample
+    from discovery.predict import predict as predict_motion
+    from discovery.prediction import predict as predict_elastica
+    from discovery.recording import Recording as Recording
+    from discovery.recording import read_recording as read_recording
+    from discovery.registry import catalogue as catalogue
+    from discovery.registry import get_effect as get_effect
+    from discovery.report import build_report as build_report
+    from discovery.rig import Rig as Rig
+    from discovery.rig import read_rig as read_rig
+    from discovery.stages import discover as discover
+
+# A public name never equals a module's, which would hide it once that module is imported: hence fit_model.
+_HOMES = {
+    "ComputationError": "discovery.errors:ComputationError",
+    "Dataset": "discovery.dataset:Dataset",
+    "DiscoveryError": "discovery.errors:DiscoveryError",
+    "Effect": "discovery.effect:Effect",
+    "Fit": "discovery.fit:Fit",
+    "InputError": "discovery.errors:InputError",
+    "LoopResult": "discovery.loop:LoopResult",
+    "LoopSettings": "discovery.loop:LoopSettings",
+    "Model": "discovery.model:Model",
+    "NotConverged": "discovery.errors:NotConverged",
+    "NotIdentifiable": "discovery.errors:NotIdentifiable",
+    "Parameter": "discovery.parameters:Parameter",
+    "Posterior": "discovery.draws:Posterior",
+    "Recording": "discovery.recording:Recording",
+    "Rig": "discovery.rig:Rig",
+    "SimulationFailure": "discovery.errors:SimulationFailure",
+    "build_report": "discovery.report:build_report",
+    "catalogue": "discovery.registry:catalogue",
+    "close_loop": "discovery.loop:close_loop",
+    "declared_model": "discovery.fit:declared_model",
+    "discover": "discovery.stages:discover",
+    "fit_model": "discovery.fit:fit",
+    "get_effect": "discovery.registry:get_effect",
+    "load_dataset": "discovery.dataset:load_dataset",
+    "predict_elastica": "discovery.prediction:predict",
+    "predict_motion": "discovery.predict:predict",
+    "read_recording": "discovery.recording:read_recording",
+    "read_rig": "discovery.rig:read_rig",
+    "run": "discovery.pipeline:run",
+    "sample": "discovery.posterior:sample",
+}
+
+__all__ = [
+    "ComputationError",
+    "Dataset",
+    "DiscoveryError",
+    "Effect",
+    "Fit",
+    "InputError",
+    "LoopResult",
+    "LoopSettings",
+    "Model",
+    "NotConverged",
+    "NotIdentifiable",
+    "Parameter",
+    "Posterior",
+    "Recording",
+    "Rig",
+    "SimulationFailure",
+    "build_report",
+    "catalogue",
+    "close_loop",
+    "declared_model",
+    "discover",
+    "fit_model",
+    "get_effect",
+    "load_dataset",
+    "predict_elastica",
+    "predict_motion",
+    "read_recording",
+    "read_rig",
+    "run",
+    "sample",
+]
+
+
+def __getattr__(name: str) -> Any:
+    try:
+        home, _, attribute = _HOMES[name].partition(":")
+    except KeyError:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+    value = globals()[name] = getattr(import_module(home), attribute)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -14,6 +14,7 @@ J. Schoukens, R. Pintelon, T. Dobrowiecki, Y. Rolain, Automatica 41 (2005) 491 (
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -31,11 +32,19 @@ __all__ = ["Distortion", "Multisine", "analyse_multisine"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Noise = tuple[FloatArray, int, str]
+
+_Parity = Literal["odd", "even", "odd or even"]
+_Basis = Literal["unexcited lines", "spread over realisations"]
+_BASIS: Mapping[str, _Basis] = {
+    "excited": "spread over realisations",
+    "odd": "unexcited lines",
+    "even": "unexcited lines",
+}
 
 MISMATCH = 0.01  # of the input's power, between a stretch and its repetition
 MIN_LINES = 8  # within 20 dB of the strongest line; a swinging or stepping drive has fewer
 EXCITED = 0.01  # power of an excited line relative to the strongest
+MAX_SCATTER = 0.3  # of the amplitudes over realisations; random phases change nothing, noise has 0.5
 SIGNIFICANCE = 1e-3
 MARGIN_DB = 1.0  # closer to the noise than this, its interpolation in frequency decides: no verdict "yes"
 
@@ -43,6 +52,12 @@ MARGIN_DB = 1.0  # closer to the noise than this, its interpolation in frequency
 class _Periods(NamedTuple):
     period: int
     stretches: list[tuple[int, int]]
+
+
+class _Noise(NamedTuple):
+    density: FloatArray
+    samples: int
+    source: str
 
 
 @dataclass(frozen=True)
@@ -70,8 +85,8 @@ class Distortion:
         Whether the ratio exceeds the limit; None if that cannot be judged.
     """
 
-    parity: Literal["odd", "even", "odd or even"]
-    basis: Literal["unexcited lines", "spread over realisations"]
+    parity: _Parity
+    basis: _Basis
     lines: int
     level: float
     noise: float
@@ -208,67 +223,49 @@ def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | Non
     found = _find_periods(u)
     if found is None:
         return None
-    period, rate = found.period, float(1.0 / step.mean())
     settled, settling = _settling(y, found)
-    windows, steady = _windows(u, y, found, settling)
-    if not windows:
+    periods, behind = _windows(u, y, found, settling)
+    lines = _lines(u, y, periods, found.period) if periods else None
+    if lines is None:
         return None
-    lines = np.arange(1, (period + 1) // 2)
-    U, Y = (
-        np.array([np.mean([rfft(x[s : s + period])[lines] / period for s in starts], 0) for starts in windows])
-        for x in (u, y)
-    )
-    power = _power(U)
-    kinds = _classify(power)
-    excited = kinds == "excited"
-    if excited.sum() < MIN_LINES:
-        return None
-    position = np.flatnonzero(excited)
-    ratio = np.mean(Y[:, excited] / U[:, excited], axis=0)
-    inside = slice(position[0], position[-1] + 1)
-    response = np.zeros(lines.size, complex)
-    response[inside] = np.interp(lines[inside], lines[position], ratio)
-    error = Y - response * U
-    realisations = len(windows)
-    spread = np.full(lines.size, np.nan)
-    if realisations > 1:
-        spread[excited] = realisations / (realisations - 1) * _power(error[:, excited])
-    output = np.where(excited, _power(Y), _power(error))
-    density, samples, source = _noise(u, y, found, settling if settled else None, response, kinds, _power(Y))
-    noise = density * float(np.mean([1.0 / len(starts) for starts in windows]))
-    frequency = lines * rate / period
-    odd_only = bool(np.mean(lines[excited] % 2) == 1.0)
-    tests: list[tuple[Any, Any, NDArray[np.bool_], FloatArray, int]] = []
-    by_spread = ("spread over realisations", excited, spread, realisations - 1)
-    if np.sum(kinds == "odd") >= MIN_LINES:
-        tests.append(("odd", "unexcited lines", kinds == "odd", output, realisations))
-    elif realisations > 1:
-        tests.append(("odd" if odd_only else "odd or even", *by_spread))
-    if np.sum(kinds == "even") >= MIN_LINES:
-        tests.append(("even", "unexcited lines", kinds == "even", output, realisations))
-    steady = steady and settled
+    steady = settled and behind
+    density, samples, source = _noise(u, y, found, settling if settled else None, lines)
+    noise = density * float(np.mean([1.0 / len(starts) for starts in periods]))
+    rate = float(1.0 / step.mean())
+    frequency = lines.number * rate / found.period
+    excited_numbers = lines.number[lines.kinds == "excited"]
     return Multisine(
-        period=period,
+        period=found.period,
         rate=rate,
-        periods=windows,
-        kind="odd" if odd_only else "full",
+        periods=periods,
+        kind="odd" if np.all(excited_numbers % 2 == 1) else "full",
         settling=settling / rate,
         steady=steady,
         frequency=frequency,
-        line_class=kinds,
-        input=np.sqrt(2.0 * power),
-        output=np.sqrt(2.0 * output),
-        spread=np.sqrt(2.0 * spread),
+        line_class=lines.kinds,
+        input=np.sqrt(2.0 * lines.input),
+        output=np.sqrt(2.0 * lines.output),
+        spread=np.sqrt(2.0 * lines.spread),
         noise=np.sqrt(2.0 * noise),
         noise_rms=float(np.sqrt(2.0 * np.sum(density))),
         noise_source=source,
-        interference=_tones(frequency, power, kinds),
-        distortions=tuple(
-            _judge(parity, basis, frequency[use], values[use], noise[use], copies, samples * len(response[inside]) / lines.size, steady)
-            for parity, basis, use, values, copies in tests
-        ),
+        interference=_tones(frequency, lines),
+        distortions=_distortions(lines, frequency, noise, len(periods), samples, steady),
         unit=recording.units[channel],
     )
+
+
+class _Lines(NamedTuple):
+    """Powers |X_k / N|^2 of an averaged period at the lines k = 1, 2, ..., means over realisations."""
+
+    number: IntArray
+    kinds: NDArray[np.str_]
+    tones: NDArray[np.bool_]
+    input: FloatArray
+    total: FloatArray  # output as it is
+    output: FloatArray  # without what unwanted input causes
+    spread: FloatArray
+    response: NDArray[np.complex128]
 
 
 def _find_periods(u: FloatArray) -> _Periods | None:
@@ -284,9 +281,10 @@ def _find_periods(u: FloatArray) -> _Periods | None:
             # An odd multisine repeats half a period later with the opposite sign.
             period = int(lag) if sign > 0 else 2 * int(lag)
             stretches = _repeating(u, int(lag), sign)
-            again = sum((stop - start - lag) * float(np.var(u[start:stop])) for start, stop in stretches)
             usable = [stretch for stretch in stretches if stretch[1] - stretch[0] >= period]
-            if usable and again > best[0]:
+            again = sum((stop - start - lag) * float(np.var(u[start:stop])) for start, stop in stretches)
+            # A sweep or a slow signal may happen to resemble itself for a short while.
+            if usable and again > max(best[0], 0.25 * lag * float(np.var(u))):
                 best = (again, period, usable)
     return _Periods(best[1], best[2]) if best[2] else None
 
@@ -294,12 +292,19 @@ def _find_periods(u: FloatArray) -> _Periods | None:
 def _repeating(u: FloatArray, lag: int, sign: int) -> list[tuple[int, int]]:
     """Stretches [start, stop) in which every sample equals ``sign`` times the one a lag away, within `MISMATCH`."""
     width = max(16, lag // 64)
-    square = np.concatenate([[0.0], np.cumsum((u[lag:] - sign * u[:-lag]) ** 2)])
-    same = square[width:] - square[:-width] < MISMATCH * 2.0 * width * float(np.var(u))
+    square, variance = (u[lag:] - sign * u[:-lag]) ** 2, float(np.var(u))
+    total = np.concatenate([[0.0], np.cumsum(square)])
+    same = total[width:] - total[:-width] < MISMATCH * 2.0 * width * variance
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]])))
-    # The last window may already hold a few samples of what comes next.
-    runs = [(int(a), int(b) - 1 + width - width // 4) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return [(a, b + lag) for a, b in runs if b - a >= 2 * width]
+    stretches: list[tuple[int, int]] = []
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        stop = end - 1 + width
+        # The last window may already hold a few samples of what comes next: they stand out of the input's noise.
+        alien = square[stop - width // 2 : stop] > max(30.0 * np.median(square[start:stop]), 1e-12 * variance)
+        stop -= width // 2 - int(np.argmax(alien)) if alien.any() else 0
+        if stop - start >= 2 * width and (not stretches or start > stretches[-1][1] - width):
+            stretches.append((int(start), int(stop) + lag))
+    return stretches
 
 
 def _changes(x: FloatArray, found: _Periods, skip: int) -> list[FloatArray]:
@@ -322,10 +327,14 @@ def _settling(y: FloatArray, found: _Periods) -> tuple[bool, int]:
     block = max(16, length // 12)
     blocks = np.array([change[: length // block * block].reshape(-1, block) for change in changes])
     power = np.nanmean(np.where(np.isfinite(blocks).any(axis=(0, 2), keepdims=True), blocks, 0.0) ** 2, axis=(0, 2))
-    late = np.flatnonzero(power > 4.0 * np.median(power[2 * power.size // 3 :]))
-    # Transients decay exponentially: half as long again leaves little of what was just above the noise.
-    settling = int(1.5 * (late[-1] + 1)) * block if late.size else 0
-    longest = 2 * length // 3
+    floor = 4.0 * float(np.median(power[2 * power.size // 3 :]))
+    late = np.flatnonzero(power > floor)
+    settling = 0
+    if late.size:
+        # Transients decay exponentially: at their rate so far, wait for another 15 dB.
+        decayed_db = 10.0 * np.log10(power[late[0]] / floor) if floor > 0.0 else np.inf
+        settling = int((late[-1] + 1) * block * (1.0 + min(15.0 / decayed_db, 2.0)))
+    longest = 3 * length // 4
     return settling <= longest, min(settling, longest)
 
 
@@ -342,13 +351,42 @@ def _windows(u: FloatArray, y: FloatArray, found: _Periods, settling: int) -> tu
     return tuple(windows), steady
 
 
+def _lines(u: FloatArray, y: FloatArray, periods: tuple[tuple[int, ...], ...], period: int) -> _Lines | None:
+    """Spectra of the periods, line by line; None if too few lines are excited."""
+    number = np.arange(1, (period + 1) // 2)
+    U, Y = (
+        np.array([np.mean([rfft(x[s : s + period])[number] / period for s in starts], axis=0) for starts in periods])
+        for x in (u, y)
+    )
+    power, total, realisations = _power(U), _power(Y), len(periods)
+    kinds, tones = _classify(power)
+    excited = kinds == "excited"
+    if excited.sum() < MIN_LINES or _scatter(np.abs(U[:, excited])) > MAX_SCATTER:
+        return None
+    response = np.zeros(number.size, complex)
+    first, *_, last = np.flatnonzero(excited)
+    inside = slice(first, last + 1)
+    response[inside] = np.interp(number[inside], number[excited], np.mean(Y[:, excited] / U[:, excited], axis=0))
+    error = Y - response * U
+    spread = np.full(number.size, np.nan)
+    if realisations > 1:
+        spread[excited] = realisations / (realisations - 1) * _power(error[:, excited])
+    return _Lines(number, kinds, tones, power, total, np.where(excited, total, _power(error)), spread, response)
+
+
+def _scatter(amplitude: FloatArray) -> float:
+    """Relative standard deviation of the lines' amplitudes over realisations, each scaled to the same power."""
+    scaled = amplitude / np.sqrt(np.mean(amplitude**2, axis=1, keepdims=True))
+    return float(np.sqrt(np.mean(np.var(scaled, axis=0)) / np.mean(scaled) ** 2))
+
+
 def _power(spectra: NDArray[np.complex128]) -> FloatArray:
     """Mean over realisations of the squared magnitude of each line."""
     return np.mean(np.abs(spectra) ** 2, axis=0)
 
 
-def _classify(power: FloatArray) -> NDArray[np.str_]:
-    """Class of each line (k = 1, 2, ...) from the power of the input."""
+def _classify(power: FloatArray) -> tuple[NDArray[np.str_], NDArray[np.bool_]]:
+    """Class of each line (k = 1, 2, ...) from the power of the input, and which lines hold a foreign tone."""
     number = np.arange(1, power.size + 1)
     excited = power > EXCITED * power.max()
     if np.mean(number[excited] % 2) > 0.98:
@@ -358,68 +396,78 @@ def _classify(power: FloatArray) -> NDArray[np.str_]:
     inside = (number > number[position[0]]) & (number < number[position[-1]])
     kinds = np.full(power.size, "interference")  # the longest name sets the width of the array
     kinds[:] = np.where(excited, "excited", np.where(inside, np.where(number % 2 == 1, "odd", "even"), "outside"))
-    if not excited.all():
-        tone = ~excited & (power > max(100.0 * np.median(power[~excited]), 1e-5 * np.median(power[excited])))
-        kinds[np.convolve(tone, np.ones(5), "same") > 0] = "interference"
-    return kinds
+    typical = np.median(power[~excited]) if not excited.all() else np.inf
+    tones = ~excited & (power > max(100.0 * typical, 1e-5 * np.median(power[excited])))
+    kinds[np.convolve(tones, np.ones(5), "same") > 0] = "interference"
+    return kinds, tones
 
 
-def _tones(frequency: FloatArray, power: FloatArray, kinds: NDArray[np.str_]) -> tuple[float, ...]:
-    """Frequencies [Hz] of the tones: of each group of lines left out, the one with the strongest even or free line."""
-    groups = np.split(np.flatnonzero(kinds == "interference"), _breaks(kinds))
-    return tuple(float(frequency[group[np.argmax(power[group])]]) for group in groups if group.size)
+def _tones(frequency: FloatArray, lines: _Lines) -> tuple[float, ...]:
+    """Frequency [Hz] of the strongest line of each group of lines with a foreign tone."""
+    position = np.flatnonzero(lines.tones)
+    groups = np.split(position, np.flatnonzero(np.diff(position) > 4) + 1)
+    return tuple(float(frequency[group[np.argmax(lines.input[group])]]) for group in groups if group.size)
 
 
-def _breaks(kinds: NDArray[np.str_]) -> IntArray:
-    return np.flatnonzero(np.diff(np.flatnonzero(kinds == "interference")) > 2) + 1
-
-
-def _noise(
-    u: FloatArray,
-    y: FloatArray,
-    found: _Periods,
-    settling: int | None,
-    response: NDArray[np.complex128],
-    kinds: NDArray[np.str_],
-    power: FloatArray,
-) -> Noise:
-    """Noise power of one period at each line, the number of samples behind it, and in words where it comes from."""
-    number = np.arange(1, kinds.size + 1)
-    changes = (
-        [] if settling is None else list(zip(_changes(y, found, settling), _changes(u, found, settling), strict=True))
-    )
-    width = min((found.period, *(change.size for change, _ in changes)))
-    if changes and width >= 32:
-        window = hann(width, sym=False)
-        bins = np.arange(width // 2 + 1)
-        at_bins = np.interp(bins, number * width / found.period, response)
-        frames = [
-            (rfft(window * frame[0]) - at_bins * rfft(window * frame[1]))
-            for change in changes
-            for frame in zip(
-                *(np.lib.stride_tricks.sliding_window_view(x, width)[:: max(width // 2, 1)] for x in change),
-                strict=True,
-            )
-            if np.isfinite(frame[0]).all()
-        ]
-        if frames:
-            tones = number[kinds == "interference"] * width / found.period
-            clean = np.array([not np.any(np.abs(tones - k) < 2.0) for k in bins])
-            density = _power(np.array(frames)) / (2.0 * found.period * np.sum(window**2))
-            at_lines = np.interp(number * width / found.period, bins[clean], density[clean])
-            return at_lines, sum(change.size for change, _ in changes), "change from one period to the next"
-    outside = np.flatnonzero(kinds == "outside")
+def _noise(u: FloatArray, y: FloatArray, found: _Periods, settling: int | None, lines: _Lines) -> _Noise:
+    """Noise power of a single period at each line, the number of samples behind it, and where it comes from."""
+    period, number = found.period, lines.number
+    changes: list[tuple[FloatArray, FloatArray]] = []
+    if settling is not None:
+        changes = list(zip(_changes(y, found, settling), _changes(u, found, settling), strict=True))
+    width = min(period, *(dy.size for dy, _ in changes)) if changes else 0
+    frames = []
+    if width >= 32:
+        window, bins, position = hann(width, sym=False), np.arange(width // 2 + 1), number * width / period
+        response = np.interp(bins, position, lines.response)
+        for dy, du in changes:
+            starts = range(0, dy.size - width + 1, width // 2)
+            cut = [s for s in starts if np.isfinite(dy[s : s + width]).all()]
+            frames += [rfft(window * dy[s : s + width]) - response * rfft(window * du[s : s + width]) for s in cut]
+    if frames:
+        tones = position[lines.tones]
+        clean = np.array([not np.any(np.abs(tones - k) < 2.0) for k in bins])
+        # A difference has twice the power of the noise; |Y_k / N|^2 of white noise is its variance over N.
+        density = _power(np.array(frames)) / (2.0 * period * np.sum(window**2))
+        samples = sum(dy.size for dy, _ in changes)
+        return _Noise(np.interp(position, bins[clean], density[clean]), samples, "change from period to period")
+    outside = np.flatnonzero(lines.kinds == "outside")
     outside = outside[outside.size // 2 :]
-    if outside.size < 2 * MIN_LINES or number[outside[0]] < number[kinds == "excited"][-1]:
-        return np.full(kinds.size, np.nan), 0, "not known: no period is repeated and no line is free above the band"
+    if outside.size < 2 * MIN_LINES or number[outside[0]] < number[lines.kinds == "excited"][-1]:
+        unknown = "not known: no period is repeated and no line is free above the band"
+        return _Noise(np.full(number.size, np.nan), 0, unknown)
     # Odd or even products may reach these lines: the quieter parity counts.
-    level = min(float(np.mean(power[outside[number[outside] % 2 == parity]])) for parity in (0, 1))
-    return np.full(kinds.size, level), outside.size, "lines above the band, taken as white"
+    level = min(float(np.mean(lines.total[outside[number[outside] % 2 == parity]])) for parity in (0, 1))
+    return _Noise(np.full(number.size, level), outside.size, "lines above the band, taken as white")
+
+
+def _distortions(
+    lines: _Lines, frequency: FloatArray, noise: FloatArray, realisations: int, samples: int, steady: bool
+) -> tuple[Distortion, ...]:
+    """One entry for each parity that the multisine can tell; unexcited lines are preferred to the spread."""
+    share = float(np.mean(lines.kinds != "outside"))
+
+    def judged(parity: _Parity, kind: str) -> Distortion:
+        use = lines.kinds == kind
+        power = (lines.spread if kind == "excited" else lines.output)[use]
+        copies = realisations - (kind == "excited")
+        return _judge(parity, _BASIS[kind], frequency[use], power, noise[use], copies, samples * share, steady)
+
+    free = {kind for kind in ("odd", "even") if np.sum(lines.kinds == kind) >= MIN_LINES}
+    found = []
+    if "odd" in free:
+        found.append(judged("odd", "odd"))
+    elif realisations > 1:
+        both = np.any(lines.number[lines.kinds == "excited"] % 2 == 0)
+        found.append(judged("odd or even" if both else "odd", "excited"))
+    if "even" in free:
+        found.append(judged("even", "even"))
+    return tuple(found)
 
 
 def _judge(
-    parity: Literal["odd", "even", "odd or even"],
-    basis: Literal["unexcited lines", "spread over realisations"],
+    parity: _Parity,
+    basis: _Basis,
     frequency: FloatArray,
     power: FloatArray,
     noise: FloatArray,

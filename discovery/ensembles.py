@@ -24,7 +24,7 @@ LogDensity = Callable[[FloatArray], FloatArray]
 
 _LARGEST_CONDITION = 1e8
 # Steps after which the independence move may adapt to the ensemble itself; then blocks grow by a part of the run.
-_ADAPTATIONS, _WELL_ACCEPTED = (60, 200), 0.6
+_ADAPTATIONS, _WELL_ACCEPTED = (60, 200), 0.75
 _GROWTH = 0.4
 # Walkers start wider than the fit says, so that ensembles that agree have come together.
 _START_WIDTH = 1.5
@@ -56,7 +56,8 @@ class IndependenceMove(emcee.moves.Move):
     def adapt(self, points: FloatArray) -> None:
         """Take mean and covariance from points (k, d); steps taken before must then count as burn-in."""
         covariance = np.cov(points, rowvar=False).reshape(points.shape[1], -1)
-        self.centre, self.factor = points.mean(axis=0), np.linalg.cholesky(covariance)
+        self.centre = np.asarray(points.mean(axis=0), np.float64)
+        self.factor = np.linalg.cholesky(covariance)
 
     def _log_density(self, points: FloatArray) -> FloatArray:
         # Not by BLAS here and below: its threads would spin for these few numbers.

@@ -56,7 +56,8 @@ def symbol(name: str, dots: int = 0) -> str:
     head, *tail = re.sub(r"[\\{}]", "", name).split("_")
     core = f"<mi>{_GREEK.get(head, head)}</mi>"
     if dots:
-        core = f'<mover accent="true">{core}<mo>{"˙¨"[dots - 1]}</mo></mover>'
+        # Full stops, raised: without a mathematical font, true accents sink into the letter.
+        core = f'<mover accent="false">{core}<mo accent="false">{"." * dots}</mo></mover>'
     subscript = ",".join(_GREEK.get(t, t) for t in tail if t)
     return f"<msub>{core}<mi>{subscript}</mi></msub>" if subscript else core
 

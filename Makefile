@@ -1,0 +1,115 @@
+# Everything here sets itself up: `make reproduce` and `make test` work on a fresh machine with Python 3.11 or newer.
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.SUFFIXES:
+MAKEFLAGS += --no-builtin-rules
+SHELL := /bin/sh
+
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.installed
+# Any Python >= 3.11 will do; `make PYTHON=...` chooses one.
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
+WORKERS ?= 2
+SEED ?= 1
+
+# What results are made from, and what only their pages are made from.
+PAGE := $(sort $(wildcard discovery/report/*.py discovery/report/*/*))
+CODE := $(sort $(filter-out discovery/report/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
+	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml))
+TWIN := Simulated: no recording of a very flexible arm was ever published. A geometrically exact beam stands in for the rig.
+
+# The measured circuit is run where its recording is at hand; it belongs to others and is not in this repository.
+MEASURED := $(shell for d in "$(DISCOVERY_DATA)" "$${XDG_CACHE_HOME:-$$HOME/.cache}/discovery/measured" "$$HOME/Library/Caches/discovery/measured"; do \
+	[ -f "$$d/silverbox/SNLS80mV.mat" ] && { echo silverbox; break; }; done)
+
+HIDDEN := arm_coulomb arm_delay arm_tilt
+PAGES := reports/arm/report.html $(if $(MEASURED),reports/silverbox/report.html)
+LOOPS := $(HIDDEN:%=reports/%/loop.json)
+
+.PHONY: help reproduce test test-long lint bench datasets docs lock clean distclean setup
+help: ## Show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+setup: $(READY) ## Make the virtual environment in .venv with the pinned dependencies
+
+$(READY): requirements.lock pyproject.toml
+	@[ -n "$(PYTHON)" ] || { echo "make: no Python 3.11 or newer with venv and pip was found. Install one (Debian: apt-get install python3 python3-venv), or name it: make PYTHON=/path/to/python3" >&2; exit 1; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { echo "making $(VENV) with $(PYTHON)"; $(PYTHON) -m venv --clear $(VENV); }
+	@echo "installing the pinned dependencies"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+reproduce: reports/index.html ## Run everything on the committed recordings; the result is reports/index.html
+	@echo "open $<"
+
+reports/arm/results.json: datasets/arm/rig.toml $(wildcard datasets/arm/*.csv) $(CODE) | $(READY)
+	@echo "arm: the whole pipeline"
+	@$(BIN)/discovery run datasets/arm/rig.toml --train datasets/arm/train_paper.csv --train datasets/arm/train_large.csv \
+		--holdout datasets/arm/holdout_inside.csv --holdout datasets/arm/holdout_beyond.csv --seed $(SEED) --note "$(TWIN)" --out $(@D)
+	@touch $@
+
+reports/silverbox/results.json: datasets/silverbox/rig.toml $(CODE) | $(READY)
+	@echo "Silverbox: the whole pipeline"
+	@$(BIN)/discovery run $< --seed $(SEED) --note "Measured on an electronic circuit in another laboratory." --out $(@D)
+	@touch $@
+
+# A run writes its page too; it is written again only when the code of the page is newer.
+reports/%/report.html: reports/%/results.json $(PAGE)
+	@[ -z "$$(find $(filter %.py %.j2 %.css,$^) -newer $@ 2>&1)" ] || $(BIN)/discovery report $(@D)
+	@touch $@
+
+$(LOOPS): reports/%/loop.json: datasets/%/rig.toml datasets/%/train_paper.csv datasets/%/train_large.csv datasets/%/holdout_inside.csv $(CODE) | $(READY)
+	@echo "$*: the closed loop"
+	@$(BIN)/discovery loop $< --train datasets/$*/train_paper.csv --train datasets/$*/train_large.csv \
+		--holdout datasets/$*/holdout_inside.csv --seed $(SEED) --out $(@D)
+
+reports/index.html: $(PAGES) $(LOOPS) $(PAGE)
+	@$(if $(MEASURED),:,echo "the Silverbox is left out: its recording is not here. Set DISCOVERY_DATA to the folder that holds silverbox/SNLS80mV.mat (or: $(BIN)/discovery data fetch silverbox/SNLS80mV.mat) and make again")
+	@$(BIN)/python -m discovery.report.index reports
+
+test: $(READY) ## Run the tests (at most ten minutes)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not slow"
+
+test-long: $(READY) ## Run the longer studies
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m slow
+
+lint: $(READY) ## Check style, types and the layers of the package
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+bench: $(READY) ## Measure speed and recovery; the figures are written to reports/bench
+	@mkdir -p reports/bench
+	@for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python "$$b" "reports/bench/$$(basename "$$b" .py).json" || exit 1; done
+
+datasets: $(READY) ## Simulate the twin's recordings again
+	$(BIN)/python -m discovery_datasets.generate datasets
+
+docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/arm.png ## Write the catalogue page and the pictures of docs again
+
+docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/catalogue_page.py | $(READY)
+	$(BIN)/python -m discovery.catalogue_page $@
+
+docs/images/architecture.svg: docs/draw_architecture.py | $(READY)
+	$(BIN)/python $< $@
+
+docs/images/arm.png: docs/draw_result.py reports/arm/results.json | $(READY)
+	$(BIN)/python $< reports/arm $@
+
+lock: ## Pin the dependencies again (needs the network)
+	$(PYTHON) -m venv --clear build/lock
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
+	build/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate \
+		--no-emit-index-url --no-emit-find-links --group build --group test --group lint pyproject.toml -o requirements.lock
+
+clean: ## Remove results and caches; the virtual environment stays
+	@find reports -mindepth 1 ! -name README.md -delete
+	@rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	@find discovery datasets tests benchmarks docs -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean ## Remove the virtual environment too
+	@rm -rf $(VENV)

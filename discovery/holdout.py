@@ -1,0 +1,96 @@
+"""Held-out data: they decide and judge, and nothing of them is fitted but initial states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.experiment import Experiment, largest_deflection
+from discovery.model import Model
+from discovery.predict import held_out
+from discovery.problem import Bench, NaturalUnits
+from discovery.residual import errors, systematic_share
+
+__all__ = ["HoldOut"]
+
+FloatArray = NDArray[np.float64]
+
+
+class HoldOut:
+    """Recordings, or parts of them, that decide and judge but are never fitted."""
+
+    def __init__(self, train: Sequence[Experiment], separate: Sequence[Experiment], units: NaturalUnits) -> None:
+        self.train, self.separate, self.units = train, separate, units
+        self.continued = not separate
+        reach = largest_deflection(train)
+        self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
+        self._benches: dict[tuple[str, tuple[str, ...], float], Bench] = {}
+
+    @property
+    def kind(self) -> str:
+        """How the held-out data relate to the fitted ones."""
+        return "last third of each training recording, continued" if self.continued else "separate recordings"
+
+    def predictions(
+        self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float], list[FloatArray]]]
+    ) -> list[list[FloatArray]]:
+        """Return the predictions of the held-out recordings by each model (model, values, training predictions)."""
+        if self.continued:
+            return [on_train for _, _, on_train in models]
+        key = (bench.base, bench.effects, bench.step)
+        if key not in self._benches:
+            self._benches[key] = Bench(bench.base, bench.effects, self.separate, bench.step)
+        return held_out([(m, v) for m, v, _ in models], self.separate, self._benches[key], self.units)
+
+    @property
+    def experiments(self) -> Sequence[Experiment]:
+        """Recordings that `predictions` refers to."""
+        return self.train if self.continued else self.separate
+
+    def outputs(self) -> list[FloatArray]:
+        """Return measured outputs, NaN where a sample was fitted."""
+        found = []
+        for e in self.experiments:
+            out = e.recording.output.copy()
+            if self.continued:
+                out[e.fitted] = np.nan
+            found.append(out)
+        return found
+
+    def deciding(self) -> list[int]:
+        """Return which recordings decide: those inside the trained deflection, or all where none is."""
+        inside = [i for i, flag in enumerate(self.inside) if flag]
+        return inside or list(range(len(self.experiments)))
+
+    def score(self, predictions: Sequence[FloatArray]) -> tuple[float, int, float]:
+        """Return chi-square, number of samples and systematic residual of the deciding recordings."""
+        chi2, count, parts = 0.0, 0, []
+        outputs = self.outputs()
+        for i in self.deciding():
+            e = self.experiments[i]
+            normal = (predictions[i] - outputs[i]) / e.recording.noise
+            good = np.isfinite(normal)
+            chi2 += float(np.sum(normal[good] ** 2))
+            count += int(good.sum())
+            parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
+        return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
+
+    def errors(self, predictions: Sequence[FloatArray]) -> dict[str, dict[str, float]]:
+        """Return errors over all held-out recordings, and apart inside and outside the trained deflection."""
+        outputs = self.outputs()
+
+        def pooled(which: list[int]) -> dict[str, float]:
+            return errors(np.concatenate([predictions[i] for i in which]), np.concatenate([outputs[i] for i in which]))
+
+        everything = list(range(len(self.experiments)))
+        result = {"holdout": pooled(everything)}
+        if not self.continued:
+            inside = [i for i in everything if self.inside[i]]
+            outside = [i for i in everything if not self.inside[i]]
+            if inside:
+                result["holdout_inside"] = pooled(inside)
+            if outside:
+                result["holdout_outside"] = pooled(outside)
+        return result

@@ -1,0 +1,144 @@
+"""Tables of parameters: posterior, fits, the final model, and the check against the elastica."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+from markupsafe import Markup
+
+from discovery.mechanics import get_base
+from discovery.registry import get_effect
+from discovery.report.numbers import MISSING, interval, significant, uncertain, unit_text
+from discovery.report.results import Run
+from discovery.report.tables import Table, name_cell
+from discovery.report.words import LAWS, MASSES
+
+__all__ = ["elastica_table", "final_table", "nuisance_table", "posterior_table", "published"]
+
+
+def published(run: Run) -> Mapping[str, Any]:
+    """Return the source paper's numbers where the run's rig is the paper's, else nothing."""
+    text = files("discovery.report").joinpath("templates/published.toml").read_text(encoding="utf-8")
+    paper = tomllib.loads(text)
+    quantities = run.results["rig"].get("quantities", {})
+    same = run.is_arm and all(
+        name in quantities and abs(quantities[name]["value"] - value) < 1e-3 * value for name, value in paper["rig"].items()
+    )
+    return paper if same else {}
+
+
+def _declarations(model: Mapping[str, Any]) -> dict[str, Any]:
+    owners = [get_base(model["base"]), *(get_effect(e) for e in model["effects"])]
+    return {p.name: p for owner in owners for p in owner.parameters()}
+
+
+def _meaning(name: str, declared: Mapping[str, Any]) -> str:
+    if name in declared:
+        return str(declared[name].meaning)
+    return "noise of the instrument, standard deviation" if name.startswith("sigma") else ""
+
+
+def _symbol(name: str, declared: Mapping[str, Any]) -> Markup | str:
+    return name if "[" in name else name_cell(name, declared[name].latex if name in declared else "")
+
+
+def _subject(run: Run) -> Mapping[str, Any]:
+    """Return the description of the model that the posterior is of."""
+    which = "after" if (run.results["posterior"] or {}).get("subject") == "after" else "before"
+    return run.loop["model"][which]["model"]
+
+
+def posterior_table(run: Run) -> Table:
+    """Return the physical parameters with their 90 % intervals, beside the fit and, on the paper's rig, the paper."""
+    rows = [r for r in run.results["posterior"]["rows"] if "[" not in r["name"]]
+    declared, paper = _declarations(_subject(run)), published(run).get("parameters", {})
+    cells = []
+    for r in rows:
+        cells.append(
+            [
+                _symbol(r["name"], declared),
+                _meaning(r["name"], declared),
+                unit_text(r["unit"], run.coordinate_unit),
+                uncertain(r["mean"], r["sd"]),
+                interval(r["q05"], r["q95"]),
+                uncertain(r["fit_value"], r["fit_sd"]),
+                *([significant(paper.get(r["name"]), 4)] if paper else []),
+                significant(r["r_hat"], 5),
+                significant(r["ess"], 4),
+            ]
+        )
+    head = ("", "meaning", "unit", "mean ± sd", "90 % interval", "fit ± sd", *(["paper"] if paper else []), "R-hat", "samples")
+    keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95", "fit_value", "fit_sd", "r_hat", "ess")
+    kind = rows[0]["interval"] if rows else "90 % interval"
+    raw = [[r.get(k) for k in keys] for r in rows]
+    return Table("posterior", f"Parameters. Interval: {kind}. Samples: effective number.", head, cells, keys, raw, (0, 1, 2))
+
+
+def nuisance_table(run: Run) -> Table | None:
+    """Return the sampled initial states."""
+    rows = [r for r in run.results["posterior"]["rows"] if "[" in r["name"]]
+    if not rows:
+        return None
+    unit = run.coordinate_unit
+    cells = [[r["name"], unit_text(r["unit"], unit), uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])] for r in rows]
+    keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95")
+    raw = [[r.get(k) for k in keys] for r in rows]
+    return Table("initial_states", "Initial states, sampled with the parameters.", ("", "unit", "mean ± sd", "90 % interval"), cells, keys, raw, (0, 1))
+
+
+def final_table(run: Run) -> Table:
+    """Return the parameters of the final model, with the reason where an interval is missing."""
+    after, before = run.loop["model"]["after"], run.loop["model"]["before"]["parameters"]
+    declared = _declarations(after["model"])
+    cells, raw = [], []
+    for name, p in after["parameters"].items():
+        if "[" in name:
+            continue
+        old = before.get(name)
+        cells.append(
+            [
+                _symbol(name, declared),
+                _meaning(name, declared),
+                unit_text(p["unit"], run.coordinate_unit),
+                uncertain(p["value"], p["sd"]),
+                uncertain(old["value"], old["sd"]) if old else MISSING,
+                p.get("reason", ""),
+            ]
+        )
+        raw.append([name, p["unit"], p["value"], p["sd"], p.get("reason", "")])
+    head = ("", "meaning", "unit", "final ± sd", "before ± sd", "why no interval")
+    caption = "Parameters of the final model, least squares, one standard deviation; initial states are not listed."
+    return Table("final_model", caption, head, cells, ("name", "unit", "value", "sd", "reason"), raw, (0, 1, 2, 5))
+
+
+def elastica_table(run: Run) -> Table:
+    """Return posterior against prediction; variants that predict the same number share a row."""
+    comparison = run.results["elastica"]["comparison"]
+    merged: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
+    for row in sorted(comparison, key=lambda r: list(("alpha", "beta", "beta/alpha", "gamma")).index(r["parameter"]) if r["parameter"] in ("alpha", "beta", "beta/alpha", "gamma") else 9):
+        key = (row["parameter"], f"{row['predicted_mean']:.9e}", f"{row['predicted_sd']:.6e}")
+        merged.setdefault(key, []).append(row)
+    cells = []
+    for rows in merged.values():
+        r = rows[0]
+        masses = dict.fromkeys(MASSES.get(x["mass"], x["mass"]) for x in rows)
+        laws = dict.fromkeys(LAWS.get(x["law"], x["law"]) for x in rows)
+        cells.append(
+            [
+                name_cell(r["parameter"]),
+                unit_text(r["unit"]),
+                "either" if len(masses) > 1 else next(iter(masses)),
+                "; ".join(laws),
+                uncertain(r["posterior_mean"], r["posterior_sd"]),
+                uncertain(r["predicted_mean"], r["predicted_sd"]),
+                significant(r["discrepancy"], 2) if r["discrepancy"] is not None else "∞",
+            ]
+        )
+    head = ("", "unit", "rod’s mass", "law", "posterior ± sd", "elastica ± sd", "difference [sd]")
+    keys = ("mass", "law", "parameter", "unit", "posterior_mean", "posterior_sd", "predicted_mean", "predicted_sd", "difference", "discrepancy")
+    raw = [[r.get(k) for k in keys] for r in comparison]
+    caption = "Posterior against what the elastica predicts from the rig file; the difference in standard deviations of both together."
+    return Table("elastica", caption, head, cells, keys, raw, (0, 1, 2, 3))

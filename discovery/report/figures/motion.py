@@ -1,0 +1,62 @@
+"""What was recorded: the motion of one recording, and the deflection of all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from discovery.report.results import Run, Trajectory
+from discovery.report.style import BLUE, GREY, RED, Picture, decimate, label, new_figure
+
+__all__ = ["draw", "draw_deflections"]
+
+_NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection", "output": "output"}
+
+
+def _largest(trajectory: Trajectory) -> float:
+    return 0.0 if trajectory.deflection is None else float(np.nanmax(np.abs(trajectory.deflection)))
+
+
+def draw(run: Run) -> Picture | None:
+    """Return input and channels of the training recording with the largest deflection."""
+    train = [t for t in run.trajectories if t.role == "train"]
+    if not train:
+        return None
+    shown = max(train, key=_largest)
+    rows = len(shown.channels) + (shown.input is not None)
+    figure = new_figure(1.15 * rows + 0.6)
+    axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
+    for axis, channel, unit, values in zip(axes, shown.channels, shown.units, shown.measured.T, strict=False):
+        axis.plot(*decimate(shown.time, values), color="black", linewidth=0.8)
+        axis.set_ylabel(label(_NAMES.get(channel, channel), unit))
+    if shown.input is not None:
+        axes[-1].plot(*decimate(shown.time, shown.input), color=BLUE, linewidth=0.9)
+        axes[-1].set_ylabel(label("motor angle", "rad") if run.is_arm else "input")
+    axes[-1].set_xlabel("time [s]")
+    figure.align_ylabels()
+    what = "tip position and motor angle" if run.is_arm else "output and input"
+    return Picture(
+        "motion", figure, f"Measured motion of {shown.name}: {what}.", f"Time series of {what} of recording {shown.name}."
+    )
+
+
+def draw_deflections(run: Run) -> Picture | None:
+    """Return the deflection of every recording, training first."""
+    shown = [t for t in run.trajectories if t.deflection is not None][:6]
+    if not shown or not run.is_arm:
+        return None
+    figure = new_figure(0.95 * len(shown) + 0.7)
+    axes = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True, sharey=True))
+    for axis, trajectory in zip(axes, shown, strict=True):
+        assert trajectory.deflection is not None
+        role = "training" if trajectory.role == "train" else "held out"
+        axis.plot(*decimate(trajectory.time, trajectory.deflection), color="black" if role == "training" else RED, linewidth=0.8)
+        axis.set_title(f"{trajectory.name} ({role})", fontsize=8.5, color=GREY)
+    figure.supylabel("deflection of the tip [rad]", fontsize=9)
+    axes[-1].set_xlabel("time [s]")
+    sizes = ", ".join(f"{t.name} {_largest(t):.2f} rad" for t in shown)
+    return Picture(
+        "deflections",
+        figure,
+        f"Deflection of the tip in every recording. Largest: {sizes}.",
+        f"Deflection against time of {len(shown)} recordings. Largest: {sizes}.",
+    )

@@ -1,0 +1,96 @@
+"""The sentences of the report: what was found, in plain words, with the numbers of the result files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from discovery.registry import catalogue
+from discovery.report.numbers import Scale, scale_for, significant
+from discovery.report.results import Run
+
+__all__ = ["FITS", "LAWS", "MASSES", "effect_name", "effect_title", "error_scale", "headline", "held_group", "listed", "origin"]
+
+#: Base upgrades are no entries of the catalogue: what they mean.
+_GEOMETRY = {
+    "radius_inertia": "The mass moves along the radius law: centrifugal, Coriolis and radial-inertia terms, no free parameter",
+    "elastica_geometry": "The exact mechanics of the bending rod with its own mass, no free parameter",
+}
+#: Where base upgrades come from.
+GEOMETRY_SOURCES = {
+    "radius_inertia": "Lagrange’s equation of a point mass on the elastica’s radius law, to third order",
+    "elastica_geometry": "Lagrange’s equations of an inextensible Euler-Bernoulli rod in curvature modes",
+}
+#: Models that are fitted side by side.
+FITS = {
+    "linear": "linear spring, constant radius",
+    "constant_radius": "nonlinear spring, constant radius",
+    "declared": "declared model",
+}
+MASSES = {"as_printed": "rod massless", "rod_counted": "rod counted"}
+LAWS = {
+    "static_small": "static, small deflection",
+    "static_least_squares": "static, least squares",
+    "dynamic": "dynamic reduction",
+    "dynamic_effective": "dynamic, as constant radius sees it",
+}
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words as a reader lists them: a, b and c."""
+    words = list(words)
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def effect_name(effect_id: str) -> str:
+    """Return an effect's id as words."""
+    return effect_id.replace("_", " ")
+
+
+def effect_title(effect_id: str) -> str:
+    """Return one sentence on what an effect is."""
+    if effect_id in _GEOMETRY:
+        return _GEOMETRY[effect_id]
+    return catalogue()[effect_id].title() if effect_id in catalogue() else effect_name(effect_id)
+
+
+def held_group(errors: Mapping[str, Any]) -> str:
+    """Return the group of recordings that judges: inside the trained deflection, else all that was held out, else training."""
+    for group in ("holdout_inside", "holdout", "train"):
+        if (errors["after"].get(group) or {}).get("rms") is not None:
+            return group
+    return "train"
+
+
+def error_scale(run: Run) -> Scale:
+    """Return the unit in which the run's errors are printed."""
+    errors = run.loop["errors"]
+    return scale_for(errors["unit"], errors["after"][held_group(errors)]["rms"])
+
+
+def headline(run: Run) -> str:
+    """Return the verdict in one sentence."""
+    errors, scale = run.loop["errors"], error_scale(run)
+    group = held_group(errors)
+    before, after = (significant(errors[k][group]["rms"] * scale.factor) for k in ("before", "after"))
+    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}"
+    seen = {"holdout_inside": "on a recording that no fit saw", "holdout": "on data that no fit saw"}.get(group, "in training")
+    change = f"the rms error {seen} falls from {before} to {after} {scale.symbol} (noise floor {floor})"
+    added = [effect_name(e["id"]) for e in run.loop["effects"]]
+    them = "it" if len(added) == 1 else "them"
+    if run.loop["verdict"] == "nothing_missing":
+        return f"Nothing is missing: the declared model leaves {after} {scale.symbol} rms {seen}, which is noise (floor {floor})."
+    if run.loop["verdict"] == "explained":
+        return f"Explained: the declared model lacked {listed(added)}; with {them}, {change}."
+    if added:
+        return f"Not fully explained: the declared model lacked {listed(added)}, and {change}, but what is left is not noise."
+    return f"Not explained: no effect of the catalogue removes what the declared model leaves, {after} {scale.symbol} rms {seen} (noise floor {floor})."
+
+
+def origin(run: Run) -> str:
+    """Return what must be said about the data before anything else; empty where there is nothing."""
+    note = run.results.get("data_note") or run.results["rig"].get("data_note") or ""
+    name = run.results["rig"]["name"].lower()
+    if not note and any(word in name for word in ("simulated", "twin")):
+        note = "These recordings are simulated, not measured."
+    return str(note)
