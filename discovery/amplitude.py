@@ -61,6 +61,10 @@ def backbone(time: FloatArray, deflection: FloatArray, period: float, start: flo
         near = np.abs(t - t[index]) < period / 6
         if near.sum() < 5 or (times and t[index] - times[-1] < 0.3 * period):
             continue
+        # Half an arc, at an end or beside a gap, would put the vertex elsewhere.
+        sides = t[index] - t[near][0], t[near][-1] - t[index]
+        if min(sides) < 0.8 * period / 6:
+            continue
         c, b, a = np.polynomial.polynomial.polyfit(t[near] - t[index], d[near], 2)
         if a == 0:
             continue

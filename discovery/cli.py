@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
+# Linear algebra here is small: a second BLAS thread only spins beside the kernel's own. Set before numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _PATH = click.Path(path_type=Path)
 
 

@@ -44,12 +44,11 @@ def _part(path: Path, samples: tuple[int, int] | None, rig: Rig) -> Recording:
         # Public measured data lie in the user's data folder, not beside the rig file.
         from discovery_datasets import registry
 
-        try:
-            path = registry.locate(path.name)
-        except registry.DataUnavailable as error:
-            raise InputError(str(error)) from None
-        except KeyError:
-            pass
+        if path.name in {Path(name).name for name in registry.FILES}:
+            try:
+                path = registry.locate(path.name)
+            except registry.DataUnavailable as error:
+                raise InputError(f"{path} does not exist, and the {error}") from None
     return read_recording(path, rig, samples)
 
 

@@ -14,15 +14,15 @@ J. Schoukens, R. Pintelon, T. Dobrowiecki, Y. Rolain, Automatica 41 (2005) 491 (
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import fft, irfft, next_fast_len, rfft
+from scipy.interpolate import CubicSpline
 from scipy.signal import find_peaks
-from scipy.signal.windows import hann
+from scipy.signal.windows import dpss
 from scipy.stats import f as f_distribution
 
 if TYPE_CHECKING:
@@ -35,18 +35,14 @@ IntArray = NDArray[np.int64]
 
 _Parity = Literal["odd", "even", "odd or even"]
 _Basis = Literal["unexcited lines", "spread over realisations"]
-_BASIS: Mapping[str, _Basis] = {
-    "excited": "spread over realisations",
-    "odd": "unexcited lines",
-    "even": "unexcited lines",
-}
 
+IRREGULAR = 0.05  # of a sampling interval: times may be rounded
 MISMATCH = 0.01  # of the input's power, between a stretch and its repetition
 MIN_LINES = 8  # within 20 dB of the strongest line; a swinging or stepping drive has fewer
 EXCITED = 0.01  # power of an excited line relative to the strongest
 MAX_SCATTER = 0.3  # of the amplitudes over realisations; random phases change nothing, noise has 0.5
 SIGNIFICANCE = 1e-3
-MARGIN_DB = 1.0  # closer to the noise than this, its interpolation in frequency decides: no verdict "yes"
+MARGIN_DB = 1.0  # noise through a resonance makes its own estimate less certain than white noise would
 
 
 class _Periods(NamedTuple):
@@ -54,10 +50,26 @@ class _Periods(NamedTuple):
     stretches: list[tuple[int, int]]
 
 
+class _Lines(NamedTuple):
+    """Powers |X_k / N|^2 of an averaged period at the lines k = 1, 2, ..., means over realisations."""
+
+    multisine: Literal["odd", "full"]
+    number: IntArray
+    kinds: NDArray[np.str_]
+    tones: NDArray[np.bool_]
+    input: FloatArray
+    total: FloatArray  # output as it is
+    output: FloatArray  # without what unwanted input causes
+    spread: FloatArray
+    response: NDArray[np.complex128]
+
+
 class _Noise(NamedTuple):
     density: FloatArray
-    samples: int
+    rms: float  # of a single sample
+    samples: int  # behind the estimate
     source: str
+    kernel: FloatArray  # by which the density is smeared over neighbouring lines
 
 
 @dataclass(frozen=True)
@@ -76,9 +88,9 @@ class Distortion:
     level, noise : float
         Rms of the distortion (noise taken off) and of the noise on these lines, in the output's unit.
     ratio_db : float
-        Power on these lines, noise included, over that of the noise [dB]; NaN if the noise is not known.
+        Power, noise included, over that of the noise, averaged over these lines [dB]; NaN if the noise is not known.
     limit_db : float
-        Ratio that noise alone exceeds with a probability of 0.001 (F distribution), at least 1 dB.
+        Ratio that white noise alone exceeds with a probability of 0.001 (F distribution), and 1 dB more.
     peak : float
         Frequency around which the power is largest [Hz].
     detected : bool or None
@@ -115,12 +127,12 @@ class Multisine:
     settling : float
         Time after the start of a realisation until its periods repeat [s].
     steady : bool
-        Whether every period used lies behind it; NaN verdicts otherwise, as transients reach every line.
+        Whether every period used lies behind it; no verdicts otherwise, as transients reach every line.
     frequency : ndarray, shape (n,)
         Of every line k / period, k = 1, 2, ... [Hz].
     line_class : ndarray of str, shape (n,)
         ``"excited"``, ``"odd"`` and ``"even"`` (unexcited, in the band), ``"outside"`` or ``"interference"`` (near a
-        tone of the input that is no line of the period, such as mains hum; used for nothing).
+        tone of the input that is no line of the period, such as mains hum or drift; used for nothing).
     input, output : ndarray, shape (n,)
         Levels; the output in the band without the part that unwanted input causes.
     spread : ndarray, shape (n,)
@@ -128,7 +140,7 @@ class Multisine:
     noise : ndarray, shape (n,)
         Level of the noise; NaN if it is not known.
     noise_rms : float
-        Standard deviation of the output's noise over all frequencies, of single samples.
+        Standard deviation of the output's noise over all frequencies but those tones, of single samples.
     noise_source : str
         How it was found.
     interference : tuple of float
@@ -158,7 +170,9 @@ class Multisine:
 
     def verdict(self) -> tuple[str, ...]:
         """Say in one sentence each what the noise is and whether there is distortion, of which parity."""
-        noise = f"noise: {self.noise_rms:.3g} {self.unit} rms ({self.noise_source})"
+        known = np.isfinite(self.noise_rms)
+        level = f"{self.noise_rms:.3g} {self.unit} rms ({self.noise_source})"
+        noise = f"noise: {level if known else self.noise_source}"
         return (noise, *(self._sentence(distortion) for distortion in self.distortions))
 
     def _sentence(self, found: Distortion) -> str:
@@ -169,13 +183,14 @@ class Multisine:
         if not found.detected:
             limit = f"the limit is {found.limit_db:.1f} dB"
             return f"{found.parity} nonlinearity: no, {found.ratio_db:.1f} dB above the noise; {limit} ({where})"
+        against = f"{found.level:.3g} against {found.noise:.3g} {self.unit} rms, most near {found.peak:.3g} Hz"
         return (
-            f"{found.parity} nonlinearity: yes, {found.ratio_db:.1f} dB above the noise, {found.level:.3g} {self.unit} "
-            f"rms, most near {found.peak:.3g} Hz ({where}): {found.parity} powers are suggested"
+            f"{found.parity} nonlinearity: yes, {found.ratio_db:.1f} dB above the noise, {against} ({where}): "
+            f"{found.parity} powers are suggested"
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers of the analysis without its arrays, ready for JSON."""
+        """Return the numbers of the analysis without its arrays; NaN where one is not known."""
         excited = self.frequency[self.line_class == "excited"]
         return {
             "kind": self.kind,
@@ -216,8 +231,11 @@ def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | Non
         None if the input is missing, irregularly sampled, or no multisine: nothing in it comes again, or fewer than
         eight lines carry it.
     """
-    step = np.diff(recording.time)
-    if recording.input is None or step.size < 64 or np.ptp(step) > 1e-3 * step.mean():
+    time = recording.time
+    if recording.input is None or time.size < 64:
+        return None
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    if np.max(np.abs(time - np.linspace(time[0], time[-1], time.size))) > IRREGULAR * step:
         return None
     u, y = recording.input - recording.input.mean(), recording.output[:, channel]
     found = _find_periods(u)
@@ -229,16 +247,15 @@ def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | Non
     if lines is None:
         return None
     steady = settled and behind
-    density, samples, source = _noise(u, y, found, settling if settled else None, lines)
-    noise = density * float(np.mean([1.0 / len(starts) for starts in periods]))
-    rate = float(1.0 / step.mean())
+    share = float(np.mean([1.0 / len(starts) for starts in periods]))
+    floor = _noise(u, y, found, settling if settled else None, lines, share)
+    rate = 1.0 / step
     frequency = lines.number * rate / found.period
-    excited_numbers = lines.number[lines.kinds == "excited"]
     return Multisine(
         period=found.period,
         rate=rate,
         periods=periods,
-        kind="odd" if np.all(excited_numbers % 2 == 1) else "full",
+        kind=lines.multisine,
         settling=settling / rate,
         steady=steady,
         frequency=frequency,
@@ -246,26 +263,13 @@ def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | Non
         input=np.sqrt(2.0 * lines.input),
         output=np.sqrt(2.0 * lines.output),
         spread=np.sqrt(2.0 * lines.spread),
-        noise=np.sqrt(2.0 * noise),
-        noise_rms=float(np.sqrt(2.0 * np.sum(density))),
-        noise_source=source,
+        noise=np.sqrt(2.0 * floor.density),
+        noise_rms=floor.rms,
+        noise_source=floor.source,
         interference=_tones(frequency, lines),
-        distortions=_distortions(lines, frequency, noise, len(periods), samples, steady),
+        distortions=_distortions(lines, frequency, floor, len(periods), steady),
         unit=recording.units[channel],
     )
-
-
-class _Lines(NamedTuple):
-    """Powers |X_k / N|^2 of an averaged period at the lines k = 1, 2, ..., means over realisations."""
-
-    number: IntArray
-    kinds: NDArray[np.str_]
-    tones: NDArray[np.bool_]
-    input: FloatArray
-    total: FloatArray  # output as it is
-    output: FloatArray  # without what unwanted input causes
-    spread: FloatArray
-    response: NDArray[np.complex128]
 
 
 def _find_periods(u: FloatArray) -> _Periods | None:
@@ -299,9 +303,11 @@ def _repeating(u: FloatArray, lag: int, sign: int) -> list[tuple[int, int]]:
     stretches: list[tuple[int, int]] = []
     for start, end in zip(edges[::2], edges[1::2], strict=True):
         stop = end - 1 + width
-        # The last window may already hold a few samples of what comes next: they stand out of the input's noise.
-        alien = square[stop - width // 2 : stop] > max(30.0 * np.median(square[start:stop]), 1e-12 * variance)
-        stop -= width // 2 - int(np.argmax(alien)) if alien.any() else 0
+        # The first and the last window may hold a few samples of what is next to them: they exceed the input's noise.
+        alien = square[start:stop] > max(30.0 * np.median(square[start:stop]), 1e-12 * variance)
+        half = width // 2
+        stop -= half - int(np.argmax(alien[-half:])) if alien[-half:].any() else 0
+        start += half - int(np.argmax(alien[:half][::-1])) if alien[:half].any() else 0
         if stop - start >= 2 * width and (not stretches or start > stretches[-1][1] - width):
             stretches.append((int(start), int(stop) + lag))
     return stretches
@@ -327,7 +333,7 @@ def _settling(y: FloatArray, found: _Periods) -> tuple[bool, int]:
     block = max(16, length // 12)
     blocks = np.array([change[: length // block * block].reshape(-1, block) for change in changes])
     power = np.nanmean(np.where(np.isfinite(blocks).any(axis=(0, 2), keepdims=True), blocks, 0.0) ** 2, axis=(0, 2))
-    floor = 4.0 * float(np.median(power[2 * power.size // 3 :]))
+    floor = 4.0 * float(np.mean(power[2 * power.size // 3 :]))
     late = np.flatnonzero(power > floor)
     settling = 0
     if late.size:
@@ -366,12 +372,15 @@ def _lines(u: FloatArray, y: FloatArray, periods: tuple[tuple[int, ...], ...], p
     response = np.zeros(number.size, complex)
     first, *_, last = np.flatnonzero(excited)
     inside = slice(first, last + 1)
-    response[inside] = np.interp(number[inside], number[excited], np.mean(Y[:, excited] / U[:, excited], axis=0))
+    response[inside] = CubicSpline(number[excited], np.mean(Y[:, excited] / U[:, excited], axis=0))(number[inside])
     error = Y - response * U
     spread = np.full(number.size, np.nan)
     if realisations > 1:
         spread[excited] = realisations / (realisations - 1) * _power(error[:, excited])
-    return _Lines(number, kinds, tones, power, total, np.where(excited, total, _power(error)), spread, response)
+    multisine: Literal["odd", "full"] = "odd" if np.all(number[excited] % 2 == 1) else "full"
+    return _Lines(
+        multisine, number, kinds, tones, power, total, np.where(excited, total, _power(error)), spread, response
+    )
 
 
 def _scatter(amplitude: FloatArray) -> float:
@@ -409,90 +418,91 @@ def _tones(frequency: FloatArray, lines: _Lines) -> tuple[float, ...]:
     return tuple(float(frequency[group[np.argmax(lines.input[group])]]) for group in groups if group.size)
 
 
-def _noise(u: FloatArray, y: FloatArray, found: _Periods, settling: int | None, lines: _Lines) -> _Noise:
-    """Noise power of a single period at each line, the number of samples behind it, and where it comes from."""
+def _noise(u: FloatArray, y: FloatArray, found: _Periods, settling: int | None, lines: _Lines, share: float) -> _Noise:
+    """Noise at each line of the average of 1 / ``share`` periods, from changes after ``settling`` where it is known."""
     period, number = found.period, lines.number
     changes: list[tuple[FloatArray, FloatArray]] = []
     if settling is not None:
         changes = list(zip(_changes(y, found, settling), _changes(u, found, settling), strict=True))
-    width = min(period, *(dy.size for dy, _ in changes)) if changes else 0
+    samples = sum(int(np.isfinite(dy).sum()) for dy, _ in changes)
+    width = min(period, max(64, samples // 8), *(dy.size for dy, _ in changes)) if changes else 0
     frames = []
     if width >= 32:
-        window, bins, position = hann(width, sym=False), np.arange(width // 2 + 1), number * width / period
+        # Slepian tapers use short pieces to their ends; each has unit energy.
+        tapers, bins, position = dpss(width, 2.0, 3), np.arange(width // 2 + 1), number * width / period
         response = np.interp(bins, position, lines.response)
         for dy, du in changes:
-            starts = range(0, dy.size - width + 1, width // 2)
-            cut = [s for s in starts if np.isfinite(dy[s : s + width]).all()]
-            frames += [rfft(window * dy[s : s + width]) - response * rfft(window * du[s : s + width]) for s in cut]
+            for start in range(0, dy.size - width + 1, width // 2):
+                piece = slice(start, start + width)
+                if np.isfinite(dy[piece]).all():
+                    frames.append(rfft(tapers * dy[piece]) - response * rfft(tapers * du[piece]))
     if frames:
         tones = position[lines.tones]
         clean = np.array([not np.any(np.abs(tones - k) < 2.0) for k in bins])
         # A difference has twice the power of the noise; |Y_k / N|^2 of white noise is its variance over N.
-        density = _power(np.array(frames)) / (2.0 * period * np.sum(window**2))
-        samples = sum(dy.size for dy, _ in changes)
-        return _Noise(np.interp(position, bins[clean], density[clean]), samples, "change from period to period")
+        density = _power(np.concatenate(frames)) / (2.0 * period)
+        reach = (number.size - 1) // 2
+        kernel = np.mean(np.abs(fft(tapers, period)) ** 2, axis=0)[np.arange(-reach, reach + 1)]
+        # Noise is not periodic: that of a whole period leaks from a resonance to the other lines (Fejér's kernel).
+        half_lines = np.interp(np.arange(period + 1) * 0.5 * width / period, bins[clean], density[clean])
+        covariance = irfft(half_lines, 2 * period)
+        lag = np.arange(2 * period)
+        leaked = rfft(covariance * (1.0 - share * np.minimum(lag, 2 * period - lag) / period)).real
+        rms = float(np.sqrt(period * covariance[0]))
+        return _Noise(share * np.maximum(leaked[2 * number], 0.0), rms, samples, "change from period to period", kernel)
     outside = np.flatnonzero(lines.kinds == "outside")
     outside = outside[outside.size // 2 :]
     if outside.size < 2 * MIN_LINES or number[outside[0]] < number[lines.kinds == "excited"][-1]:
-        unknown = "not known: no period is repeated and no line is free above the band"
-        return _Noise(np.full(number.size, np.nan), 0, unknown)
+        unknown = "not known, no period is repeated and no line is free above the band"
+        return _Noise(np.full(number.size, np.nan), np.nan, 0, unknown, np.ones(1))
     # Odd or even products may reach these lines: the quieter parity counts.
     level = min(float(np.mean(lines.total[outside[number[outside] % 2 == parity]])) for parity in (0, 1))
-    return _Noise(np.full(number.size, level), outside.size, "lines above the band, taken as white")
+    rms, source = float(np.sqrt(period * level)), "lines above the band, taken as white"
+    return _Noise(np.full(number.size, level), rms, outside.size, source, np.ones(1))
 
 
 def _distortions(
-    lines: _Lines, frequency: FloatArray, noise: FloatArray, realisations: int, samples: int, steady: bool
+    lines: _Lines, frequency: FloatArray, floor: _Noise, realisations: int, steady: bool
 ) -> tuple[Distortion, ...]:
     """One entry for each parity that the multisine can tell; unexcited lines are preferred to the spread."""
-    share = float(np.mean(lines.kinds != "outside"))
+    samples = floor.samples * float(np.mean(lines.kinds != "outside"))
 
-    def judged(parity: _Parity, kind: str) -> Distortion:
-        use = lines.kinds == kind
-        power = (lines.spread if kind == "excited" else lines.output)[use]
-        copies = realisations - (kind == "excited")
-        return _judge(parity, _BASIS[kind], frequency[use], power, noise[use], copies, samples * share, steady)
+    def judged(parity: _Parity, use: NDArray[np.bool_], spread: bool = False) -> Distortion:
+        power = np.where(use, lines.spread if spread else lines.output, 0.0)
+        # The noise is smeared over frequency as its pieces are short; so is what is compared with it.
+        weight = np.convolve(use, floor.kernel, "same")[use]
+        smeared = np.convolve(power, floor.kernel, "same")[use] / weight
+        noise = floor.density[use]
+        total, expected, count = float(2.0 * np.sum(power)), float(2.0 * np.sum(noise)), int(np.sum(use))
+        width = max(3, count // 100)
+        ratio_db = limit_db = float("nan")
+        if expected > 0.0:
+            freedom = 2.0 * count * (realisations - spread)
+            limit = float(f_distribution.isf(SIGNIFICANCE, freedom, samples))
+            ratio_db = float(10.0 * np.log10(np.mean(smeared / noise)))
+            limit_db = float(10.0 * np.log10(limit)) + MARGIN_DB
+        return Distortion(
+            parity=parity,
+            basis="spread over realisations" if spread else "unexcited lines",
+            lines=count,
+            level=max(total - expected, 0.0) ** 0.5,
+            noise=expected**0.5,
+            ratio_db=ratio_db,
+            limit_db=limit_db,
+            peak=float(frequency[use][np.argmax(np.convolve(power[use], np.ones(width), "same"))]),
+            detected=ratio_db > limit_db if steady and expected > 0.0 else None,
+        )
 
-    free = {kind for kind in ("odd", "even") if np.sum(lines.kinds == kind) >= MIN_LINES}
+    odd, even, excited = (lines.kinds == kind for kind in ("odd", "even", "excited"))
+    # Sums and differences of odd numbers tell the powers apart; once even lines are excited, they do not.
+    both = lines.multisine == "full"
+    first: _Parity = "odd or even" if both else "odd"
+    free = odd | even if both else odd
     found = []
-    if "odd" in free:
-        found.append(judged("odd", "odd"))
+    if free.sum() >= MIN_LINES:
+        found.append(judged(first, free))
     elif realisations > 1:
-        both = np.any(lines.number[lines.kinds == "excited"] % 2 == 0)
-        found.append(judged("odd or even" if both else "odd", "excited"))
-    if "even" in free:
-        found.append(judged("even", "even"))
+        found.append(judged(first, excited, spread=True))
+    if not both and even.sum() >= MIN_LINES:
+        found.append(judged("even", even))
     return tuple(found)
-
-
-def _judge(
-    parity: _Parity,
-    basis: _Basis,
-    frequency: FloatArray,
-    power: FloatArray,
-    noise: FloatArray,
-    copies: int,
-    samples: float,
-    steady: bool,
-) -> Distortion:
-    """Compare the power on lines, each a mean over ``copies`` realisations, with that of the noise."""
-    width = max(3, frequency.size // 100)
-    peak = float(frequency[np.argmax(np.convolve(power, np.ones(width) / width, "same"))])
-    total, expected = float(2.0 * np.sum(power)), float(2.0 * np.sum(noise))
-    ratio_db = limit_db = float("nan")
-    if expected > 0.0:
-        # Lines at a resonance carry most of the noise, so fewer count.
-        counted = float(np.sum(noise) ** 2 / np.sum(noise**2))
-        limit = f_distribution.isf(SIGNIFICANCE, 2.0 * copies * counted, samples * counted / frequency.size)
-        ratio_db, limit_db = 10.0 * float(np.log10(total / expected)), max(10.0 * float(np.log10(limit)), MARGIN_DB)
-    return Distortion(
-        parity=parity,
-        basis=basis,
-        lines=int(frequency.size),
-        level=float(np.sqrt(max(total - expected, 0.0))),
-        noise=float(np.sqrt(expected)),
-        ratio_db=ratio_db,
-        limit_db=limit_db,
-        peak=peak,
-        detected=ratio_db > limit_db if steady and expected > 0.0 else None,
-    )

@@ -57,7 +57,7 @@ class IndependenceMove(emcee.moves.Move):
         """Take mean and covariance from points (k, d); steps taken before must then count as burn-in."""
         covariance = np.cov(points, rowvar=False).reshape(points.shape[1], -1)
         self.centre = np.asarray(points.mean(axis=0), np.float64)
-        self.factor = np.linalg.cholesky(covariance)
+        self.factor = np.asarray(np.linalg.cholesky(covariance), np.float64)
 
     def _log_density(self, points: FloatArray) -> FloatArray:
         # Not by BLAS here and below: its threads would spin for these few numbers.

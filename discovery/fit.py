@@ -13,7 +13,7 @@ from discovery.errors import ComputationError
 from discovery.experiment import Experiment
 from discovery.least_squares import Minimum, levenberg_marquardt, minimise
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits, Problem, known_values, natural_units
+from discovery.problem import LIGHT_ROD, Bench, NaturalUnits, Problem, known_values, natural_units
 from discovery.simulate import check_finite
 
 __all__ = ["Fit", "answer_on", "choose_step", "declared_model", "fit", "fit_problems", "rig_uncertainty"]
@@ -139,7 +139,7 @@ def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
     rig = experiment.rig
     if not experiment.is_arm:
         return {}
-    known = {"tau_r": (0.0, RETARDATION)}
+    known = {"tau_r": (0.0, RETARDATION), "mu": (LIGHT_ROD, LIGHT_ROD)}
     if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
         mu = rig.beam_mass.value / rig.tip_mass.value
         spread = np.hypot(rig.beam_mass.sd / rig.beam_mass.value, rig.tip_mass.sd / rig.tip_mass.value)
@@ -265,7 +265,9 @@ def choose_step(
         coarse = bench.predict(*problem.expand(vector))
         fine = Bench.like(bench, step / 2).predict(*problem.expand(vector))
         with np.errstate(invalid="ignore", over="ignore"):
-            error = max(float(np.abs(a - b).max()) for a, b in zip(coarse, fine, strict=True)) / size
+            # The error against half the step, a sixteenth of which the finer solve still has.
+            error = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(coarse, fine, strict=True)) / size
+            error *= 16 / 15
         if error <= tolerance:
             return step
         # Order four: one adjustment is usually enough; never more than a factor eight at once.

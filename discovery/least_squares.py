@@ -58,14 +58,17 @@ def _cost(residuals: FloatArray) -> FloatArray:
 
 
 def _differences(
-    x: FloatArray, lower: FloatArray, upper: FloatArray, step: FloatArray
+    x: FloatArray, lower: FloatArray, upper: FloatArray, step: FloatArray, which: NDArray[np.int64]
 ) -> Generator[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Ask for residuals at x and around it; return residual and Jacobian (one-sided where a bound is in the way)."""
-    high, low = np.minimum(x + step, upper), np.maximum(x - step, lower)
-    answers = yield np.concatenate([x[:, None], x[:, None] + np.diag(high - x), x[:, None] + np.diag(low - x)], axis=1)
-    jacobian = (answers[:, 1 : x.size + 1] - answers[:, x.size + 1 :]) / np.where(high > low, high - low, 1.0)
-    jacobian[:, ~np.isfinite(jacobian).all(axis=0)] = 0.0
-    return answers[:, 0], jacobian
+    """Ask for residuals at x and around it; return residual and columns of the Jacobian (one-sided beside a bound)."""
+    high, low = np.minimum(x + step, upper)[which], np.maximum(x - step, lower)[which]
+    around = np.repeat(x[:, None], 2 * which.size, axis=1)
+    around[which, np.arange(which.size)] = high
+    around[which, which.size + np.arange(which.size)] = low
+    answers = yield np.concatenate([x[:, None], around], axis=1)
+    columns = (answers[:, 1 : which.size + 1] - answers[:, which.size + 1 :]) / np.where(high > low, high - low, 1.0)
+    columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
+    return answers[:, 0], columns
 
 
 def levenberg_marquardt(
@@ -90,8 +93,8 @@ def levenberg_marquardt(
         Stop when a step lowers the cost by less than this share of it, or by far less than the noise.
     jacobian : ndarray, shape (n, p), optional
         Derivatives near the start. With it, the search is a quick one: the Jacobian is carried along by Broyden's
-        rank-one update (Math. Comp. 19 (1965) 577) and differenced anew only when a step fails. Without it, it is
-        differenced at every step.
+        rank-one update (Math. Comp. 19 (1965) 577) and differenced anew only when a step fails; columns of zeros count
+        as unknown and are differenced at the start. Without it, it is differenced at every step.
 
     Yields
     ------
@@ -106,10 +109,13 @@ def levenberg_marquardt(
     quick = jacobian is not None
     step = 1e-6 * scale
     damping = 1e-3
+    every = np.arange(x.size)
     if jacobian is None:
-        residual, jacobian = yield from _differences(x, lower, upper, step)
+        residual, jacobian = yield from _differences(x, lower, upper, step, every)
     else:
-        residual, jacobian = (yield x[:, None])[:, 0], jacobian.copy()
+        jacobian = jacobian.copy()
+        unknown = np.flatnonzero(~jacobian.any(axis=0))
+        residual, jacobian[:, unknown] = yield from _differences(x, lower, upper, step, unknown)
     cost = float(_cost(residual[:, None])[0])
     fresh, converged, count = not quick, False, 0
     while count < iterations and np.isfinite(cost):
@@ -146,7 +152,7 @@ def levenberg_marquardt(
                 jacobian += np.outer(changed - jacobian @ moved, weighted) / max(weighted @ moved, 1e-300)
                 fresh = False
             else:
-                residual, jacobian = yield from _differences(x, lower, upper, step)
+                residual, jacobian = yield from _differences(x, lower, upper, step, every)
         elif gain > 0 or damping > 1e9:
             # A tiny step: the end, unless the Jacobian is only carried along.
             if fresh or quick:
@@ -155,7 +161,7 @@ def levenberg_marquardt(
         elif fresh:
             damping *= 100.0
         else:
-            residual, jacobian = yield from _differences(x, lower, upper, step)
+            residual, jacobian = yield from _differences(x, lower, upper, step, every)
             fresh = True
     return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count)
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
+from discovery import symbols as s
 from discovery.compile import numpy_derivative
 from discovery.effect import ARM, Load
 from discovery.errors import ComputationError
@@ -15,11 +18,20 @@ from discovery.experiment import Experiment
 from discovery.fit import Fit, fit_problems
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
-from discovery.program import build_program
+from discovery.program import Program, build_program
 
 __all__ = ["equilibrium", "held_out", "predict"]
 
 FloatArray = NDArray[np.float64]
+
+
+@lru_cache(maxsize=64)
+def _statics(base: str, effects: tuple[str, ...]) -> tuple[Program, Callable[..., list], Callable[..., list]]:
+    """Return a model's program, its slopes, and the true output as a function of coordinates and motor angle."""
+    program = build_program(base, effects)
+    output = Model(base, effects).mechanics.reading(None)
+    coordinates = program.states[: program.n_coordinates]
+    return program, numpy_derivative(program), sp.lambdify([*coordinates, s.theta_m], list(output))
 
 
 def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, drive: Sequence[float]) -> float:
@@ -43,8 +55,7 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     ComputationError
         If there is no rest position within the range of the model.
     """
-    program = build_program(model.base, model.effects)
-    derivative = numpy_derivative(program)
+    program, derivative, output = _statics(model.base, model.effects)
     moving = {
         p.name
         for effect in model.terms
@@ -60,12 +71,14 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     n = program.n_coordinates
     start = (drive[0], 0.0) if model.mechanics.system == ARM else (0.0, 0.0)
 
+    def acceleration(q: FloatArray) -> FloatArray:
+        state = [*q, *np.zeros(len(program.states) - n)]
+        return np.array(derivative(0.0, recorded, state, parameters)[n : 2 * n], float)
+
     def push(deflection: float) -> float:
         q, tangent = model.mechanics.initial_coordinates(np.array([deflection]), np.array([1.0]), start)
-        state = [*q[:, 0], *np.zeros(n), *np.zeros(len(program.states) - 2 * n)]
-        slopes = np.array(derivative(0.0, recorded, state, parameters)[n : 2 * n], float)
-        # Work per unit deflection of the bending forces, up to the positive weight of the inertia.
-        return float(slopes @ (tangent[:, 0] if n > 1 else np.ones(1)))
+        # Where a slow motion through this deflection is accelerated to.
+        return float(acceleration(q[:, 0]) @ tangent[:, 0])
 
     reach = np.linspace(0, 1.2 if model.mechanics.system == ARM else 5 * units.coordinate, 121)
     grid = np.concatenate([-reach[:0:-1], reach])
@@ -74,7 +87,16 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     if crossing.size == 0:
         raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
     nearest = crossing[np.argmin(np.abs(grid[crossing]))]
-    return float(brentq(push, grid[nearest], grid[nearest + 1], xtol=1e-12))
+    near = float(brentq(push, grid[nearest], grid[nearest + 1], xtol=1e-12))
+    if n == 1:
+        return near
+    # The rod's own weight bends it otherwise than a load at its tip: every coordinate must rest.
+    q, _ = model.mechanics.initial_coordinates(np.array([near]), np.array([0.0]), start)
+    found = root(acceleration, q[:, 0], options={"xtol": 1e-13})
+    if not np.abs(found.x - q[:, 0]).max() < 0.1:
+        raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
+    x, y = output(*found.x, 0.0)
+    return float(np.arctan2(y, x))
 
 
 def predict(

@@ -16,9 +16,11 @@ from discovery.parameters import Parameter, natural_scale
 from discovery.registry import get_effect
 from discovery.simulate import Simulator
 
-__all__ = ["Bench", "NaturalUnits", "Problem", "known_values", "natural_units"]
+__all__ = ["LIGHT_ROD", "Bench", "NaturalUnits", "Problem", "known_values", "natural_units"]
 
 FloatArray = NDArray[np.float64]
+#: Rod mass over tip mass where the rig does not state it.
+LIGHT_ROD = 0.05
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ def known_values(experiment: Experiment) -> dict[str, float]:
     rig = experiment.rig
     if rig.kind != ARM:
         return {} if experiment.recording.input is not None else {"g": 0.0}
-    known = {"length": rig.length.value if rig.length else 1.0, "mu": 0.0}
+    # A rod of unknown mass counts as light; the exact arm needs some mass to be solvable.
+    known = {"length": rig.length.value if rig.length else 1.0, "mu": LIGHT_ROD}
     if rig.beam_mass is not None and rig.tip_mass is not None:
         known["mu"] = rig.beam_mass.value / rig.tip_mass.value
     return known
@@ -129,11 +132,13 @@ class Bench:
     def residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
         """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k)."""
         k = parameters.shape[1]
-        parts = []
-        for channels, target, weight in zip(
-            self.predict(parameters, initial), self._targets, self._weights, strict=True
-        ):
-            parts.append(((channels - target[:, :, None]) * weight[:, :, None]).reshape(-1, k))
+        predicted = self.predict(parameters, initial)
+        # A trial that blows up is refused later, by its infinite cost.
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts = [
+                ((channels - target[:, :, None]) * weight[:, :, None]).reshape(-1, k)
+                for channels, target, weight in zip(predicted, self._targets, self._weights, strict=True)
+            ]
         return np.concatenate(parts)
 
     @cached_property

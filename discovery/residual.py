@@ -84,7 +84,7 @@ def systematic_share(residual: FloatArray, time: FloatArray, period: float) -> f
         total = np.bincount(label[good], channel[good], minlength=label[-1] + 1)
         use = count > 0
         excess.append(float(np.mean((total[use] / count[use]) ** 2 - 1.0 / count[use])))
-    return float(np.sqrt(max(0.0, np.mean(excess))))
+    return float(np.sqrt(max(0.0, float(np.mean(excess)))))
 
 
 def _ljung_box(series: FloatArray, lags: int = 20) -> tuple[float, float]:

@@ -99,7 +99,9 @@ def test_spread_has_the_size_of_the_stochastic_distortion():
     u = realisations(rng, period=2048, lines=np.arange(1, 1024, 2), count=10, length=4096)
     result = found(u, u + 0.05 * u**3 + 1e-4 * rng.standard_normal(u.size))
     odd = next(distortion for distortion in result.distortions if distortion.parity == "odd")
-    assert odd.level == pytest.approx(0.05 * np.sqrt(6.0), rel=0.05)
+    periods = np.array([u[starts[-1] : starts[-1] + 2048] for starts in result.periods])
+    assert odd.level == pytest.approx(0.05 * np.std(periods**3 - 3.0 * periods), rel=0.02)
+    assert odd.level == pytest.approx(0.05 * np.sqrt(6.0), rel=0.1)
 
 
 @pytest.mark.parametrize("sd", [1e-4, 1e-2])
@@ -118,33 +120,32 @@ def test_noise_through_the_system_keeps_its_colour():
     disturbance = linear(1e-3 * rng.standard_normal(u.size))
     result = found(u, linear(u) + disturbance)
     assert result.noise_rms == pytest.approx(np.std(disturbance), rel=0.1)
-    density = np.abs(np.fft.rfft(np.r_[1.0, np.zeros(1023)]) * 0.0 + _response(1024))[1:512]
-    expected = 1e-3 * np.sqrt(2.0 / 1024 / 7) * density  # seven whole periods behind the transient
-    assert np.median(result.noise / expected) == pytest.approx(1.0, rel=0.1)
-    assert detected(result) == {"odd": False, "even": False}
-
-
-def _response(period):
-    z = np.exp(2j * np.pi * np.arange(period // 2 + 1) / period)
+    z = np.exp(2j * np.pi * result.frequency / RATE)
     b, a = RESONANCE
-    return b[0] / (a[0] + a[1] / z + a[2] / z**2)
+    density = np.abs(b[0] / (a[0] + a[1] / z + a[2] / z**2))
+    expected = 1e-3 * np.sqrt(2.0 / 1024 / len(result.periods[0])) * density
+    near = density > 0.1 * density.max()
+    assert np.median((result.noise / expected)[near]) == pytest.approx(1.0, rel=0.1)
+    assert detected(result) == {"odd": False, "even": False}
 
 
 @pytest.mark.parametrize("coloured", [False, True])
 @pytest.mark.parametrize(("count", "length"), [(5, 924), (2, 1536)])
 def test_linear_systems_raise_few_false_alarms(coloured, count, length):
-    alarms = 0
+    verdicts = []
     for seed in range(60):
         rng = np.random.default_rng(seed)
         u = realisations(rng, period=512, count=count, length=length)
         noise = 0.02 * rng.standard_normal(u.size)
         result = found(u, linear(u) + (linear(noise) if coloured else noise))
-        alarms += sum(distortion.detected is not False for distortion in result.distortions)
-    assert alarms <= 2  # of 120
+        verdicts += detected(result).values()
+    assert len(verdicts) == 120
+    assert verdicts.count(True) <= 1
+    assert verdicts.count(None) <= 4
 
 
 def test_duffing_oscillator_is_odd_until_its_rest_position_moves():
-    """y'' + 8 y' + 900 y + k y^3 = u + offset: shifted from the origin, the cube has a square in it."""
+    """y'' + 20 y' + 900 y + k y^3 = u + offset: shifted from the origin, the cube has a square in it."""
     period, count, rng = 512, 3, np.random.default_rng(6)
     lines = np.arange(1, 60, 2)
     phase = 2.0 * np.pi * rng.random((count, lines.size))
@@ -155,7 +156,7 @@ def test_duffing_oscillator_is_odd_until_its_rest_position_moves():
     def simulated(offset):
         def rate(t, state):
             y, v = state.reshape(2, count)
-            return np.concatenate([v, force(t) + offset - 8.0 * v - 900.0 * y - 2000.0 * y**3])
+            return np.concatenate([v, force(t) + offset - 20.0 * v - 900.0 * y - 2000.0 * y**3])
 
         t = np.arange(period + 300) / RATE
         solution = solve_ivp(rate, (0.0, t[-1]), np.zeros(2 * count), t_eval=t, rtol=1e-8, atol=1e-9, method="DOP853")
@@ -194,6 +195,9 @@ def test_full_multisine_cannot_tell_the_parity():
     u = realisations(rng, lines=np.arange(1, 200))
     assert detected(found(u, respond(u, 0.02, 0.0, 1e-2, rng))) == {"odd or even": True}
     assert detected(found(u, respond(u, 0.0, 0.0, 1e-2, rng))) == {"odd or even": False}
+    gaps = realisations(rng, lines=np.sort(rng.permutation(200)[:150] + 1), count=1, length=4096)
+    result = found(gaps, respond(gaps, 0.02, 0.0, 1e-2, rng))
+    assert [(d.parity, d.basis, d.detected) for d in result.distortions] == [("odd or even", "unexcited lines", True)]
 
 
 def test_no_verdict_on_periods_that_never_settle():
@@ -205,6 +209,15 @@ def test_no_verdict_on_periods_that_never_settle():
     assert set(detected(result).values()) == {None}
     assert all("cannot be judged" in sentence for sentence in result.verdict()[1:])
     assert result.noise_source == "lines above the band, taken as white"
+
+
+def test_unknown_noise_is_said_to_be_unknown():
+    rng = np.random.default_rng(17)
+    u = realisations(rng, lines=np.arange(1, 512, 2), length=1024)
+    result = found(u, respond(u, noise=1e-3, rng=rng))
+    assert np.isnan(result.noise_rms)
+    assert result.verdict()[0] == "noise: not known, no period is repeated and no line is free above the band"
+    assert set(detected(result).values()) == {None}
 
 
 def test_realisations_with_gaps_are_left_out():
@@ -286,6 +299,7 @@ def test_recordings_without_input_or_regular_samples_are_none():
     u = realisations(rng)
     y, t = linear(u), np.arange(u.size) / RATE
     assert analyse_multisine(recording(u, y, t)) is not None
+    assert analyse_multisine(recording(u, y, np.round(t, 4))) is not None
     assert analyse_multisine(recording(None, y, t)) is None
     assert analyse_multisine(recording(u, y, t + 0.2 / RATE * rng.random(t.size))) is None
     assert analyse_multisine(recording(u[:40], y[:40], t[:40])) is None
@@ -310,18 +324,19 @@ def test_summary_is_json_and_says_what_was_found():
 
 @pytest.mark.measured
 @pytest.mark.skipif("DISCOVERY_DATA" not in os.environ, reason="DISCOVERY_DATA does not name the measured data")
-def test_silverbox_is_odd_far_above_its_noise(record_property):
+def test_silverbox_is_odd_far_above_its_noise():
     rig = read_rig(DATASETS / "silverbox" / "rig.toml")
     part = rig.records["train"][0]
     result = analyse_multisine(read_recording(part.file, rig, part.samples))
     assert result is not None
-    record_property("levels", json.dumps(result.summary()))
+    print("\n".join(result.verdict()))
     assert (result.period, len(result.periods), result.kind, result.steady) == (8192, 7, "odd", True)
     assert result.frequency[result.line_class == "excited"][-1] == pytest.approx(200.0, abs=0.2)
     assert any(abs(tone - 50.0) < 0.1 for tone in result.interference)
     odd, even = result.distortions
     assert odd.detected
-    assert odd.ratio_db > 30.0
+    assert even.detected
+    assert odd.ratio_db > 25.0
     assert even.ratio_db < odd.ratio_db - 20.0
     assert 1e-4 < result.noise_rms < 3e-4
     arrow = read_recording(part.file, rig, (100, 40575))

@@ -10,7 +10,7 @@ from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, 
 from discovery.errors import InputError
 from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
 from discovery.registry import catalogue, get_effect
-from discovery.symbols import delta, omega, rho, t, theta_m, v2, v_x, v_y
+from discovery.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
 from discovery.testing import EffectContract
 
 VOCABULARY = {
@@ -52,10 +52,10 @@ class EncoderRipple(Drive):
         return theta_m + self.e_r * sp.sin(4 * theta_m) + self.e_t * t
 
 
-class TipAddedMass(Kinetic):
-    r"""More mass at the tip.
+class AddedInertia(Kinetic):
+    r"""More mass at the tip, and an inertia that depends on the position.
 
-    .. math:: T = \tfrac12 m_a (v_x^2 + v_y^2)
+    .. math:: T = m_a \left(\tfrac12 (v_x^2 + v_y^2) + (1 + x \delta)\, \omega \dot\delta\right)
     """
 
     systems = frozenset({ARM})
@@ -63,7 +63,7 @@ class TipAddedMass(Kinetic):
     m_a = Parameter("1", "added mass", (0.0, 1.0), HalfNormal(0.1), starts=(0.01,), latex="m_a")
 
     def expression(self):
-        return self.m_a * (v_x**2 + v_y**2) / 2
+        return self.m_a * ((v_x**2 + v_y**2) / 2 + (1 + x * delta) * omega * delta_dot)
 
 
 class PushingFriction(Dissipation):
@@ -128,7 +128,7 @@ def planted(*effects: Effect) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("base", ["constant_radius", "elastica_2"])
-@pytest.mark.parametrize("effect", [EncoderRipple(), TipAddedMass()])
+@pytest.mark.parametrize("effect", [EncoderRipple(), AddedInertia()])
 def test_the_contract_accepts_a_drive_and_a_kinetic_energy(effect: Effect, base: str) -> None:
     contract = TestCatalogue()
     with planted(effect):

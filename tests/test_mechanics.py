@@ -305,6 +305,25 @@ def test_the_exact_arm_moves_like_a_converged_beam(friction: float) -> None:
     assert mean["elastica"] < mean["elastica_2"] < mean["reduced"] < mean["constant_radius"]
 
 
+@pytest.mark.parametrize("base", ["constant_radius", "oscillator", "elastica_2", "elastica"])
+def test_the_components_of_the_bending_make_its_energy(base: str) -> None:
+    bending = get_base(base).mechanics().bending
+    n = get_base(base).n_coordinates
+    jacobian = [entry for _, _, row in bending for entry in row]
+    show = numpy_derivative(
+        mechanics_program(base, s.U, s.w2, *(b[0] for b in bending), *(b[1] for b in bending), *jacobian)
+    )
+    rng = np.random.default_rng(0)
+    q, rate = rng.uniform(-0.3, 0.3, (2, n))
+    count = len(build_program(base, EFFECTS).parameters)
+    energy, speed, *rest = show(0.0, (0.0, 0.0, 0.0), np.concatenate([q, rate]), [0.0] * count)
+    value, change, rows = rest[:n], rest[n : 2 * n], np.reshape(rest[2 * n :], (n, n))
+    assert energy == pytest.approx(np.sum(np.square(value)) / 2)
+    assert speed == pytest.approx(np.sum(np.square(change)))
+    np.testing.assert_allclose(value, rows @ q, atol=1e-15)
+    np.testing.assert_allclose(change, rows @ rate, atol=1e-15)
+
+
 @pytest.mark.parametrize("base", ["constant_radius", "reduced", "elastica_2", "elastica"])
 @pytest.mark.parametrize("lossy", [False, True])
 def test_energy_over_a_swing(base: str, lossy: bool) -> None:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
@@ -30,6 +31,7 @@ def models(draw: st.DrawFn) -> Model:
     return Model(base.name, tuple(effects), {n: draw(st.floats(-10, 10)) for n in known if n != "nothing"})
 
 
+@settings(deadline=None)
 @given(models(), st.data())
 def test_adding_and_removing_an_effect_are_inverse(model: Model, data: st.DataObject) -> None:
     others = [e for e in catalogue() if e not in model.effects and model.mechanics.system in get_effect(e).systems]
@@ -41,6 +43,7 @@ def test_adding_and_removing_an_effect_are_inverse(model: Model, data: st.DataOb
     assert list(larger.parameters)[: len(model.parameters)] == list(model.parameters)
 
 
+@settings(deadline=None)
 @given(models())
 def test_removing_everything_leaves_the_base(model: Model) -> None:
     bare = model.without(model.effects)
@@ -49,6 +52,7 @@ def test_removing_everything_leaves_the_base(model: Model) -> None:
     assert model.without(()) == model
 
 
+@settings(deadline=None)
 @given(models())
 def test_a_model_survives_json(model: Model) -> None:
     copy = Model.from_dict(json.loads(json.dumps(model.to_dict())))
@@ -56,6 +60,7 @@ def test_a_model_survives_json(model: Model) -> None:
     assert copy.free == model.free
 
 
+@settings(deadline=None)
 @given(models(), st.sampled_from(("constant_radius", "reduced", "elastica", "elastica_2")))
 def test_another_base_keeps_what_it_does_not_provide(model: Model, base: str) -> None:
     if model.mechanics.system != get_base(base).system:
@@ -67,6 +72,7 @@ def test_another_base_keeps_what_it_does_not_provide(model: Model, base: str) ->
     assert moved.known == model.known
 
 
+@settings(deadline=None)
 @given(models())
 def test_known_and_fixed_parameters_are_not_free(model: Model) -> None:
     fixed = {n for n, p in model.parameters.items() if p.fixed}
@@ -81,6 +87,29 @@ def test_the_program_has_the_parameters_of_the_model(model: Model) -> None:
     if "linear_stiffness" not in model.effects:
         model = model.with_effect("linear_stiffness")
     assert build_program(model.base, model.effects).parameters == tuple(model.parameters)
+
+
+def test_the_equation_is_the_papers() -> None:
+    q, rate, acceleration, delta = sp.symbols("theta_t theta_t' theta_t'' delta", real=True)
+    xi, alpha, beta = sp.symbols("xi alpha beta", real=True)
+    model = Model("constant_radius", ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"))
+    equation = model.equation()
+    assert sp.expand(equation.lhs - equation.rhs - (acceleration + xi * rate + alpha * delta + beta * delta**3)) == 0
+    assert q not in equation.free_symbols
+    assert Model.from_dict(json.loads(json.dumps(model.to_dict()))).equation() == equation
+
+
+def test_the_equation_of_a_driven_oscillator() -> None:
+    q, rate, acceleration, u, g, alpha, c_2 = sp.symbols("q q' q'' u g alpha c_2", real=True)
+    equation = Model("oscillator", ("linear_stiffness", "quadratic_drag")).equation()
+    drag = c_2 * rate * sp.Abs(rate)
+    difference = equation.lhs - equation.rhs - (acceleration + drag + alpha * q - g * u)
+    assert sp.simplify(difference.subs(sp.sqrt(rate**2), sp.Abs(rate))) == 0
+
+
+def test_several_coordinates_have_no_readable_equation() -> None:
+    with pytest.raises(InputError, match="no readable closed form"):
+        Model("elastica", ("linear_stiffness",)).equation()
 
 
 @pytest.mark.parametrize(
@@ -109,6 +138,7 @@ def unit_text(powers: dict[str, int]) -> str:
     return " ".join(f"{symbol}^{power}" for symbol, power in powers.items() if power) or "1"
 
 
+@settings(deadline=None)
 @given(st.fixed_dictionaries({"s": exponents, "q": exponents, "m": exponents, "rad": exponents}), sizes, sizes, sizes)
 def test_natural_scale_is_the_product_of_powers(
     powers: dict[str, int], time: float, coordinate: float, length: float
@@ -118,6 +148,7 @@ def test_natural_scale_is_the_product_of_powers(
     assert scale == pytest.approx(expected, rel=1e-12)
 
 
+@settings(deadline=None)
 @given(
     st.dictionaries(st.sampled_from("sqm"), exponents), st.dictionaries(st.sampled_from("sqm"), exponents), sizes, sizes
 )
@@ -136,17 +167,20 @@ def test_a_unit_without_a_natural_size_is_refused() -> None:
 # Priors.
 
 
+@settings(deadline=None)
 @given(st.floats(-5, 5), st.floats(0.01, 10), st.lists(st.floats(-20, 20), min_size=1, max_size=5))
 def test_the_normal_prior_is_scipys(mean: float, sd: float, x: list[float]) -> None:
     np.testing.assert_allclose(Normal(mean, sd).log_density(x), stats.norm.logpdf(x, mean, sd), rtol=1e-12, atol=1e-12)
 
 
+@settings(deadline=None)
 @given(st.floats(0.01, 10), st.lists(st.floats(-20, 20, allow_subnormal=False), min_size=1, max_size=5))
 def test_the_half_normal_prior_is_scipys(sd: float, x: list[float]) -> None:
     expected = stats.halfnorm.logpdf(x, scale=sd)
     np.testing.assert_allclose(HalfNormal(sd).log_density(x), expected, rtol=1e-12, atol=1e-12)
 
 
+@settings(deadline=None)
 @given(
     st.floats(0.01, 10), st.floats(0.1, 3), st.lists(st.floats(-1, 50, allow_subnormal=False), min_size=1, max_size=5)
 )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -249,6 +249,7 @@ def test_interpolation_between_steps_is_below_the_step_error() -> None:
     assert np.abs(coarse - fine).max() < 1.5 * at_steps
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.floats(0.01, 0.5), min_size=1, max_size=20),
     st.lists(st.floats(-1.0, 8.0), max_size=6, unique=True),

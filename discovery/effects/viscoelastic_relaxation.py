@@ -21,7 +21,7 @@ class ViscoelasticRelaxation(Memory):
     cite = "Zener, Elasticity and Anelasticity of Metals (1948), chapter 5"
     v = Parameter("1", "relaxing share of the stiffness", (0.0, 2.0), HalfNormal(0.1), starts=(0.01,), latex="v")
     tau_v = Parameter(
-        "s", "relaxation time", (0.01, 300.0), LogNormal(2.0, 1.5), default=2.0, starts=(0.1, 0.4, 1.5, 6.0, 25.0),
+        "s", "relaxation time", (0.05, 300.0), LogNormal(2.0, 1.5), default=2.0, starts=(0.1, 0.4, 1.5, 6.0, 25.0),
         shape=True, latex=r"\tau_v",
     )  # fmt: skip
 

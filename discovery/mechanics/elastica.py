@@ -42,7 +42,7 @@ class Elastica(ArmBase):
     lanes = 8
     provides = frozenset({"cubic_stiffness", "quintic_stiffness", "radius_law", "distributed_mass"})
 
-    mu = Parameter("1", "rod mass over tip mass", (0.0, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
+    mu = Parameter("1", "rod mass over tip mass", (0.005, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
 
     tau_r = Parameter(
         "s", "retardation time of the rod's material", (0.0, math.inf), HalfNormal(1e-3), fixed=True, latex=r"\tau_r"

@@ -1,4 +1,4 @@
-"""The models of a run as formulas: what each effect adds to the equation of motion, or to the energies of the exact arm."""
+"""The models of a run as formulas: what each effect adds to the equation of motion, or to the arm's energies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from discovery.mechanics import get_base
 from discovery.prediction import DYNAMIC_REDUCTION
 from discovery.registry import get_effect
-from discovery.report.mathml import expression, number, row, symbol, total
+from discovery.report.mathml import expression, number, power, row, symbol, total
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -145,10 +145,6 @@ def _signed(body: str) -> str:
     return f"<mo>−</mo><mrow>{body.removeprefix(minus)}" if body.startswith(minus) else f"<mo>+</mo>{body}"
 
 
-def _power(base: str, exponent: int) -> str:
-    return f"<msup>{base}<mn>{exponent}</mn></msup>"
-
-
 def _exact_arm() -> list[Formula]:
     def at(*names: str) -> str:
         return row("<mo>(</mo>", "<mo>,</mo>".join(symbol(n) for n in names), "<mo>)</mo>")
@@ -166,27 +162,29 @@ def _exact_arm() -> list[Formula]:
     energy = row(
         "<mfrac><mn>1</mn><mn>6</mn></mfrac>",
         "<msubsup><mo>∫</mo><mn>0</mn><mn>1</mn></msubsup>",
-        _power(row("<mo>(</mo>", curvature, "<mo>)</mo>"), 2),
+        power(row("<mo>(</mo>", curvature, "<mo>)</mo>"), "<mn>2</mn>"),
         "<mi>d</mi>",
         symbol("s"),
     )
     return [
         Formula("Shape of the rod, inextensible, in a few curvature modes", shape),
         Formula("Lagrange’s equations, T the kinetic energy of the rod and of the tip", lagrange),
-        Formula("Elastic energy of the rod per unit of stiffness, s in lengths of the arm", _equal(symbol("U"), energy)),
+        Formula(
+            "Elastic energy of the rod per unit of stiffness, s in lengths of the arm", _equal(symbol("U"), energy)
+        ),
     ]
 
 
 def _reduced_arm() -> list[Formula]:
     c = DYNAMIC_REDUCTION
     delta, delta_dot, theta_dot, motor = symbol("delta"), symbol("delta", 1), symbol("theta_t", 1), symbol("theta_m", 2)
-    spring = total([("", delta), (f"{float(c.beta):.3g}", _power(delta, 3))])
+    spring = total([("", delta), (f"{float(c.beta):.3g}", power(delta, "<mn>3</mn>"))])
     terms = [
         ("", symbol("theta_t", 2)),
-        (f"{float(c.c1):g}", row(delta, _power(theta_dot, 2))),
+        (f"{float(c.c1):g}", row(delta, power(theta_dot, "<mn>2</mn>"))),
         (f"−{-float(c.c2):g}", row(delta, delta_dot, theta_dot)),
-        (f"{float(c.c3):g}", row(delta, _power(delta_dot, 2))),
-        (f"−{float(c.c_m):g}", row(_power(delta, 2), motor)),
+        (f"{float(c.c3):g}", row(delta, power(delta_dot, "<mn>2</mn>"))),
+        (f"−{float(c.c_m):g}", row(power(delta, "<mn>2</mn>"), motor)),
         ("", row(symbol("A"), motor)),
         ("", row(symbol("alpha"), "<mo>(</mo>", spring, "<mo>)</mo>")),
     ]
@@ -214,7 +212,12 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     if scalar:
         found = [Formula("Equation of motion", _scalar_equation(model, system))]
         if system == "flexible_arm":
-            found.append(Formula("with the deflection", _equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))))
+            found.append(
+                Formula(
+                    "with the deflection",
+                    _equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m"))),
+                )
+            )
     else:
         found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
     for effect_id in model["effects"]:

@@ -18,6 +18,8 @@ from discovery.report.words import LAWS, MASSES
 
 __all__ = ["elastica_table", "final_table", "nuisance_table", "posterior_table", "published"]
 
+_ORDER = ("alpha", "beta", "beta/alpha", "gamma")
+
 
 def published(run: Run) -> Mapping[str, Any]:
     """Return the source paper's numbers where the run's rig is the paper's, else nothing."""
@@ -25,20 +27,21 @@ def published(run: Run) -> Mapping[str, Any]:
     paper = tomllib.loads(text)
     quantities = run.results["rig"].get("quantities", {})
     same = run.is_arm and all(
-        name in quantities and abs(quantities[name]["value"] - value) < 1e-3 * value for name, value in paper["rig"].items()
+        name in quantities and abs(quantities[name]["value"] - value) < 1e-3 * value
+        for name, value in paper["rig"].items()
     )
     return paper if same else {}
 
 
 def _declarations(model: Mapping[str, Any]) -> dict[str, Any]:
-    owners = [get_base(model["base"]), *(get_effect(e) for e in model["effects"])]
+    owners: list[Any] = [get_base(model["base"]), *(get_effect(e) for e in model["effects"])]
     return {p.name: p for owner in owners for p in owner.parameters()}
 
 
 def _meaning(name: str, declared: Mapping[str, Any]) -> str:
     if name in declared:
         return str(declared[name].meaning)
-    return "noise of the instrument, standard deviation" if name.startswith("sigma") else ""
+    return "noise, sd" if name.startswith("sigma") else ""
 
 
 def _symbol(name: str, declared: Mapping[str, Any]) -> Markup | str:
@@ -70,11 +73,23 @@ def posterior_table(run: Run) -> Table:
                 significant(r["ess"], 4),
             ]
         )
-    head = ("", "meaning", "unit", "mean ± sd", "90 % interval", "fit ± sd", *(["paper"] if paper else []), "R-hat", "samples")
+    head = (
+        "",
+        "meaning",
+        "unit",
+        "mean ± sd",
+        "90 % interval",
+        "fit ± sd",
+        *(["paper"] if paper else []),
+        "R-hat",
+        "samples",
+    )
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95", "fit_value", "fit_sd", "r_hat", "ess")
     kind = rows[0]["interval"] if rows else "90 % interval"
     raw = [[r.get(k) for k in keys] for r in rows]
-    return Table("posterior", f"Parameters. Interval: {kind}. Samples: effective number.", head, cells, keys, raw, (0, 1, 2))
+    return Table(
+        "posterior", f"Parameters. Interval: {kind}. Samples: effective number.", head, cells, keys, raw, (0, 1, 2)
+    )
 
 
 def nuisance_table(run: Run) -> Table | None:
@@ -83,10 +98,21 @@ def nuisance_table(run: Run) -> Table | None:
     if not rows:
         return None
     unit = run.coordinate_unit
-    cells = [[r["name"], unit_text(r["unit"], unit), uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])] for r in rows]
+    cells = [
+        [r["name"], unit_text(r["unit"], unit), uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])]
+        for r in rows
+    ]
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95")
     raw = [[r.get(k) for k in keys] for r in rows]
-    return Table("initial_states", "Initial states, sampled with the parameters.", ("", "unit", "mean ± sd", "90 % interval"), cells, keys, raw, (0, 1))
+    return Table(
+        "initial_states",
+        "Initial states, sampled with the parameters.",
+        ("", "unit", "mean ± sd", "90 % interval"),
+        cells,
+        keys,
+        raw,
+        (0, 1),
+    )
 
 
 def final_table(run: Run) -> Table:
@@ -118,7 +144,9 @@ def elastica_table(run: Run) -> Table:
     """Return posterior against prediction; variants that predict the same number share a row."""
     comparison = run.results["elastica"]["comparison"]
     merged: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
-    for row in sorted(comparison, key=lambda r: list(("alpha", "beta", "beta/alpha", "gamma")).index(r["parameter"]) if r["parameter"] in ("alpha", "beta", "beta/alpha", "gamma") else 9):
+    for row in sorted(
+        comparison, key=lambda r: _ORDER.index(r["parameter"]) if r["parameter"] in _ORDER else len(_ORDER)
+    ):
         key = (row["parameter"], f"{row['predicted_mean']:.9e}", f"{row['predicted_sd']:.6e}")
         merged.setdefault(key, []).append(row)
     cells = []
@@ -138,7 +166,21 @@ def elastica_table(run: Run) -> Table:
             ]
         )
     head = ("", "unit", "rod’s mass", "law", "posterior ± sd", "elastica ± sd", "difference [sd]")
-    keys = ("mass", "law", "parameter", "unit", "posterior_mean", "posterior_sd", "predicted_mean", "predicted_sd", "difference", "discrepancy")
+    keys = (
+        "mass",
+        "law",
+        "parameter",
+        "unit",
+        "posterior_mean",
+        "posterior_sd",
+        "predicted_mean",
+        "predicted_sd",
+        "difference",
+        "discrepancy",
+    )
     raw = [[r.get(k) for k in keys] for r in comparison]
-    caption = "Posterior against what the elastica predicts from the rig file; the difference in standard deviations of both together."
+    caption = (
+        "Posterior against what the elastica predicts from the rig file; the difference is in standard deviations of "
+        "both together. Massless and counted: the rod’s own mass left out, or added to the tip as 33/140 of it."
+    )
     return Table("elastica", caption, head, cells, keys, raw, (0, 1, 2, 3))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from discovery.errors import InputError
 
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = ["block", "expression", "formula", "inline", "number", "row", "symbol", "total"]
+__all__ = ["GREEK", "block", "expression", "formula", "inline", "number", "power", "row", "symbol", "total"]
 
-_GREEK = {
+GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
     "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "varphi": "φ", "psi": "ψ",
     "omega": "ω", "Omega": "Ω", "Delta": "Δ", "Phi": "Φ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "chi": "χ",
@@ -54,12 +54,19 @@ def symbol(name: str, dots: int = 0) -> str:
         Number of time derivatives.
     """
     head, *tail = re.sub(r"[\\{}]", "", name).split("_")
-    core = f"<mi>{_GREEK.get(head, head)}</mi>"
+    core = f"<mi>{GREEK.get(head, head)}</mi>"
     if dots:
         # Full stops, raised: without a mathematical font, true accents sink into the letter.
         core = f'<mover accent="false">{core}<mo accent="false">{"." * dots}</mo></mover>'
-    subscript = ",".join(_GREEK.get(t, t) for t in tail if t)
+    subscript = ",".join(GREEK.get(t, t) for t in tail if t)
     return f"<msub>{core}<mi>{subscript}</mi></msub>" if subscript else core
+
+
+def power(base: str, exponent: str) -> str:
+    """Return a power; an index below and an exponent above share their place."""
+    if base.startswith("<msub>") and base.endswith("</msub>") and base.count("<msub>") == 1:
+        return f"<msubsup>{base[len('<msub>') : -len('</msub>')]}{exponent}</msubsup>"
+    return f"<msup>{base}{exponent}</msup>"
 
 
 def total(terms: Sequence[tuple[str, str]]) -> str:
@@ -111,7 +118,7 @@ class _Reader:
 
     def product(self) -> str:
         parts = [self.power()]
-        while self.peek() and self.peek() not in ("+", "-", ")", "|") or (self.peek() == "|" and not self.inside):
+        while (self.peek() and self.peek() not in ("+", "-", ")", "|")) or (self.peek() == "|" and not self.inside):
             parts += ['<mspace width="0.12em"/>', self.power()]
         return row(*parts)
 
@@ -122,7 +129,7 @@ class _Reader:
         if self.peek() != "^":
             return base
         self.take()
-        return f"<msup>{base}{self.atom()}</msup>"
+        return power(base, self.atom())
 
     def atom(self) -> str:
         token = self.take()
@@ -170,14 +177,16 @@ def _printer(coordinate: str):
     from sympy.printing.precedence import precedence
 
     oscillator = coordinate == "q"
+    moving = "q" if oscillator else "delta"
     states = {
-        "theta": (coordinate, 0), "omega": (coordinate, 1), "q": ("q", 0), "theta_m": ("theta_m", 0),
-        "omega_m": ("theta_m", 1), "alpha_m": ("theta_m", 2), "delta": ("q" if oscillator else "delta", 0),
-        "delta_dot": ("q" if oscillator else "delta", 1), "bend": ("b", 0), "bend_dot": ("b", 1), "w2": ("w^2", 0),
-        "tip_speed": ("q" if oscillator else "v_t", int(oscillator)), "x": ("x_t", 0), "y": ("y_t", 0), "x_g": ("x_g", 0), "y_g": ("y_g", 0), "v_x": ("x_t", 1),
-        "v_y": ("y_t", 1), "tip_x": ("x_t", 0), "tip_y": ("y_t", 0), "U": ("U", 0), "rho": ("rho", 0), "t": ("t", 0),
-        "u": ("u", 0),
+        "theta": (coordinate, 0), "omega": (coordinate, 1), "q": ("q", 0), "delta": (moving, 0),
+        "delta_dot": (moving, 1),
+        "theta_m": ("theta_m", 0), "omega_m": ("theta_m", 1), "alpha_m": ("theta_m", 2), "bend": ("b", 0),
+        "bend_dot": ("b", 1), "w2": ("w^2", 0), "tip_speed": ("q" if oscillator else "v_t", int(oscillator)),
+        "x": ("x_t", 0), "y": ("y_t", 0), "x_g": ("x_g", 0), "y_g": ("y_g", 0), "v_x": ("x_t", 1), "v_y": ("y_t", 1),
+        "tip_x": ("x_t", 0), "tip_y": ("y_t", 0), "U": ("U", 0), "rho": ("rho", 0), "t": ("t", 0), "u": ("u", 0),
     }  # fmt: skip
+
     class Printer(MathMLPresentationPrinter):
         """Sympy's printer with the symbols of `discovery.symbols`, constants before states."""
 
@@ -187,7 +196,12 @@ def _printer(coordinate: str):
         def _print_Symbol(self, sym, style="plain"):
             name, dots = states.get(sym.name, (_latex(sym.name), 0))
             plain = symbol(name.removesuffix("^2"), dots)
-            return self._node(f"<msup>{plain}<mn>2</mn></msup>" if name.endswith("^2") else plain)
+            return self._node(power(plain, "<mn>2</mn>") if name.endswith("^2") else plain)
+
+        def _print_Pow(self, expr):
+            if expr.base.is_Symbol and expr.exp.is_Integer and expr.exp > 1 and expr.base.name != "w2":
+                return self._node(power(self._print(expr.base).toxml(), f"<mn>{expr.exp}</mn>"))
+            return super()._print_Pow(expr)
 
         def _print_Mul(self, expr):
             number, _ = expr.as_coeff_Mul()
@@ -228,7 +242,7 @@ def _declared() -> dict[str, str]:
     from discovery.mechanics import base_names, get_base
     from discovery.registry import catalogue
 
-    owners = [*catalogue().values(), *(get_base(name) for name in base_names())]
+    owners: list[Any] = [*catalogue().values(), *(get_base(name) for name in base_names())]
     return {p.name: p.latex for owner in owners for p in owner.parameters() if p.latex}
 
 

@@ -146,7 +146,9 @@ def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory
 
     measured = array("measured")
     if measured is None:
-        raise InputError(f"trajectories.nc has no variable 'measured' for {recording['name']!r}. Run the pipeline again.")
+        raise InputError(
+            f"trajectories.nc has no variable 'measured' for {recording['name']!r}. Run the pipeline again."
+        )
     models = {name: values for name in MODELS if (values := array(name)) is not None}
     quantiles = [array(f"posterior_{q}") for q in ("q05", "q50", "q95")]
     band = np.stack([q for q in quantiles if q is not None]) if all(q is not None for q in quantiles) else None
@@ -185,10 +187,14 @@ def read_run(folder: Path) -> Run:
     try:
         results = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist: {folder} is not the folder of a finished run. Run the pipeline first.") from None
+        raise InputError(
+            f"{path} does not exist: {folder} is not the folder of a finished run. Run the pipeline first."
+        ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as JSON: {error}. Run the pipeline again.") from error
     missing = [key for key in ("rig", "recordings", "loop", "provenance") if key not in results]
     if missing:
-        raise InputError(f"{path} lacks {', '.join(missing)}: it is not the result of a whole run. Run the pipeline again.")
+        raise InputError(
+            f"{path} lacks {', '.join(missing)}: it is not the result of a whole run. Run the pipeline again."
+        )
     return Run(Path(folder), results)

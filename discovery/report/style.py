@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,9 +32,11 @@ LINES: dict[str, dict[str, Any]] = {
     "before": {"color": RED, "linestyle": (0, (4, 1.6)), "linewidth": 1.2, "label": "before: declared model"},
     "after": {"color": BLUE, "linestyle": "-", "linewidth": 1.0, "label": "after: final model"},
 }
+#: Measured points that a panel shows.
+_DOTS = 90
 #: Width of a figure [inches]. A phone shows it at three quarters of its size, a wide screen at five quarters.
 WIDTH = 4.6
-_STYLE = {
+_STYLE: Any = {
     "axes.edgecolor": GREY,
     "axes.grid": True,
     "axes.labelsize": 9,
@@ -42,7 +45,6 @@ _STYLE = {
     "axes.spines.top": False,
     "axes.titlelocation": "left",
     "axes.titlesize": 9,
-    "figure.constrained_layout.use": True,
     "figure.dpi": 100,
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -97,11 +99,11 @@ def styled() -> Iterator[None]:
         yield
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
+def new_figure(height: float, width: float = WIDTH, layout: Any = "constrained") -> Figure:
     """Return an empty figure [inches] that belongs to no window and no global state."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(width, height), layout=layout)
 
 
 def render(picture: Picture) -> tuple[str, bytes]:
@@ -129,7 +131,7 @@ def decimate(time: FloatArray, values: FloatArray, limit: int = 1400) -> tuple[F
         return time, values
     edges = np.linspace(0, n, limit // 2 + 1).astype(int)
     keep = []
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges):
         part = values[start:stop]
         good = np.flatnonzero(np.isfinite(part))
         if good.size:
@@ -141,10 +143,11 @@ def decimate(time: FloatArray, values: FloatArray, limit: int = 1400) -> tuple[F
 
 
 def series(axes: Axes, model: str, time: FloatArray, values: FloatArray, **changes: Any) -> None:
-    """Draw one curve in the model's own look; more than 3000 measured points become an embedded picture."""
+    """Draw one curve in the model's own look; of many measured points, some evenly chosen ones, so that lines show."""
     look = {**LINES[model], **changes}
     if look["linestyle"] == "none":
-        axes.plot(time, values, **look, rasterized=time.size > 3000)
+        every = max(1, time.size // _DOTS)
+        axes.plot(time[::every], values[::every], **look)
     else:
         axes.plot(*decimate(time, values), **look)
 

@@ -16,6 +16,9 @@ __all__ = ["Table", "name_cell", "term_cell"]
 
 #: Cells of a page are text or ready markup; those of a CSV file plain values.
 Cell = str | Markup
+#: Characters beyond which a cell of words may break.
+_LONG = 24
+_HEAD = 'th scope="col"'
 
 
 @dataclass(frozen=True)
@@ -52,15 +55,22 @@ class Table:
         """Return the table in a box that scrolls sideways where the screen is narrow."""
 
         def cells(tag: str, values: Iterable[Cell]) -> str:
-            kinds = (f' class="t"' if i in self.text else "" for i, _ in enumerate(self.header))
-            return "".join(f"<{tag}{kind}>{escape(v)}</{tag}>" for kind, v in zip(kinds, values, strict=True))
+            return "".join(f"<{tag}{self._look(i, v)}>{escape(v)}</{tag.split()[0]}>" for i, v in enumerate(values))
 
         body = "".join(f"<tr>{cells('td', row)}</tr>" for row in self.rows)
-        head = cells('th scope="col"', self.header).replace('</th scope="col">', "</th>")
+        name = f"table-{self.name}"
         return Markup(
-            f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(self.caption)}"><table>'
-            f"<caption>{escape(self.caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+            f'<p class="caption" id="{name}">{escape(self.caption)}</p>'
+            f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{name}"><table aria-labelledby="{name}">'
+            f"<thead><tr>{cells(_HEAD, self.header)}</tr></thead><tbody>{body}</tbody></table></div>"
         )
+
+    def _look(self, column: int, value: Cell) -> str:
+        """Return the class of a cell: words to the left, and long ones may take several lines."""
+        if column not in self.text:
+            return ""
+        long = value.count("<math") > 2 if isinstance(value, Markup) else len(value) > _LONG
+        return ' class="t long"' if long else ' class="t"'
 
     def csv(self) -> str:
         """Return the content of the CSV file."""

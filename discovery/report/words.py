@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from discovery.registry import catalogue
+from discovery.report.mathml import GREEK
 from discovery.report.numbers import Scale, scale_for, significant
 from discovery.report.results import Run
 
-__all__ = ["FITS", "LAWS", "MASSES", "effect_name", "effect_title", "error_scale", "headline", "held_group", "listed", "origin"]
+__all__ = [
+    "FITS",
+    "GEOMETRY_SOURCES",
+    "LAWS",
+    "MASSES",
+    "clause",
+    "effect_name",
+    "effect_title",
+    "error_scale",
+    "headline",
+    "held_group",
+    "listed",
+    "origin",
+    "prose",
+    "sentence",
+]
 
 #: Base upgrades are no entries of the catalogue: what they mean.
 _GEOMETRY = {
-    "radius_inertia": "The mass moves along the radius law: centrifugal, Coriolis and radial-inertia terms, no free parameter",
+    "radius_inertia": "The mass moves along the radius law (centrifugal, Coriolis, radial inertia), no free parameter",
     "elastica_geometry": "The exact mechanics of the bending rod with its own mass, no free parameter",
 }
 #: Where base upgrades come from.
@@ -27,19 +44,53 @@ FITS = {
     "constant_radius": "nonlinear spring, constant radius",
     "declared": "declared model",
 }
-MASSES = {"as_printed": "rod massless", "rod_counted": "rod counted"}
+MASSES = {"as_printed": "massless", "rod_counted": "counted"}
 LAWS = {
     "static_small": "static, small deflection",
     "static_least_squares": "static, least squares",
-    "dynamic": "dynamic reduction",
+    "dynamic": "dynamic, with its inertial terms",
     "dynamic_effective": "dynamic, as constant radius sees it",
 }
+
+
+#: Symbols of the result files' sentences.
+_WRITTEN = (
+    (r"\btheta_t'", "θ̇ₜ"),
+    (r"\btheta_t\b", "θₜ"),
+    (r"\bdelta'", "δ̇"),
+    (r"\bq'", "q̇"),
+    *((rf"\b{name}(?=\b|_)", letter) for name, letter in GREEK.items()),
+    (r"\^2\b", "²"),
+    (r"\^3\b", "³"),
+    (r"\^4\b", "⁴"),
+    (r"\^5\b", "⁵"),
+    (r"\+-", "±"),
+    (r" - ", " − "),
+    (r"(?<=\d) x (?=\d)", " × "),
+)
 
 
 def listed(words: Iterable[str]) -> str:
     """Return words as a reader lists them: a, b and c."""
     words = list(words)
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def prose(text: str) -> str:
+    """Return a sentence of a result file with its symbols as a reader writes them."""
+    for pattern, written in _WRITTEN:
+        text = re.sub(pattern, written, text)
+    return text
+
+
+def sentence(text: str) -> str:
+    """Return text with a capital first letter, but for a symbol."""
+    return text[:1].upper() + text[1:] if text[:2].isascii() else text
+
+
+def clause(text: str) -> str:
+    """Return a title as part of a sentence."""
+    return text[:1].lower() + text[1:]
 
 
 def effect_name(effect_id: str) -> str:
@@ -55,7 +106,7 @@ def effect_title(effect_id: str) -> str:
 
 
 def held_group(errors: Mapping[str, Any]) -> str:
-    """Return the group of recordings that judges: inside the trained deflection, else all that was held out, else training."""
+    """Return the recordings that judge: held out inside the trained deflection, else all held out, else training."""
     for group in ("holdout_inside", "holdout", "train"):
         if (errors["after"].get(group) or {}).get("rms") is not None:
             return group
@@ -74,17 +125,21 @@ def headline(run: Run) -> str:
     group = held_group(errors)
     before, after = (significant(errors[k][group]["rms"] * scale.factor) for k in ("before", "after"))
     floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}"
-    seen = {"holdout_inside": "on a recording that no fit saw", "holdout": "on data that no fit saw"}.get(group, "in training")
+    seen = {"holdout_inside": "on a recording that no fit saw", "holdout": "on data that no fit saw"}.get(
+        group, "in training"
+    )
     change = f"the rms error {seen} falls from {before} to {after} {scale.symbol} (noise floor {floor})"
     added = [effect_name(e["id"]) for e in run.loop["effects"]]
     them = "it" if len(added) == 1 else "them"
+    left = f"{after} {scale.symbol} rms {seen}"
     if run.loop["verdict"] == "nothing_missing":
-        return f"Nothing is missing: the declared model leaves {after} {scale.symbol} rms {seen}, which is noise (floor {floor})."
+        return f"Nothing is missing: the declared model leaves {left}, which is noise (floor {floor})."
     if run.loop["verdict"] == "explained":
         return f"Explained: the declared model lacked {listed(added)}; with {them}, {change}."
     if added:
-        return f"Not fully explained: the declared model lacked {listed(added)}, and {change}, but what is left is not noise."
-    return f"Not explained: no effect of the catalogue removes what the declared model leaves, {after} {scale.symbol} rms {seen} (noise floor {floor})."
+        found = f"the declared model lacked {listed(added)}, and {change}"
+        return f"Not fully explained: {found}, but what is left is not noise."
+    return f"Not explained: no effect of the catalogue removes what the declared model leaves, {left} (floor {floor})."
 
 
 def origin(run: Run) -> str:

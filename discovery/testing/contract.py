@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -26,13 +25,10 @@ class EffectContract(DeclarationContract, MechanicsContract):
         Ids of the effects under test; None: the whole catalogue.
     bases : tuple of str or None
         Bases on which they are tested, where they apply; None: all.
-    constants : mapping of float to str
-        Dimensional constants that an expression may hold as numbers, with their units.
     """
 
     effects: ClassVar[tuple[str, ...] | None] = None
     bases: ClassVar[tuple[str, ...] | None] = None
-    constants: ClassVar[Mapping[float, str]] = {9.80665: "m s^-2"}
 
     def pytest_generate_tests(self, metafunc) -> None:
         """Run every test for each effect, or for each effect on each base."""

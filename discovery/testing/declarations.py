@@ -79,7 +79,13 @@ def expressions(effect: Effect, system: str) -> Iterator[tuple[sp.Expr, str, Map
 
 
 class DeclarationContract:
-    """Words, units, priors and algebra."""
+    """Words, units, priors and algebra.
+
+    Attributes
+    ----------
+    constants : mapping of float to str
+        Dimensional constants that an expression may hold as numbers, with their units.
+    """
 
     constants: ClassVar[Mapping[float, str]] = {9.80665: "m s^-2"}
 

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from discovery.report.mathml import GREEK
 from discovery.report.numbers import unit_text
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, Picture, new_figure
+from discovery.report.words import prose
 
 __all__ = ["draw"]
 
-_GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "xi": "ξ", "sigma": "σ", "tau": "τ", "phi": "φ", "mu": "μ", "Omega": "Ω"}
 _MOST = 7
 _DRAWS = 20_000
 
 
 def _label(name: str, unit: str) -> str:
     head, _, tail = name.partition("_")
-    text = _GREEK.get(head, head) + (f"$_{{\\mathrm{{{tail}}}}}$" if tail else "")
+    text = GREEK.get(head, head) + (f"$_{{\\mathrm{{{tail}}}}}$" if tail else "")
     return f"{text} [{unit}]" if unit else text
 
 
@@ -33,8 +34,7 @@ def draw(run: Run) -> Picture | None:
     draws = np.stack([dataset[r["name"]].to_numpy().ravel() for r in shown], axis=1)
     draws = draws[:: max(1, len(draws) // _DRAWS)]
     labels = [_label(r["name"], unit_text(r["unit"], run.coordinate_unit)) for r in shown]
-    figure = new_figure(1.35 * len(shown), 1.35 * len(shown))
-    figure.set_layout_engine("none")
+    figure = new_figure(1.35 * len(shown), 1.35 * len(shown), layout="none")
     corner.corner(
         draws,
         fig=figure,
@@ -53,7 +53,7 @@ def draw(run: Run) -> Picture | None:
         axis.grid(visible=False)
         axis.tick_params(labelsize=7.5, colors=GREY)
     figure.subplots_adjust(left=0.13, bottom=0.14, right=0.99, top=0.985, wspace=0.06, hspace=0.06)
-    names = ", ".join(r["name"] for r in shown)
+    names = ", ".join(prose(r["name"]) for r in shown)
     return Picture(
         "corner",
         figure,

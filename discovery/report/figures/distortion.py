@@ -35,7 +35,13 @@ def draw(run: Run) -> Picture | None:
         here = here[:: max(1, here.size // _MOST)]
         if here.size:
             axes.plot(
-                frequency[here], level[here] * scale.factor, marker, color=colour, markersize=2.5, label=name, rasterized=True
+                frequency[here],
+                level[here] * scale.factor,
+                marker,
+                color=colour,
+                markersize=2.5,
+                label=name,
+                rasterized=True,
             )
     if np.isfinite(noise).any():
         axes.plot(frequency, noise * scale.factor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise")
@@ -46,6 +52,7 @@ def draw(run: Run) -> Picture | None:
     return Picture(
         "multisine",
         figure,
-        "Output at every line of the multisine. What stands above the noise on lines that were not excited is nonlinear distortion.",
-        "Level of the output against frequency at excited, odd unexcited and even unexcited lines, with the noise level.",
+        "Output at every line of the multisine. What stands above the noise on lines that were not excited is "
+        "distortion.",
+        "Level of the output against frequency at excited, odd unexcited and even unexcited lines, with the noise.",
     )

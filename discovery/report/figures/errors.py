@@ -32,15 +32,30 @@ def draw(run: Run) -> Picture | None:
         peaks = [m[group]["peak"] * scale.factor for m in (before, after)]
         axes.plot(values, [row, row], color="#BBBBBB", linewidth=1.5, zorder=1)
         for value, peak, colour, marker, name, shift in zip(
-            values, peaks, (RED, BLUE), ("s", "o"), ("before: declared model", "after: final model"), (-0.13, 0.13), strict=True
+            values,
+            peaks,
+            (RED, BLUE),
+            ("s", "o"),
+            ("before: declared model", "after: final model"),
+            (-0.13, 0.13),
+            strict=True,
         ):
             axes.plot([value, peak], [row + shift] * 2, color=colour, linewidth=0.8, alpha=0.7)
             axes.plot(peak, row + shift, marker="|", color=colour, markersize=6)
-            axes.plot(value, row, marker=marker, color=colour, markersize=7, linestyle="none", label=name if row == 0 else None)
+            axes.plot(
+                value,
+                row,
+                marker=marker,
+                color=colour,
+                markersize=7,
+                linestyle="none",
+                label=name if row == 0 else None,
+            )
             axes.annotate(significant(value), (value, row), (0, 8), textcoords="offset points", ha="center", fontsize=8)
     floor = errors["noise_floor"] * scale.factor
     axes.axvline(floor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise floor")
     axes.set_xscale("log")
+    axes.set_xlim(left=0.6 * min(floor, *(m[g]["rms"] * scale.factor for m in (before, after) for g in groups)))
     axes.set_yticks(range(len(groups)), [ROLES[g] for g in groups])
     axes.set_ylim(len(groups) - 0.5, -0.6)
     axes.grid(axis="y", visible=False)

@@ -6,6 +6,7 @@ import numpy as np
 
 from discovery.report.results import Run
 from discovery.report.style import BLUE, Picture, new_figure
+from discovery.report.words import prose
 
 __all__ = ["draw"]
 
@@ -24,7 +25,7 @@ def draw(run: Run) -> Picture | None:
     rows = np.arange(len(chosen))
     colours = [BLUE if n in terms else "#B8D4E8" for _, n in chosen]
     axes.barh(rows, [p for p, _ in chosen], height=0.65, color=colours)
-    axes.set_yticks(rows, [n.replace("theta_t", "θₜ").replace("delta", "δ") for _, n in chosen])
+    axes.set_yticks(rows, [prose(n).replace("θ̇ₜ", "θₜ'").replace("̇", "'") for _, n in chosen])
     axes.invert_yaxis()
     axes.set_xlim(0, 1)
     axes.grid(axis="y", visible=False)
@@ -33,7 +34,8 @@ def draw(run: Run) -> Picture | None:
     return Picture(
         "inclusion",
         figure,
-        f"How often each term was part of the equation, over resamples of whole stretches; dark: in the reported equation. "
+        "How often each term was part of the equation, over resamples of whole stretches; dark: in the reported "
+        "equation. "
         f"{never} other terms of the library were never chosen.",
         "Bars of inclusion probability: " + ", ".join(f"{n} {p:.2f}" for p, n in chosen) + ".",
     )

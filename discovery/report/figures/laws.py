@@ -27,9 +27,17 @@ def draw(run: Run) -> list[Picture]:
         for axis, base in ((top, 0.0), (bottom, delta)):
             axis.fill_between(delta, low - base, high - base, color=BLUE, alpha=0.35, linewidth=0)
             axis.plot(delta, middle - base, color=BLUE, linewidth=1.2, label="posterior, 90 % band")
-            axis.plot(delta, laws["elastica_spring"] - base, color=ORANGE, linestyle=(0, (4, 1.6)), label="elastica, force")
+            axis.plot(
+                delta, laws["elastica_spring"] - base, color=ORANGE, linestyle=(0, (4, 1.6)), label="elastica, force"
+            )
             if "elastica_torque" in laws:
-                axis.plot(delta, laws["elastica_torque"] - base, color=GREEN, linestyle=(0, (1, 1.2)), label="elastica, torque")
+                axis.plot(
+                    delta,
+                    laws["elastica_torque"] - base,
+                    color=GREEN,
+                    linestyle=(0, (1, 1.2)),
+                    label="elastica, torque",
+                )
             axis.axvspan(reach, delta[-1], color="#EEEEEE", zorder=0)
         top.set_ylabel("spring law [rad]")
         bottom.set_ylabel("minus δ [rad]")
@@ -40,8 +48,10 @@ def draw(run: Run) -> list[Picture]:
             Picture(
                 "spring_law",
                 figure,
-                f"Spring law over its linear stiffness, δ + (β/α) δ³, with the elastica’s. Grey: beyond the trained {reach:.2f} rad.",
-                "Restoring force against deflection: posterior band of the discovered law and the elastica’s; below, without the linear part.",
+                "Spring law over its linear stiffness, δ + (β/α) δ³, with the elastica’s. "
+                f"Grey: beyond the trained {reach:.2f} rad.",
+                "Restoring force against deflection: posterior band of the discovered law and the elastica’s; "
+                "below, without the linear part.",
             )
         )
     if "posterior_radius_q50" in laws:
@@ -52,7 +62,16 @@ def draw(run: Run) -> list[Picture]:
         measured = run.open("laws.nc", "measured")
         if measured is not None:
             size = abs(measured["delta"].to_numpy())
-            top.plot(size, measured["rho"].to_numpy(), ".", color="black", markersize=2, alpha=0.4, label="measured", rasterized=True)
+            top.plot(
+                size,
+                measured["rho"].to_numpy(),
+                ".",
+                color="black",
+                markersize=2,
+                alpha=0.4,
+                label="measured",
+                rasterized=True,
+            )
         for axis, base in ((top, 0.0), (bottom, elastica)):
             axis.fill_between(delta, low - base, high - base, color=BLUE, alpha=0.35, linewidth=0)
             axis.plot(delta, middle - base, color=BLUE, linewidth=1.2, label="posterior, 90 % band")
@@ -67,8 +86,10 @@ def draw(run: Run) -> list[Picture]:
             Picture(
                 "radius_law",
                 figure,
-                f"Radius law cos(γδ) with the elastica’s and the measured radius. Grey: beyond the trained {reach:.2f} rad.",
-                "Radius of the tip over the arm’s length against deflection: measured points, posterior band and elastica; below, differences.",
+                "Radius law cos(γδ) with the elastica’s and the measured radius. "
+                f"Grey: beyond the trained {reach:.2f} rad.",
+                "Radius of the tip over the arm’s length against deflection: measured points, posterior band and "
+                "elastica; below, differences.",
             )
         )
     return pictures

@@ -9,7 +9,13 @@ from discovery.report.style import BLUE, GREY, RED, Picture, decimate, label, ne
 
 __all__ = ["draw", "draw_deflections"]
 
-_NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection", "output": "output"}
+_NAMES = {
+    "tip_x": "tip x",
+    "tip_y": "tip y",
+    "tip_angle": "tip angle",
+    "tip_deflection": "tip deflection",
+    "output": "output",
+}
 
 
 def _largest(trajectory: Trajectory) -> float:
@@ -35,7 +41,10 @@ def draw(run: Run) -> Picture | None:
     figure.align_ylabels()
     what = "tip position and motor angle" if run.is_arm else "output and input"
     return Picture(
-        "motion", figure, f"Measured motion of {shown.name}: {what}.", f"Time series of {what} of recording {shown.name}."
+        "motion",
+        figure,
+        f"Measured motion of {shown.name}: {what}.",
+        f"Time series of {what} of recording {shown.name}.",
     )
 
 
@@ -49,7 +58,11 @@ def draw_deflections(run: Run) -> Picture | None:
     for axis, trajectory in zip(axes, shown, strict=True):
         assert trajectory.deflection is not None
         role = "training" if trajectory.role == "train" else "held out"
-        axis.plot(*decimate(trajectory.time, trajectory.deflection), color="black" if role == "training" else RED, linewidth=0.8)
+        axis.plot(
+            *decimate(trajectory.time, trajectory.deflection),
+            color="black" if role == "training" else RED,
+            linewidth=0.8,
+        )
         axis.set_title(f"{trajectory.name} ({role})", fontsize=8.5, color=GREY)
     figure.supylabel("deflection of the tip [rad]", fontsize=9)
     axes[-1].set_xlabel("time [s]")

@@ -12,7 +12,7 @@ __all__ = ["draw"]
 
 FloatArray = NDArray[np.float64]
 #: Swings of a recording that are drawn: more would fill the plane.
-_SWINGS = 12
+_SWINGS = 6
 
 
 def _period(time: FloatArray, values: FloatArray) -> float:
@@ -55,7 +55,7 @@ def draw(run: Run) -> Picture | None:
         portrait = _portrait(shown, model, period) if model == "measured" or model in shown.models else None
         if portrait is not None:
             look = {**LINES[model], "linewidth": 0.8}
-            axes.plot(*portrait, **look, rasterized=portrait[0].size > 3000)
+            axes.plot(*portrait, **look, rasterized=portrait[0].size > 500)
     unit = run.coordinate_unit
     axes.set_xlabel(label("deflection" if run.is_arm else "output", unit))
     axes.set_ylabel(label("its rate", f"{unit}/s"))
@@ -64,5 +64,5 @@ def draw(run: Run) -> Picture | None:
         "phase",
         figure,
         f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s.",
-        f"Deflection against its rate: loops that shrink towards rest, measured and by the final model, recording {shown.name}.",
+        f"Deflection of {shown.name} against its rate: loops, measured and by the final model.",
     )

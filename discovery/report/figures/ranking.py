@@ -9,6 +9,7 @@ import numpy as np
 
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure
+from discovery.report.words import effect_name, listed
 
 __all__ = ["draw", "draw_steps"]
 
@@ -25,13 +26,17 @@ def _ranking(step: Mapping[str, Any], position: int) -> Picture:
     axes = figure.subplots()
     rows = np.arange(len(shown))
     kept = [step["accepted"] and n == step["effect"] for n in names]
-    axes.barh(rows, refitted, height=0.62, color=[BLUE if k else "#B8D4E8" for k in kept], label="removed by a bounded refit")
-    axes.plot(linear, rows, marker="D", color=ORANGE, markersize=4.5, linestyle="none", label="predicted by the linear score")
+    axes.barh(
+        rows, refitted, height=0.62, color=[BLUE if k else "#B8D4E8" for k in kept], label="removed by a bounded refit"
+    )
+    axes.plot(
+        linear, rows, marker="D", color=ORANGE, markersize=4.5, linestyle="none", label="predicted by the linear score"
+    )
     largest = max(refitted.max(), linear.max(), 1.0)
     if largest > 1e3:
         axes.set_xscale("symlog", linthresh=10.0)
     axes.set_xlim(0, largest * (2.0 if largest > 1e3 else 1.05))
-    axes.set_yticks(rows, names)
+    axes.set_yticks(rows, [effect_name(n) for n in names])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("chi-square removed on the training recordings")
@@ -40,7 +45,7 @@ def _ranking(step: Mapping[str, Any], position: int) -> Picture:
     return Picture(
         f"ranking_{position}",
         figure,
-        f"Candidate effects at step {position}, best first: {step['effect']} ({verdict}).",
+        f"Candidate effects at step {position}, best first: {effect_name(step['effect'])} ({verdict}).",
         f"Bars of the chi-square that each candidate effect removes; {step['effect']} removes most ({verdict}).",
     )
 
@@ -68,19 +73,24 @@ def draw_steps(run: Run) -> Picture | None:
     axes = figure.subplots()
     for row, (step, (before, after)) in enumerate(found):
         colour = BLUE if step["accepted"] else ORANGE
-        axes.annotate("", (after, row), (before, row), arrowprops={"arrowstyle": "->", "color": colour, "linewidth": 1.2})
+        axes.annotate(
+            "", (after, row), (before, row), arrowprops={"arrowstyle": "->", "color": colour, "linewidth": 1.2}
+        )
         axes.plot(before, row, "s", color=GREY, markersize=4)
         axes.plot(after, row, "o" if step["accepted"] else "X", color=colour, markersize=7)
     axes.axvline(1.0, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0)
     axes.set_xscale("log")
-    axes.set_yticks(range(len(found)), [("" if s["accepted"] else "not kept: ") + s["effect"] for s, _ in found])
+    axes.set_yticks(
+        range(len(found)), [("" if s["accepted"] else "not kept: ") + effect_name(s["effect"]) for s, _ in found]
+    )
     axes.set_ylim(len(found) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("held-out mean squared residual [noise variances]")
-    kept = ", ".join(s["effect"] for s, _ in found if s["accepted"]) or "nothing"
+    kept = listed(effect_name(s["effect"]) for s, _ in found if s["accepted"]) or "nothing"
     return Picture(
         "steps",
         figure,
-        f"Held-out misfit before (square) and after (circle: kept, cross: not kept) each proposal; 1 is noise alone. Kept: {kept}.",
+        "Held-out misfit before (square) and after (circle: kept, cross: not kept) each proposal; 1 is noise alone. "
+        f"Kept: {kept}.",
         f"Arrows from the held-out misfit before to the one after each proposal of the loop. Kept: {kept}.",
     )

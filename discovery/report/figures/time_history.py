@@ -8,6 +8,7 @@ import numpy as np
 
 from discovery.report.figures.motion import _NAMES
 from discovery.report.figures.phase import _period
+from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import BLUE, LINES, Picture, label, new_figure, series
 
@@ -18,6 +19,8 @@ __all__ = ["draw"]
 
 #: Periods of the motion that a zoom shows.
 _ZOOM = 3
+#: Stretches of time of each of which the largest error is shown.
+_STRETCHES = 100
 
 
 def _panel(axes: Axes, trajectory: Trajectory, channel: int, start: float, stop: float) -> None:
@@ -31,12 +34,25 @@ def _panel(axes: Axes, trajectory: Trajectory, channel: int, start: float, stop:
     axes.set_xlim(start, stop)
 
 
+def _distances(axes: Axes, trajectory: Trajectory) -> None:
+    """Draw the largest distance to the measurement in every stretch of time, on a logarithmic axis."""
+    found = {model: trajectory.distance(model) for model in trajectory.models}
+    scale = scale_for(trajectory.units[0], min(float(np.nanmax(d)) for d in found.values()))
+    edges = np.unique(np.linspace(0, trajectory.time.size, _STRETCHES + 1).astype(int))[:-1]
+    for model, distance in found.items():
+        largest = np.fmax.reduceat(distance, edges) * scale.factor
+        axes.semilogy(trajectory.time[edges], largest, **LINES[model], drawstyle="steps-post")
+    axes.set_xlim(trajectory.time[0], trajectory.time[-1])
+    axes.set_ylabel(label("error", scale.symbol))
+    axes.set_xlabel("time [s]")
+
+
 def _history(run: Run, trajectory: Trajectory) -> Picture:
     time, count = trajectory.time, len(trajectory.channels)
     reference = trajectory.measured[:, -1] if trajectory.deflection is None else trajectory.deflection
     zoom = min(_ZOOM * _period(time, reference), (time[-1] - time[0]) / 2)
-    figure = new_figure(2.0 * 1.25 * count + 0.9)
-    grid = figure.add_gridspec(2 * count, 2)
+    figure = new_figure(1.25 * (2 * count + 1) + 0.9)
+    grid = figure.add_gridspec(2 * count + 1, 2)
     for c, (channel, unit) in enumerate(zip(trajectory.channels, trajectory.units, strict=True)):
         whole = figure.add_subplot(grid[2 * c, :])
         start, end = figure.add_subplot(grid[2 * c + 1, 0]), figure.add_subplot(grid[2 * c + 1, 1])
@@ -47,17 +63,17 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
         end.set_title("end")
         for axis in (whole, start):
             axis.set_ylabel(label(_NAMES.get(channel, channel), unit))
-        if c == count - 1:
-            start.set_xlabel("time [s]")
-            end.set_xlabel("time [s]")
+    _distances(figure.add_subplot(grid[2 * count, :]), trajectory)
     handles, names = whole.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper left", ncols=2)
-    held = "held out" if trajectory.role == "holdout" else "fitted" if trajectory.fitted.all() else "fitted, last part held out"
+    fitted = "fitted" if trajectory.fitted.all() else "first part fitted"
+    role = "held out" if trajectory.role == "holdout" else fitted
     return Picture(
         f"time_{trajectory.name}",
         figure,
-        f"{trajectory.name} ({held}): measured and free-run models, whole and at its start and end.",
-        f"Time series of recording {trajectory.name} ({held}): measurement, {', '.join(LINES[m]['label'] for m in trajectory.models)}.",
+        f"{trajectory.name} ({role}): measured (some samples) and free-run models, whole, at the start and "
+        "at the end; last, the largest error in every hundredth of the time.",
+        f"Time series of {trajectory.name} ({role}): measurement, models, and the models’ errors.",
     )
 
 

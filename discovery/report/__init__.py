@@ -1,0 +1,7 @@
+"""The report of a run: one HTML page, its figures and its tables, from result files alone."""
+
+from __future__ import annotations
+
+from discovery.report.page import build_report as build_report
+
+__all__ = ["build_report"]

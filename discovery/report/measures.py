@@ -1,0 +1,129 @@
+"""Tables of measurements and errors: what was recorded, and how well each model predicts it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from discovery.report.estimates import published
+from discovery.report.figures.errors import ROLES
+from discovery.report.numbers import MISSING, Scale, scale_for, significant, uncertain, unit_text
+from discovery.report.results import Run
+from discovery.report.tables import Table
+from discovery.report.words import FITS, effect_name, error_scale
+
+__all__ = ["clean_table", "errors_table", "fits_table", "quantities", "recordings_table"]
+
+_MEASURES = ("rms", "mean", "peak")
+_SHOWN = (("angle", "mean"), ("radius", "mean"), ("radius", "peak"), ("position", "mean"), ("position", "peak"))
+
+
+def recordings_table(run: Run) -> Table:
+    """Return what was recorded."""
+    cells, raw = [], []
+    unit = run.coordinate_unit
+    keys = ("name", "role", "channels", "samples", "duration_s", "rate_hz", "largest_deflection")
+    for r in run.results["recordings"]:
+        noise = [scale_for(u, n) for u, n in zip(r["units"], r["noise"], strict=True)]
+        shown = dict.fromkeys(f"{significant(n * s.factor)} {s.symbol}" for n, s in zip(r["noise"], noise, strict=True))
+        cells.append(
+            [
+                r["name"],
+                "training" if r["role"] == "train" else "held out",
+                ", ".join(r["channels"]),
+                f"{r['samples']}",
+                significant(r["duration_s"]),
+                significant(r["rate_hz"], 4),
+                f"{significant(r['largest_deflection'])} {unit}",
+                ", ".join(shown) + (" (estimated)" if r.get("noise_estimated") else ""),
+            ]
+        )
+        raw.append([" ".join(r[k]) if k == "channels" else r[k] for k in keys])
+    largest = "largest deflection" if run.is_arm else "largest output"
+    head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")
+    return Table("recordings", "Recordings.", head, cells, keys, raw, (0, 1, 2))
+
+
+def _spread(values: Mapping[str, Any] | None, scale: Scale) -> list[str]:
+    return [significant((values or {}).get(m) and values[m] * scale.factor) for m in _MEASURES]  # type: ignore[index]
+
+
+def errors_table(run: Run) -> Table:
+    """Return the errors before and after by group of recordings."""
+    errors, scale = run.loop["errors"], error_scale(run)
+    groups = [g for g in ROLES if g in errors["before"]]
+    cells = [
+        [ROLES[g].replace("\n", " "), *_spread(errors["before"][g], scale), *_spread(errors["after"][g], scale)]
+        for g in groups
+    ]
+    head = ("", *(f"{when}, {m} [{scale.symbol}]" for when in ("before", "after") for m in _MEASURES))
+    raw = [[g, *(errors[w][g][m] for w in ("before", "after") for m in _MEASURES), errors["unit"]] for g in groups]
+    keys = ("group", *(f"{w}_{m}" for w in ("before", "after") for m in _MEASURES), "unit")
+    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}"
+    what = (
+        "distance between predicted and recorded tip"
+        if run.is_arm and len(run.results["recordings"][0]["channels"]) == 2
+        else "absolute error"
+    )
+    kind = errors.get("holdout_kind", "recordings")
+    caption = f"Free-run errors: {what}. A perfect model would leave {floor} rms. Held out: {kind}."
+    return Table("errors", caption, head, cells, keys, raw)
+
+
+def clean_table(run: Run) -> Table | None:
+    """Return distances to the noise-free tip, which only a simulation knows."""
+    clean = run.results.get("clean")
+    if not clean:
+        return None
+    scale = scale_for(run.loop["errors"]["unit"], next(iter(clean.values()))["before"]["mean"])
+    labels = ("before", "after")
+    cells = [
+        [name, *(significant(m[w][k] * scale.factor) for w in labels for k in _MEASURES)] for name, m in clean.items()
+    ]
+    raw = [[name, *(m[w][k] for w in labels for k in _MEASURES)] for name, m in clean.items()]
+    head = ("recording", *(f"{w}, {k} [{scale.symbol}]" for w in labels for k in _MEASURES))
+    keys = ("recording", *(f"{w}_{k}" for w in labels for k in _MEASURES))
+    return Table(
+        "clean", "Distance to the noise-free tip, which a simulation knows and no fit saw.", head, cells, keys, raw
+    )
+
+
+def fits_table(run: Run) -> Table | None:
+    """Return the errors of the fitted models side by side in training, with the paper's on its own rig."""
+    fits: Mapping[str, Any] = run.results.get("fit_errors") or {}
+    if not fits:
+        return None
+    paper = published(run).get("errors", {})
+    kinds = [(kind, m) for kind, m in _SHOWN if all(kind in f for f in fits.values())]
+    units = {"angle": "rad", "radius": "m", "position": run.loop["errors"]["unit"]}
+    scales = {k: scale_for(units[k], min(f[k]["mean"] for f in fits.values())) for k, _ in kinds}
+    head, cells = ["model"], []
+    for kind, m in kinds:
+        what = kind if run.is_arm else "output"
+        head.append(f"{what}, {m} [{scales[kind].symbol}]")
+        if any(f"{kind}_{m}" in row for row in paper.values()):
+            head.append("paper")
+    for label, found in fits.items():
+        row = [FITS.get(label, effect_name(label))]
+        for kind, m in kinds:
+            row.append(significant(found[kind][m] * scales[kind].factor))
+            if any(f"{kind}_{m}" in other for other in paper.values()):
+                printed = paper.get(label, {}).get(f"{kind}_{m}")
+                row.append(MISSING if printed is None else significant(printed * scales[kind].factor))
+        cells.append(row)
+    raw = [[label, *(found[k][m] for k, m in kinds)] for label, found in fits.items()]
+    caption = "Errors of the fitted models on the training recordings" + (
+        ", beside those that the source paper prints for its own arm and manoeuvre." if paper else "."
+    )
+    return Table("fits", caption, tuple(head), cells, ("model", *(f"{k}_{m}" for k, m in kinds)), raw)
+
+
+def quantities(run: Run) -> list[tuple[str, str]]:
+    """Return what the experimenter stated of the rig, as words and printed values."""
+    found = []
+    for name, q in run.results["rig"].get("quantities", {}).items():
+        scale = scale_for(q["unit"], q["value"]) if name.endswith("noise") else Scale(1.0, unit_text(q["unit"]))
+        value, sd = q["value"] * scale.factor, q.get("sd")
+        printed = uncertain(value, sd * scale.factor) if sd else significant(value)
+        found.append((effect_name(name), f"{printed} {scale.symbol}"))
+    return found

@@ -1,0 +1,229 @@
+"""The page: one self-contained HTML file made of a run's result files."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Mapping
+from math import floor, log10
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from discovery.io import atomic_write
+from discovery.report import evidence, measures
+from discovery.report.equations import Formula, discovered_equation, model_formulas
+from discovery.report.estimates import elastica_table, final_table, nuisance_table, posterior_table, published
+from discovery.report.figures import draw_all
+from discovery.report.mathml import block, formula
+from discovery.report.numbers import interval, significant, uncertain, unit_text
+from discovery.report.references import effects_used, methods_used
+from discovery.report.results import Run, read_run
+from discovery.report.style import Picture, render, styled
+from discovery.report.tables import Table
+from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, prose, sentence
+
+__all__ = ["build_report"]
+
+
+def build_report(run_dir: str | os.PathLike[str]) -> Path:
+    """Write ``report.html``, ``figures/`` and ``tables/`` of a finished run.
+
+    Everything on the page is read from the result files; nothing is fitted or simulated here. Each file is written
+    beside its place and then renamed, the page last.
+
+    Parameters
+    ----------
+    run_dir : path
+        Folder with ``results.json`` and the netCDF files of a run.
+
+    Returns
+    -------
+    Path
+        The page, one file that needs no other.
+
+    Raises
+    ------
+    InputError
+        If the folder does not hold the results of a run.
+    """
+    run = read_run(Path(run_dir))
+    tables = _tables(run)
+    figures: dict[str, list[dict[str, Any]]] = {}
+    with styled():
+        for section, pictures in draw_all(run).items():
+            figures[section] = [_embed(run.folder, picture) for picture in pictures]
+    for table in tables.values():
+        with atomic_write(run.folder / "tables" / f"{table.name}.csv") as temporary:
+            temporary.write_text(table.csv(), encoding="utf-8")
+    html = _environment().get_template("page.html.j2").render(_context(run, tables, figures))
+    path = run.folder / "report.html"
+    with atomic_write(path) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+    return path
+
+
+def _embed(folder: Path, picture: Picture) -> dict[str, Any]:
+    """Write a figure's own file, and return it as the page embeds it."""
+    suffix, content = render(picture)
+    with atomic_write(folder / "figures" / f"{picture.name}{suffix}") as temporary:
+        temporary.write_bytes(content)
+    kind = "image/png" if picture.raster else "image/svg+xml"
+    width, height = (round(96 * inches) for inches in picture.figure.get_size_inches())
+    return {
+        "name": picture.name,
+        "source": f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}",
+        "caption": picture.caption,
+        "alt": picture.alt,
+        "wide": picture.wide,
+        "width": width,
+        "height": height,
+    }
+
+
+def _environment():
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("discovery.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {"prose": prose, "sentence": sentence, "clause": clause}
+    return made
+
+
+def _tables(run: Run) -> dict[str, Table]:
+    """Return the tables for which the run has results, by name."""
+    r = run.results
+    made: list[Table | None] = [
+        measures.recordings_table(run),
+        measures.errors_table(run),
+        measures.clean_table(run),
+        measures.fits_table(run),
+        evidence.distortion_table(run),
+        evidence.terms_table(run) if r.get("discovery") else None,
+        evidence.equations_table(run) if r.get("discovery") else None,
+        evidence.radius_table(run),
+        posterior_table(run) if r.get("posterior") else None,
+        nuisance_table(run) if r.get("posterior") else None,
+        elastica_table(run) if r.get("elastica") and r["elastica"]["comparison"] else None,
+        evidence.residual_table(run),
+        evidence.dependence_table(run),
+        evidence.ranking_table(run),
+        final_table(run),
+    ]
+    return {table.name: table for table in made if table is not None}
+
+
+def _lines(formulas: list[Formula]) -> list[tuple[str, Markup]]:
+    return [(f.words, Markup(block(f.body))) for f in formulas]
+
+
+def _equation(equation: Mapping[str, Any], system: str) -> Markup:
+    """Return an equation of the regression with its numbers, as many digits as their intervals deserve."""
+    terms = []
+    for term, value, sd in zip(equation["terms"], equation["coefficients"], equation["sd"], strict=True):
+        terms.append((significant(value, _digits(value, sd)), "" if term == "1" else formula(term)))
+    return Markup(block(discovered_equation(terms, system)))
+
+
+def _found(discovery: Mapping[str, Any]) -> Mapping[str, Any]:
+    keys = {"terms": "term", "coefficients": "coefficient", "sd": "sd"}
+    return {name: [t[key] for t in discovery["terms"]] for name, key in keys.items()}
+
+
+def _three(discovery: Mapping[str, Any], system: str) -> Mapping[str, Any] | None:
+    """Return the best equation of three terms where the discovered one has another size."""
+    best = discovery.get("best_three")
+    if not best or len(best["terms"]) == len(discovery["terms"]):
+        return None
+    return {"share": f"{100 * best['probability']:.0f} %", "equation": _equation(best, system)}
+
+
+def _digits(value: float, sd: float | None) -> int:
+    """Return the significant digits down to the first one of the standard deviation, between two and six."""
+    if not value or not sd or sd <= 0:
+        return 4
+    return min(6, max(2, 1 + floor(log10(abs(value))) - floor(log10(sd))))
+
+
+def _steps(run: Run) -> list[dict[str, str]]:
+    """Return the loop's decisions as sentences."""
+    verbs = {"upgrade": "better mechanics", "add": "an effect", "remove": "doing without"}
+    kept = {"upgrade": ("kept", "not kept"), "add": ("added", "not added"), "remove": ("removed", "kept in the model")}
+    found = []
+    for s in run.loop["steps"]:
+        if s["action"] == "stop":
+            found.append({"head": "Stop", "outcome": "", "reason": s["reason"], "title": ""})
+            continue
+        yes, no = kept[s["action"]]
+        found.append(
+            {
+                "head": f"Tried {verbs[s['action']]}: {effect_name(s['effect'])}",
+                "title": effect_title(s["effect"]),
+                "outcome": yes if s["accepted"] else no,
+                "reason": s["reason"],
+            }
+        )
+    return found
+
+
+def _added(run: Run) -> list[dict[str, Any]]:
+    """Return what the loop added, each with its parameters and its rivals in words."""
+    found = []
+    for e in run.loop["effects"]:
+        values = [
+            (name, f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
+            for name, p in e["parameters"].items()
+        ]
+        found.append(
+            {
+                "name": effect_name(e["id"]),
+                "title": effect_title(e["id"]),
+                "parameters": values,
+                "rivals": listed(effect_name(r) for r in e["ambiguous_with"]),
+            }
+        )
+    return found
+
+
+def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) -> dict[str, Any]:
+    r, model = run.results, run.loop["model"]
+    system = r["rig"]["kind"]
+    discovery, radius = r.get("discovery"), r.get("radius")
+    return {
+        "name": r["rig"]["name"],
+        "origin": origin(run),
+        "headline": headline(run),
+        "verdict": run.loop["verdict"],
+        "test": run.loop["test"],
+        "added": _added(run),
+        "tables": {name: table.html() for name, table in tables.items()},
+        "figures": figures,
+        "quantities": measures.quantities(run),
+        "discovery": discovery,
+        "equation": _equation(_found(discovery), system) if discovery else "",
+        "three": _three(discovery, system) if discovery else None,
+        "radius": radius,
+        "radius_interval": interval(*radius["interval"]) if radius else "",
+        "radius_gamma": significant(radius["gamma"], 4) if radius else "",
+        "multisine": r.get("multisine"),
+        "declared_formulas": _lines(model_formulas(model["before"]["model"], system)),
+        "final_formulas": _lines(model_formulas(model["after"]["model"], system)),
+        "same_model": model["before"]["model"] == model["after"]["model"],
+        "final": model["after"],
+        "reduced_chi2": significant(model["after"]["reduced_chi2"], 4),
+        "solver_shift": significant(model["after"]["solver_shift_sd"], 2),
+        "posterior": r.get("posterior"),
+        "elastica": r.get("elastica") if "elastica" in tables else None,
+        "paper": published(run).get("source", ""),
+        "steps": _steps(run),
+        "is_arm": run.is_arm,
+        "provenance": r["provenance"],
+        "effects": effects_used(run),
+        "methods": methods_used(run),
+    }

@@ -1,0 +1,49 @@
+"""What to cite: the sources of exactly the effects and methods that a run used."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+
+from markupsafe import Markup
+
+from discovery.registry import catalogue
+from discovery.report.equations import effect_formula
+from discovery.report.mathml import inline
+from discovery.report.results import Run
+from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title
+
+__all__ = ["EffectSource", "effects_used", "methods_used"]
+
+
+@dataclass(frozen=True)
+class EffectSource:
+    """One effect of the declared or the final model, with its formula and where the law comes from."""
+
+    name: str
+    role: str
+    title: str
+    formula: Markup
+    cite: str
+
+
+def effects_used(run: Run) -> list[EffectSource]:
+    """Return the declared effects, then those that the loop added."""
+    found = []
+    system = run.results["rig"]["kind"]
+    added = [e["id"] for e in run.loop["effects"]]
+    for role, effects in (("declared", run.loop["declared"]), ("added", added)):
+        for effect_id in effects:
+            known = catalogue().get(effect_id)
+            body = Markup(inline(effect_formula(known, system))) if known else Markup("")
+            cite = known.cite if known else GEOMETRY_SOURCES.get(effect_id, "")
+            found.append(EffectSource(effect_name(effect_id), role, effect_title(effect_id), body, cite))
+    return found
+
+
+def methods_used(run: Run) -> list[Mapping[str, str]]:
+    """Return text and BibTeX of the methods whose results the run holds."""
+    text = files("discovery.report").joinpath("templates/references.toml").read_text(encoding="utf-8")
+    return [m for m in tomllib.loads(text)["method"] if run.results.get(m["when"])]

@@ -1,0 +1,399 @@
+"""A small run directory with every documented result file, made of closed formulas and invented numbers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+ARM_DECLARED = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"]
+TIME = np.arange(0.0, 20.0, 0.05)
+
+
+def _errors(mean: float) -> dict[str, float]:
+    return {"rms": 1.25 * mean, "mean": mean, "peak": 4.0 * mean}
+
+
+def _parameters(values: dict[str, tuple[float, float | None, str]]) -> dict[str, Any]:
+    found: dict[str, Any] = {n: {"value": v, "sd": sd, "unit": unit} for n, (v, sd, unit) in values.items()}
+    for name, parameter in found.items():
+        if parameter["sd"] is None:
+            found[name]["reason"] = "at its bound"
+    return found
+
+
+def _fit(base: str, effects: list[str], values: dict[str, tuple[float, float | None, str]]) -> dict[str, Any]:
+    return {
+        "model": {"base": base, "effects": effects, "known": {}},
+        "parameters": _parameters({**values, "delta_0_init[train_a]": (1.0e-3, 1.0e-4, "")}),
+        "chi2": 812.0,
+        "n_data": 800,
+        "reduced_chi2": 1.0213,
+        "status": "Converged.",
+        "solver_step_s": 0.01,
+        "solver_shift_sd": 0.037,
+        "null_directions": [],
+    }
+
+
+def _residual(size: float) -> dict[str, Any]:
+    frequency = np.linspace(0.0, 10.0, 65)
+    names = ("time", "deflection", "rate", "phase", "amplitude", "angle")
+    return {
+        "rms": size,
+        "reduced_chi2": size**2,
+        "systematic": 0.9 * size,
+        "autocorrelation": 0.1 * size,
+        "ljung_box_p": 0.5 / size**4,
+        "frequency": frequency.tolist(),
+        "spectrum": (0.1 + size / (1.0 + frequency**2)).tolist(),
+        "dependence": [{"variable": n, "share": 0.1 / (i + 1), "p_value": 10.0**-i} for i, n in enumerate(names)],
+        "white": size < 2,
+    }
+
+
+def _equation(terms: list[str], coefficients: list[float], share: float) -> dict[str, Any]:
+    return {
+        "terms": terms,
+        "effects": [None] * len(terms),
+        "coefficients": coefficients,
+        "sd": [0.01 * abs(c) for c in coefficients],
+        "unexplained": share,
+        "likelihood_ratio": 1.0,
+        "probability": 0.9,
+    }
+
+
+def _step(action: str, effect: str, accepted: bool, **extra: Any) -> dict[str, Any]:
+    reason = "it removes 412 of 500 excess chi-square on the training recordings"
+    return {"action": action, "effect": effect, "accepted": accepted, "reason": reason, "numbers": {}, "ranking": [], **extra}
+
+
+def _provenance() -> dict[str, Any]:
+    return {
+        "command": "discovery run rig.toml --out <out> & more",
+        "seed": 31,
+        "git_revision": None,
+        "versions": {"python": "3.11.0", "discovery": "0.1.0"},
+        "platform": "Linux x86_64",
+        "created": "2026-01-02T03:04:05+00:00",
+        "rig_sha256": "a" * 64,
+        "data": [{"name": "train_a", "role": "train", "sha256": "b" * 64, "source": "train_a.csv"}],
+    }
+
+
+def _discovery(kind: str) -> dict[str, Any]:
+    position, rate = ("delta", "theta_t'") if kind == "flexible_arm" else ("q", "q'")
+    terms, coefficients = [position, rate, f"{position}^3"], [8.1234, 0.0456, -0.4321]
+    if kind == "oscillator":
+        terms, coefficients = [*terms, "u"], [*coefficients, -2.5]
+    rivals = [_equation([position], [8.0], 1e-3), _equation(terms, coefficients, 1e-6)]
+    return {
+        "terms": [
+            {"term": t, "effect": None, "coefficient": c, "sd": 0.01 * abs(c), "inclusion_probability": 0.87}
+            for t, c in zip(terms, coefficients, strict=True)
+        ],
+        "status": f"3 terms ({', '.join(terms)}) explain 99.9% of the variance.",
+        "inclusion": {**dict.fromkeys(terms, 0.87), f"sin({position})": 0.13, f"{rate}|{rate}|": 0.02, "1": 0.0},
+        "table": rivals,
+        "best_three": rivals[1],
+    }
+
+
+def _posterior_rows(parameters: dict[str, tuple[float, float, str]]) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "unit": unit,
+            "mean": value,
+            "sd": sd,
+            "q05": value - 1.645 * sd,
+            "q50": value,
+            "q95": value + 1.645 * sd,
+            "interval": "equal-tailed 90 % credible interval",
+            "r_hat": 1.0012,
+            "ess": 5123.0,
+            "fit_value": value,
+            "fit_sd": sd,
+        }
+        for name, (value, sd, unit) in parameters.items()
+    ]
+
+
+def _write_posterior(folder: Path, rows: list[dict[str, Any]]) -> None:
+    rng = np.random.default_rng(5)
+    draws = {
+        r["name"]: (("chain", "draw", "walker"), r["mean"] + r["sd"] * rng.standard_normal((4, 40, 16))) for r in rows
+    }
+    xr.Dataset(draws).to_netcdf(folder / "posterior.nc", engine="h5netcdf")
+
+
+def _write_groups(path: Path, groups: dict[str, xr.Dataset]) -> None:
+    for i, (name, group) in enumerate(groups.items()):
+        group.to_netcdf(path, group=name, mode="w" if i == 0 else "a", engine="h5netcdf")
+
+
+def write_arm_run(folder: Path) -> dict[str, Any]:
+    """Write the run of an arm, explained by better mechanics and dry friction; return the content of results.json."""
+    rng = np.random.default_rng(3)
+    deflection = 0.8 * np.exp(-0.02 * TIME) * np.sin(2.9 * TIME)
+    motor = np.clip(TIME, 0.0, 1.0)
+    groups: dict[str, xr.Dataset] = {}
+    for name, role, scale in (("train_a", "train", 1.0), ("hold_in", "holdout", 0.8), ("hold_out", "holdout", 1.2)):
+
+        def tip(angle: np.ndarray) -> np.ndarray:
+            return np.column_stack([np.cos(angle), np.sin(angle)])
+
+        bend = scale * deflection
+        clean = tip(motor + bend)
+        measured = clean + 3e-4 * rng.standard_normal(clean.shape)
+        if role == "train":
+            measured[50:55] = np.nan
+        both = ("time", "channel")
+        variables: dict[str, Any] = {
+            "measured": (both, measured),
+            "deflection": ("time", bend),
+            "fitted": ("time", np.full(TIME.size, int(role == "train"), np.int8)),
+            "input": ("time", motor),
+            "linear": (both, tip(motor + 0.97 * bend)),
+            "before": (both, tip(motor + 0.995 * bend)),
+            "after": (both, clean),
+        }
+        if role == "train":
+            variables |= {f"posterior_{q}": (both, clean + shift) for q, shift in (("q05", -0.001), ("q50", 0), ("q95", 0.001))}
+        else:
+            variables["clean"] = (both, clean)
+        groups[name] = xr.Dataset(variables, {"time": TIME, "channel": ["tip_x", "tip_y"]}, {"role": role})
+    folder.mkdir(parents=True, exist_ok=True)
+    _write_groups(folder / "trajectories.nc", groups)
+
+    amplitude = np.linspace(0.8, 0.3, 12)
+    _write_groups(
+        folder / "amplitude.nc",
+        {
+            name: xr.Dataset(
+                {"frequency": ("swing", 0.45 + k * amplitude**2 / 100), "damping": ("swing", 0.046 + 0 * amplitude)},
+                {"amplitude": ("swing", amplitude)},
+                {"recording": "train_a"},
+            )
+            for k, name in enumerate(("measured", "linear", "before", "after"))
+        },
+    )
+    delta = np.linspace(0.0, 0.95, 40)
+    bands = {f"posterior_spring_{q}": ("delta", delta + (0.05 + s) * delta**3) for q, s in (("q05", 0), ("q50", 0.01), ("q95", 0.02))}
+    bands |= {f"posterior_radius_{q}": ("delta", 1 - (0.09 + s) * delta**2) for q, s in (("q05", 0), ("q50", 0.01), ("q95", 0.02))}
+    laws = xr.Dataset(
+        {
+            "elastica_spring": ("delta", delta + 0.06 * delta**3),
+            "elastica_torque": ("delta", delta - 0.04 * delta**3),
+            "elastica_radius": ("delta", 1 - 0.1 * delta**2),
+            **bands,
+        },
+        {"delta": delta},
+        {"delta_max": 0.83},
+    )
+    points = xr.Dataset({"delta": ("point", bend), "rho": ("point", 1 - 0.1 * bend**2)})
+    _write_groups(folder / "laws.nc", {"laws": laws, "measured": points})
+    rows = _posterior_rows(
+        {
+            "xi": (0.045827, 2.4e-5, "s^-1"),
+            "alpha": (8.10097, 3.3e-4, "s^-2"),
+            "beta": (0.47661, 1.1e-3, "s^-2 rad^-2"),
+            "gamma": (0.44222, 3.6e-4, "rad^-1"),
+            "sigma": (2.55e-3, 1.8e-5, "m"),
+            "delta_0_init[train_a]": (1.08e-2, 1.3e-4, "rad"),
+        }
+    )
+    _write_posterior(folder, rows)
+
+    declared = {"xi": (0.0458, 1e-4, "s^-1"), "alpha": (8.1, 2e-3, "s^-2"), "beta": (0.476, 6e-3, "s^-2 q^-2"), "gamma": (0.442, 4e-4, "q^-1")}
+    final = {
+        "xi": (0.045123, 2.2e-5, "s^-1"),
+        "alpha": (8.0931, 8.7e-4, "s^-2"),
+        "f_c": (0.012815, 2.3e-5, "s^-2 q"),
+        "tau_r": (0.0, None, "s"),
+        "mu": (0.28477, 1.4e-5, "1"),
+    }
+    ranking = [
+        {"effect": "coulomb_friction", "score": 190000.0, "chi2": 11736.0, "parameters": 1},
+        {"effect": "table_tilt", "score": 400.0, "chi2": 198100.0, "parameters": 2},
+    ]
+    held = {"chi2_before": 198441.0, "chi2_after": 11736.0, "chi2_holdout_before": 9000.0, "chi2_holdout_after": 810.0, "n_holdout": 800.0}
+    upgrade = {"mean_chi2_holdout_before": 63.4, "mean_chi2_holdout_after": 1.01}
+    groups_before = {"train": _errors(2.31e-3), "holdout": _errors(3.19e-3), "holdout_inside": _errors(2.38e-3), "holdout_outside": _errors(4.01e-3)}
+    groups_after = {name: _errors(3.781e-4) for name in groups_before}
+    comparison = [
+        {
+            "mass": mass,
+            "law": law,
+            "parameter": parameter,
+            "unit": unit,
+            "posterior_mean": value,
+            "posterior_sd": 1e-3,
+            "predicted_mean": predicted,
+            "predicted_sd": sd,
+            "difference": value - predicted,
+            "discrepancy": discrepancy,
+        }
+        for mass in ("as_printed", "rod_counted")
+        for law in ("static_small", "dynamic")
+        for parameter, unit, value, predicted, sd, discrepancy in (
+            ("alpha", "s^-2", 8.101, 8.64 if mass == "as_printed" else 8.09, 0.43, -1.2345),
+            ("gamma", "1", 0.4422, 0.44721, 0.0, None),
+        )
+    ]
+    results: dict[str, Any] = {
+        "provenance": _provenance(),
+        "data_note": "These recordings are simulated by a twin of the rig.",
+        "rig": {
+            "name": "test arm <1>",
+            "kind": "flexible_arm",
+            "quantities": {
+                "length": {"value": 1.0, "sd": 1e-3, "unit": "m"},
+                "tip_mass": {"value": 0.04376, "sd": 2.2e-4, "unit": "kg"},
+                "flexural_rigidity": {"value": 0.125967, "sd": 6.3e-3, "unit": "N m^2"},
+                "position_noise": {"value": 3e-4, "sd": None, "unit": "m"},
+            },
+            "declared": ARM_DECLARED,
+        },
+        "recordings": [
+            {
+                "name": name,
+                "role": role,
+                "samples": TIME.size,
+                "duration_s": 19.95,
+                "rate_hz": 20.0,
+                "largest_deflection": largest,
+                "channels": ["tip_x", "tip_y"],
+                "units": ["m", "m"],
+                "noise": [3e-4, 3e-4],
+            }
+            for name, role, largest in (("train_a", "train", 0.83), ("hold_in", "holdout", 0.7), ("hold_out", "holdout", 0.99))
+        ],
+        "discovery": _discovery("flexible_arm"),
+        "radius": {
+            "gamma": 0.44123,
+            "interval": [0.4337, 0.4481],
+            "status": "1 - a delta^2 is the simplest law that fits; in (16) alone gamma = 0.4412 +- 0.0072.",
+            "rivals": [
+                {"law": "1 - a delta^2 - b delta^4", "parameters": "a = 0.0986, b = -0.00137", "unexplained": 1.2e-3, "likelihood_ratio": 1.0},
+                {"law": "cos(gamma delta) + kappa delta^2 theta_t'^2", "parameters": "gamma = 0.444", "unexplained": 1.3e-3, "likelihood_ratio": 2.0},
+            ],
+        },
+        "multisine": None,
+        "fits": {},
+        "fit_errors": {
+            label: {"position": _errors(size), "angle": _errors(0.7 * size), "radius": _errors(0.5 * size)}
+            for label, size in (("linear", 0.0245), ("constant_radius", 0.0173), ("declared", 2.31e-3))
+        },
+        "posterior": {"subject": "declared", "rows": rows, "status": "sigma is 8.5 times the stated noise."},
+        "elastica": {"prediction": [], "comparison": comparison, "delta_max": 0.83},
+        "loop": {
+            "verdict": "explained",
+            "declared": ARM_DECLARED,
+            "effects": [
+                {"id": "elastica_geometry", "parameters": {}, "evidence": {}, "ambiguous_with": []},
+                {
+                    "id": "coulomb_friction",
+                    "parameters": {"f_c": {"value": 0.012815, "sd": 2.3e-5, "unit": "s^-2 q"}},
+                    "evidence": {"delta_chi2_train": 186705.0},
+                    "ambiguous_with": ["quadratic_drag"],
+                },
+            ],
+            "errors": {"unit": "m", "noise_floor": 4.2426e-4, "holdout_kind": "separate recordings", "before": groups_before, "after": groups_after},
+            "test": "systematic part of the held-out residual: 0.1 noise sds, at most 0.35",
+            "model": {"before": _fit("constant_radius", ARM_DECLARED, declared), "after": _fit("elastica", ["viscous_damping", "linear_stiffness", "coulomb_friction"], final)},
+            "residual": {"before": _residual(8.5), "after": _residual(0.99)},
+            "steps": [
+                _step("upgrade", "radius_inertia", False, numbers={**upgrade, "mean_chi2_holdout_after": 70.0}),
+                _step("upgrade", "elastica_geometry", True, numbers=upgrade),
+                _step("add", "coulomb_friction", True, numbers=held, ranking=ranking),
+                _step("remove", "coulomb_friction", False),
+                _step("stop", "", True),
+            ],
+        },
+        "clean": {"hold_in": {m: _errors(size) for m, size in (("before", 2.33e-3), ("after", 1.62e-5))}},
+    }
+    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    return results
+
+
+def write_oscillator_run(folder: Path) -> dict[str, Any]:
+    """Write the run of a driven oscillator, nothing missing, without posterior, elastica, clean motion or hold-out."""
+    declared = ["viscous_damping", "linear_stiffness", "cubic_stiffness"]
+    time = np.arange(6000) / 600.0
+    drive = np.sin(60.0 * time) + np.sin(97.0 * time)
+    output = 0.05 * np.sin(60.0 * time + 0.3)
+    fitted = np.ones(time.size, np.int8)
+    fitted[4000:] = 0
+    both = ("time", "channel")
+    variables = {
+        "measured": (both, output[:, None]),
+        "deflection": ("time", output),
+        "fitted": ("time", fitted),
+        "input": ("time", drive),
+        "linear": (both, 0.9 * output[:, None]),
+        "before": (both, 0.99 * output[:, None]),
+        "after": (both, 0.99 * output[:, None]),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    _write_groups(folder / "trajectories.nc", {"train_a": xr.Dataset(variables, {"time": time, "channel": ["output"]})})
+    frequency = np.arange(1, 301) / 2.0
+    kinds = np.where(frequency > 100, "outside", np.where(np.arange(300) % 4 == 0, "excited", np.where(np.arange(300) % 2 == 0, "odd", "even")))
+    xr.Dataset(
+        {"line_class": ("line", kinds.astype(object)), "output": ("line", np.where(kinds == "excited", 0.01, 2e-5)), "noise": ("line", np.full(300, 1e-5))},
+        {"frequency": ("line", frequency)},
+    ).to_netcdf(folder / "multisine.nc", engine="h5netcdf")
+    values = {"xi": (14.0, 0.1, "s^-1"), "alpha": (1.9e5, 30.0, "s^-2"), "beta": (7.1e5, 400.0, "s^-2 q^-2"), "g": (-2.5, 0.01, "s^-2 q")}
+    fit = _fit("oscillator", declared, values)
+    errors = {"train": _errors(2.2e-4), "holdout": _errors(2.4e-4)}
+    results: dict[str, Any] = {
+        "provenance": _provenance(),
+        "data_note": "",
+        "rig": {"name": "test circuit", "kind": "oscillator", "quantities": {}, "declared": declared},
+        "recordings": [
+            {
+                "name": "train_a",
+                "role": "train",
+                "samples": 6000,
+                "duration_s": 10.0,
+                "rate_hz": 600.0,
+                "largest_deflection": 0.05,
+                "channels": ["output"],
+                "units": ["V"],
+                "noise": [2e-4],
+                "noise_estimated": True,
+            }
+        ],
+        "discovery": _discovery("oscillator"),
+        "radius": None,
+        "multisine": {
+            "kind": "odd",
+            "unit": "V",
+            "distortions": [
+                {"parity": "odd", "basis": "unexcited lines", "lines": 40, "level": 1.234e-3, "noise": 2e-5, "ratio_db": 35.67, "limit_db": 1.0, "peak": 40.0, "detected": True},
+                {"parity": "even", "basis": "unexcited lines", "lines": 40, "level": None, "noise": None, "ratio_db": None, "limit_db": 1.0, "peak": 40.0, "detected": None},
+            ],
+            "verdict": ["noise: 0.0002 V rms (period to period)", "odd nonlinearity: yes"],
+        },
+        "fits": {},
+        "fit_errors": {"linear": {"position": _errors(7e-3)}, "declared": {"position": _errors(2.2e-4)}},
+        "posterior": None,
+        "elastica": None,
+        "loop": {
+            "verdict": "nothing_missing",
+            "declared": declared,
+            "effects": [],
+            "errors": {"unit": "V", "noise_floor": 2e-4, "holdout_kind": "last third, continued", "before": errors, "after": errors},
+            "test": "systematic part: 0.1 noise sds, at most 0.35",
+            "model": {"before": fit, "after": fit},
+            "residual": {"before": _residual(1.0), "after": _residual(1.0)},
+            "steps": [_step("stop", "", True)],
+        },
+        "clean": None,
+    }
+    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    return results

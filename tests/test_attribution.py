@@ -1,0 +1,235 @@
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from discovery.attribution import Candidate, Refit, candidates, refit, screen, similarity
+from discovery.drive import Drive
+from discovery.experiment import Experiment
+from discovery.fit import Fit, fit
+from discovery.model import Model
+from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.recording import Recording
+from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.testing.states import every_effect
+
+TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}
+DECLARED = ("viscous_damping", "linear_stiffness")
+EFFECTS = every_effect("oscillator")
+UNITS = NaturalUnits(1 / 3, 0.3, 1.0)
+NOISE = 1e-3
+TIME = np.linspace(0.0, 20.0, 801)
+RIG = Rig("o", "oscillator", columns=Columns(TimeColumn(), InputColumn("u", "V", "spline"), OutputColumn("y", "V")))
+#: Three constant pushes, then rest: quadratic pieces are exact.
+_EDGES = np.array([0.0, 1.0, 2.5, 6.0, 20.0])
+PUSHES = Drive(_EDGES, np.array([[1.0, -1.5, 0.7, 0.0]]), _EDGES[1:-1])
+
+
+def experiment(output: np.ndarray) -> Experiment:
+    recording = Recording(
+        "r", TIME, PUSHES.evaluate(TIME)[0], output[:, None], ("output",), ("V",), np.array([NOISE]), "", ""
+    )
+    return Experiment(recording, PUSHES, RIG)
+
+
+def bench(e: Experiment) -> Bench:
+    return Bench("oscillator", EFFECTS, [e], 0.02)
+
+
+@cache
+def recorded(seed: int = 0, **effects: float) -> Experiment:
+    """Simulate a recording of the declared model with the given parameters of other effects, in SI units."""
+    b = bench(experiment(np.zeros(TIME.size)))
+    whole = Model("oscillator", EFFECTS)
+    values = {n: p.default * UNITS.scale(p) for n, p in whole.parameters.items()} | TRUTH | effects
+    parameters = np.array([[values[n]] for n in b.names])
+    (clean,) = b.predict(parameters, np.array([[[0.25], [0.0]]]))
+    return experiment(clean[:, 0, 0] + NOISE * np.random.default_rng(seed).standard_normal(TIME.size))
+
+
+@cache
+def declared_fit(seed: int = 0, **effects: float) -> Fit:
+    e = recorded(seed, **effects)
+    start = {"g": 0.9, "xi": 0.05, "alpha": 8.8}
+    return fit(Model("oscillator", DECLARED), [e], start=start, bench=bench(e), units=UNITS)
+
+
+@cache
+def screened(seed: int = 0, **effects: float) -> list[Candidate]:
+    found = declared_fit(seed, **effects)
+    return screen(found.model, found.minimum, found.problem, candidates(found.model))
+
+
+@cache
+def refitted(seed: int = 0, **effects: float) -> list[Refit]:
+    found = declared_fit(seed, **effects)
+    return refit(found.model, found.minimum, found.problem, screened(seed, **effects))
+
+
+# Who may be missing.
+
+
+def test_candidates_are_what_acts_here_and_is_not_there_yet() -> None:
+    assert set(candidates(Model("oscillator", DECLARED))) == set(EFFECTS) - set(DECLARED)
+    arm = candidates(Model("elastica", DECLARED))
+    assert {"table_tilt", "camera_origin_offset"} <= set(arm)
+    # The exact rod has its own law of the spring, its own radius and its own mass.
+    assert not {"cubic_stiffness", "radius_law", "distributed_mass"} & set(arm)
+    assert "table_tilt" not in candidates(Model("oscillator", DECLARED))
+
+
+# The linear score.
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value", "step"),
+    [
+        ("cubic_stiffness", "beta", 0.3, 1e-3),
+        ("quadratic_stiffness", "k_2", 0.05, 1e-4),
+        ("angle_offset", "theta_0", 0.001, 1e-5),
+        ("sensor_delay", "tau", 0.002, 1e-5),
+    ],
+)
+def test_the_score_is_the_gain_of_a_full_linear_refit(effect: str, name: str, value: float, step: float) -> None:
+    found = declared_fit(**{name: value})
+    (score,) = [c.score for c in screened(**{name: value}) if c.effect == effect]
+    # By the book: one column more, its derivative by central differences, all parameters free.
+    extended = Problem(found.model.with_effect(effect), found.problem.bench, UNITS, {})
+    x = [found.values.get(n, 0.0) for n in extended.names]
+    points = np.array([x, x]).T
+    points[extended.names.index(name)] = [step, -step]
+    moved = found.problem.bench.residuals(*extended.expand(points))
+    column = (moved[:, 0] - moved[:, 1]) / (2 * step)
+    residual, jacobian = found.minimum.residual, found.minimum.jacobian
+
+    def left(matrix: np.ndarray) -> float:
+        solution = np.linalg.lstsq(matrix / np.linalg.norm(matrix, axis=0), residual, rcond=None)[0]
+        return float(np.sum((residual - matrix / np.linalg.norm(matrix, axis=0) @ solution) ** 2))
+
+    gain = left(jacobian) - left(np.column_stack([jacobian, column]))
+    assert gain > 50
+    # The screen uses a finite size of the effect.
+    assert score == pytest.approx(gain, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value"), [("cubic_stiffness", "beta", 0.2), ("sensor_delay", "tau", 0.002)]
+)
+def test_the_score_of_a_small_effect_is_what_its_refit_gains(effect: str, name: str, value: float) -> None:
+    before = declared_fit(**{name: value})
+    (score,) = [c.score for c in screened(**{name: value}) if c.effect == effect]
+    (after,) = [r for r in refitted(**{name: value}) if r.effect == effect]
+    assert before.chi2 - after.chi2 == pytest.approx(score, rel=0.1)
+
+
+def test_physical_signs_hold_in_the_score() -> None:
+    # A motion that dry friction of negative size would explain: energy is fed in at a constant rate.
+    e = recorded()
+    b = bench(e)
+    values = {n: p.default * UNITS.scale(p) for n, p in Model("oscillator", EFFECTS).parameters.items()} | TRUTH
+    values["f_c"] = -0.03
+    (clean,) = b.predict(np.array([[values[n]] for n in b.names]), np.array([[[0.25], [0.0]]]))
+    driven = experiment(clean[:, 0, 0])
+    found = fit(
+        Model("oscillator", DECLARED),
+        [driven],
+        start={"g": 1.0, "xi": 0.06, "alpha": 9.0},
+        bench=bench(driven),
+        units=UNITS,
+    )
+    assert found.chi2 > 1000
+    (friction,) = screen(found.model, found.minimum, found.problem, ["coulomb_friction"])
+    assert friction.score == pytest.approx(0.0, abs=1.0)
+    (again,) = refit(found.model, found.minimum, found.problem, [friction])
+    size = dict(zip(again.problem.names, again.minimum.x, strict=True))["f_c"]
+    assert 0 <= size < 1e-4
+
+
+def test_white_noise_gives_no_candidate_a_high_score() -> None:
+    for candidate in screened():
+        # Chi-square of at most three parameters, the best of a grid of shapes, of fourteen candidates.
+        assert candidate.score < 25
+
+
+def test_scores_come_highest_first_with_as_many_starts_as_asked_for() -> None:
+    scores = [c.score for c in screened(beta=0.2)]
+    assert scores == sorted(scores, reverse=True)
+    found = declared_fit(beta=0.2)
+    (one,) = screen(found.model, found.minimum, found.problem, ["periodic_disturbance"], keep=1)
+    (five,) = screen(found.model, found.minimum, found.problem, ["periodic_disturbance"], keep=5)
+    assert len(one.starts) == 1
+    assert len(five.starts) == 5
+    assert one.score == five.score
+
+
+# Refits.
+
+#: Injected effects (SI units), each small beside the declared model, and parameters that must be found.
+INJECTED = {
+    "cubic_stiffness": {"beta": 0.5},
+    "quadratic_stiffness": {"k_2": 0.1},
+    "coulomb_friction": {"f_c": 0.016},
+    "quadratic_drag": {"c_2": 0.02},
+    "stiffness_drift": {"r": 2e-4},
+    "sensor_delay": {"tau": 0.004},
+    "periodic_disturbance": {"a_s": 0.012, "a_c": -0.02, "Omega": 5.1},
+    "viscoelastic_relaxation": {"v": 0.02, "tau_v": 0.6},
+}
+
+
+@pytest.mark.parametrize("effect", INJECTED)
+def test_an_injected_effect_comes_first_with_its_parameters(effect: str) -> None:
+    truth = INJECTED[effect]
+    before, found = declared_fit(**truth), refitted(**truth)
+    assert before.chi2 - found[0].chi2 > 100
+    assert found[0].effect == effect
+    assert [r.chi2 for r in found] == sorted(r.chi2 for r in found)
+    # Chi-square of 801 readings: three standard deviations.
+    assert found[0].chi2 == pytest.approx(TIME.size, abs=120)
+    values = dict(zip(found[0].problem.names, found[0].minimum.x, strict=True))
+    for name, value in truth.items():
+        assert values[name] == pytest.approx(value, rel=0.25)
+
+
+def test_every_candidate_is_refitted_within_its_bounds() -> None:
+    assert len(refitted(beta=0.5)) == len(EFFECTS) - len(DECLARED)
+    for found in refitted(beta=0.5):
+        lower, upper = found.problem.bounds
+        assert ((found.minimum.x >= lower) & (found.minimum.x <= upper)).all()
+
+
+def test_what_the_rig_knows_stays_with_its_prior() -> None:
+    e = recorded(beta=0.5)
+    known = {"xi": (0.1, 0.001)}
+    held = fit(Model("oscillator", DECLARED), [e], start=TRUTH, bench=bench(e), units=UNITS, gaussian=known)
+    scored = screen(held.model, held.minimum, held.problem, ["cubic_stiffness"])
+    (after,) = refit(held.model, held.minimum, held.problem, scored)
+    assert after.problem.gaussian == known
+    values = dict(zip(after.problem.names, after.minimum.x, strict=True))
+    # The prior is 20 sds off and bounds the damping at three of its own.
+    assert values["xi"] == pytest.approx(0.097, abs=1e-6)
+    assert values["beta"] > 0.3
+
+
+# Similarity.
+
+
+def test_parallel_sensitivities_are_the_same_and_orthogonal_ones_are_not() -> None:
+    rng = np.random.default_rng(0)
+    a = rng.standard_normal((50, 2))
+    b = rng.standard_normal((50, 3))
+    assert similarity(a, a @ np.array([[2.0, 1.0], [0.0, -3.0]])) == pytest.approx(1.0)
+    assert similarity(a[:, :1], -3 * a[:, :1]) == pytest.approx(1.0)
+    # One shared direction is enough to be confused.
+    assert similarity(a, np.column_stack([b[:, :2], a[:, 0]])) == pytest.approx(1.0)
+    q, _ = np.linalg.qr(np.column_stack([a, b]))
+    assert similarity(q[:, :2], q[:, 2:]) == pytest.approx(0.0, abs=1e-12)
+    assert similarity(a, b) == similarity(b, a)
+
+
+def test_a_shifted_instrument_and_a_shifted_spring_are_the_same_to_a_linear_system() -> None:
+    found = {c.effect: c.sensitivity for c in screened(theta_0=0.01)}
+    assert similarity(found["angle_offset"], found["equilibrium_offset"]) == pytest.approx(1.0, abs=1e-6)
+    assert similarity(found["angle_offset"], found["sensor_delay"]) < 0.5

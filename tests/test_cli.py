@@ -1,0 +1,405 @@
+"""The command line is a contract: exit statuses, files and their columns, one clear message on bad input."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from discovery_datasets import registry
+
+from discovery.cli import cli, main
+from discovery.registry import catalogue
+
+ARM = Path(__file__).parents[1] / "datasets" / "arm"
+ROWS = 801  # 8 s
+BEFORE_AFTER = ["tip_x_before_m", "tip_y_before_m", "tip_x_after_m", "tip_y_after_m"]
+SPREADS = ["tip_x_before_sd_m", "tip_y_before_sd_m", "tip_x_after_sd_m", "tip_y_after_sd_m"]
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command left behind."""
+
+    status: int
+    out: str
+    err: str
+
+
+def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> Said:
+    """Run a command in this process."""
+    capsys.readouterr()
+    status = 0
+    try:
+        main([str(a) for a in arguments])
+    except SystemExit as leaving:
+        status = int(leaving.code or 0)
+    said = capsys.readouterr()
+    return Said(status, said.out, said.err)
+
+
+def shell(*arguments: object) -> Said:
+    """Run a command in a process of its own, warnings being errors."""
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "discovery.cli", *map(str, arguments)], capture_output=True, text=True
+    )
+    return Said(run.returncode, run.stdout, run.stderr)
+
+
+def cut(name: str, rows: int = ROWS) -> pd.DataFrame:
+    return pd.read_csv(ARM / f"{name}.csv", nrows=rows)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A short recording with a hold-out and a file to predict."""
+
+    rig: Path
+    train: Path
+    holdout: Path
+    drive: Path
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    folder = tmp_path_factory.mktemp("case")
+    rig = folder / "rig.toml"
+    rig.write_text((ARM / "rig.toml").read_text())
+    cut("train_large").to_csv(folder / "train.csv", index=False)
+    holdout = cut("holdout_inside")
+    holdout.to_csv(folder / "holdout.csv", index=False)
+    holdout[["time_s", "motor_angle_rad"]][::2].to_csv(folder / "drive.csv", index=False)
+    return Case(rig, folder / "train.csv", folder / "holdout.csv", folder / "drive.csv")
+
+
+@pytest.fixture(scope="module")
+def looped(case: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Said, Path]:
+    out = tmp_path_factory.mktemp("looped") / "new" / "run"
+    return shell("loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,
+                 "--out", out, "--quiet"), out  # fmt: skip
+
+
+def test_loop_says_what_it_found_and_quiet_is_quiet(looped: tuple[Said, Path]) -> None:
+    said, out = looped
+    assert said.status == 0, said.err
+    assert said.err == ""
+    assert re.match(r"verdict: (explained|nothing_missing|unexplained)\n", said.out)
+    assert sorted(p.name for p in out.iterdir()) == ["loop.json", "prediction.csv"]
+
+
+def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
+    result = json.loads((looped[1] / "loop.json").read_text())
+    assert result["verdict"] == "explained"
+    assert result["declared"] == ["viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"]
+    geometry = {"radius_inertia", "elastica_geometry"}
+    assert result["effects"]
+    for effect in result["effects"]:
+        assert effect["id"] in geometry | set(catalogue())
+        assert set(effect) == {"id", "parameters", "evidence", "ambiguous_with"}
+        for parameter in effect["parameters"].values():
+            assert set(parameter) == {"value", "sd", "unit"}
+    errors = result["errors"]
+    assert errors["unit"] == "m"
+    assert errors["noise_floor"] == pytest.approx(np.sqrt(2) * 3e-4)
+    assert errors["holdout_kind"] == "separate recordings"
+    for when in ("before", "after"):
+        for what in ("train", "holdout", "holdout_inside"):
+            found = errors[when][what]
+            assert set(found) == {"rms", "mean", "peak"}
+            assert 0 < found["mean"] <= found["rms"] <= found["peak"]
+    assert errors["after"]["holdout"]["rms"] < 0.2 * errors["before"]["holdout"]["rms"]
+
+
+def test_prediction_has_a_row_for_every_time(looped: tuple[Said, Path], case: Case) -> None:
+    table, asked = pd.read_csv(looped[1] / "prediction.csv"), pd.read_csv(case.drive)
+    assert list(table.columns[:5]) == ["time_s", *BEFORE_AFTER]
+    assert set(table.columns[5:]) == set(SPREADS)
+    np.testing.assert_allclose(table["time_s"], asked["time_s"], atol=1e-9)
+    assert np.isfinite(table.to_numpy()).all()
+    assert (table[SPREADS].to_numpy() >= 0).all()
+
+
+def test_prediction_starts_at_rest_and_follows_the_arm(looped: tuple[Said, Path], case: Case) -> None:
+    table, recorded = pd.read_csv(looped[1] / "prediction.csv"), pd.read_csv(case.holdout)[::2]
+    motor = float(recorded["motor_angle_rad"].iloc[0])
+    start = table.loc[0, BEFORE_AFTER].to_numpy(float)
+    # The input is made smooth within the encoder's resolution.
+    np.testing.assert_allclose(start, [np.cos(motor), np.sin(motor)] * 2, atol=7e-5)
+    truth = recorded[["tip_x_m", "tip_y_m"]].to_numpy()
+    distance = {
+        when: np.linalg.norm(table[[f"tip_x_{when}_m", f"tip_y_{when}_m"]].to_numpy() - truth, axis=1).mean()
+        for when in ("before", "after")
+    }
+    assert distance["after"] < 1e-3
+    assert distance["after"] < 0.5 * distance["before"]
+
+
+def test_initial_state_same_result_and_progress(
+    looped: tuple[Said, Path], case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = call(capsys, "loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,
+                "--initial-state", "0.2,-0.1", "--out", tmp_path)  # fmt: skip
+    assert said.status == 0, said.err
+    assert "refitting the declared model" in said.err
+    assert said.out == looped[0].out
+    assert (tmp_path / "loop.json").read_bytes() == (looped[1] / "loop.json").read_bytes()
+    table = pd.read_csv(tmp_path / "prediction.csv")
+    motor = float(pd.read_csv(case.drive)["motor_angle_rad"][0])
+    for when in ("before", "after"):
+        x, y = table.loc[0, [f"tip_x_{when}_m", f"tip_y_{when}_m"]]
+        assert np.arctan2(y, x) == pytest.approx(motor + 0.2, abs=7e-5)
+        dx, dy = np.diff(table.loc[:1, [f"tip_x_{when}_m", f"tip_y_{when}_m"]].to_numpy(), axis=0)[0]
+        # The spring pulls back from the first instant on: about 8.1 x 0.2 rad/s^2 over 0.02 s.
+        turn = (np.cos(motor + 0.2) * dy - np.sin(motor + 0.2) * dx) / 0.02
+        assert turn == pytest.approx(-0.1 - 0.5 * 8.1 * 0.2 * 0.02, abs=0.015)
+
+
+def test_a_motion_that_blows_up_is_status_3(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    said = call(capsys, "loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,
+                "--initial-state", "1e6,0", "--out", out, "--quiet")  # fmt: skip
+    assert said.status == 3
+    assert re.fullmatch(r"discovery: .+\.\n", said.err)
+    assert not (out / "prediction.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "file", "keys"),
+    [
+        ("discover", "discovery.json", {"provenance", "discovery", "radius", "multisine"}),
+        ("fit", "fit.json", {"provenance", "fits", "fit_errors"}),
+        ("elastica", "elastica.json", {"provenance", "prediction", "comparison", "delta_max"}),
+        ("residual", "residual.json", {"provenance", "rms", "systematic", "white", "ljung_box_p"}),
+    ],
+)
+def test_single_stages(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, file: str, keys: set[str]
+) -> None:
+    said = call(capsys, command, case.rig, "--train", case.train, "--out", tmp_path, "--quiet", "--seed", 3)
+    assert said.status == 0, said.err
+    assert said.err == ""
+    assert said.out
+    assert [p.name for p in tmp_path.iterdir()] == [file]
+    content = json.loads((tmp_path / file).read_text())
+    assert keys <= set(content)
+    assert content["provenance"]["seed"] == 3
+    assert content["provenance"]["data"][0]["name"] == "train"
+
+
+def test_posterior(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from discovery.draws import Posterior
+
+    said = call(capsys, "posterior", case.rig, "--train", case.train, "--out", tmp_path, "--quiet")
+    assert said.status == 0, said.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["posterior.json", "posterior.nc"]
+    assert [line.partition(":")[0] for line in said.out.splitlines()][:4] == ["xi", "alpha", "beta", "gamma"]
+    assert len(Posterior.from_netcdf(tmp_path / "posterior.nc").flat()["alpha"]) >= 4000
+
+
+def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = call(capsys, "effects")
+    assert [line.split()[0] for line in listed.out.splitlines()] == list(catalogue())
+    card = call(capsys, "effects", "coulomb_friction")
+    assert card.status == 0
+    for part in ("dissipation", "f_c", "s^-2 q", "dry friction", "Coulomb (1785)"):
+        assert part in card.out
+    unknown = call(capsys, "effects", "coulomb_frcition")
+    assert unknown.status == 2
+    assert "Did you mean coulomb_friction" in unknown.err
+
+
+def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, same, other = (tmp_path / f"{n}.csv" for n in ("first", "same", "other"))
+    for path, seed in ((first, 1), (same, 1), (other, 2)):
+        arguments = ["simulate", "train_paper", "--effect", "camera_origin_offset:x=0.01,y=-0.02"]
+        said = call(capsys, *arguments, "--seed", seed, "--out", path)
+        assert said.status == 0, said.err
+        assert said.out == f"{path}\n"
+    assert first.read_bytes() == same.read_bytes() != other.read_bytes()
+    table = pd.read_csv(first)
+    assert list(table.columns) == ["time_s", "motor_angle_rad", "tip_x_m", "tip_y_m"]
+    assert len(table) == 2501
+    # Where the camera says that the hub's far end is, while the arm still rests.
+    np.testing.assert_allclose(table.loc[:40, ["tip_x_m", "tip_y_m"]].mean(), [1.01, -0.02], atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["no_manoeuvre"], "it knows train_paper"),
+        (["train_paper", "--effect", "no_effect:x=1"], "it has coulomb_friction"),
+        (["train_paper", "--effect", "coulomb_friction:force=much"], "Write it as coulomb_friction:name=value"),
+        (["train_paper", "--effect", "coulomb_friction:power=1"], "Write it as coulomb_friction:name=value"),
+    ],
+)
+def test_simulate_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], part: str) -> None:
+    said = call(capsys, "simulate", *arguments, "--out", tmp_path / "x.csv")
+    refused(said, tmp_path / "x.csv")
+    assert part in said.err
+
+
+def test_data_list_and_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv(registry.VARIABLE, str(tmp_path))
+    listed = call(capsys, "data", "list")
+    assert listed.status == 0
+    assert [line.split()[0] for line in listed.out.splitlines()[::2]] == list(registry.FILES)
+    first, second = list(registry.FILES)[:2]
+    (tmp_path / second).parent.mkdir()
+    (tmp_path / second).write_bytes(b"something else")
+    states = dict(reversed(line.split()) for line in call(capsys, "data", "check").out.splitlines())
+    assert list(states) == list(registry.FILES)
+    assert (states[first], states[second]) == ("absent", "altered")
+    unknown = call(capsys, "data", "fetch", "unknown.csv")
+    assert unknown.status == 2
+    assert "unknown.csv" in unknown.err
+
+
+# Bad input: status 2, one paragraph that names the file, nothing written.
+
+
+def refused(said: Said, out: Path) -> None:
+    assert said.status == 2
+    assert said.out == ""
+    assert said.err.startswith("discovery: ")
+    assert said.err.count("\n") == 1
+    assert said.err.endswith(".\n")
+    assert "Traceback" not in said.err
+    assert not out.exists()
+
+
+def put(row: int, column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def edit(frame: pd.DataFrame) -> pd.DataFrame:
+        frame = frame.astype(object)
+        frame.loc[row, column] = value
+        return frame
+
+    return edit
+
+
+TABLES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], list[str]]] = {
+    "missing column": (lambda f: f.drop(columns="tip_y_m"), ["tip_y_m"]),
+    "wrong column": (lambda f: f.rename(columns={"motor_angle_rad": "motr_angle_rad"}), ["motor_angle_rad"]),
+    "duplicate column": (lambda f: pd.concat([f, f[["tip_x_m"]]], axis=1), ["tip_x_m", "two columns"]),
+    "wrong unit": (lambda f: f.rename(columns={"tip_x_m": "tip_x_rad"}), ["tip_x_rad"]),
+    "text in numbers": (put(41, "tip_x_m", "lost"), ["tip_x_m", "row 42", "'lost'"]),
+    "time goes back": (put(100, "time_s", 0.5), ["time_s", "row 101"]),
+    "time repeats": (put(100, "time_s", 0.99), ["time_s", "row 101"]),
+    "gap in the input": (put(200, "motor_angle_rad", np.nan), ["motor_angle_rad", "row 201"]),
+    "dead sensor": (lambda f: f.assign(tip_y_m=0.25), ["tip_y_m"]),
+    "too short": (lambda f: f[:20], ["too short"]),
+    "millimetres": (lambda f: f.assign(tip_x_m=1e3 * f["tip_x_m"], tip_y_m=1e3 * f["tip_y_m"]), ["tip_x_mm"]),
+    "degrees": (lambda f: f.assign(motor_angle_rad=np.degrees(f["motor_angle_rad"])), ["motor_angle_deg"]),
+}
+
+
+@pytest.mark.parametrize("fault", TABLES)
+def test_bad_recordings(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], fault: str) -> None:
+    edit, parts = TABLES[fault]
+    bad, out = tmp_path / "bad.csv", tmp_path / "out"
+    edit(cut("train_large")).to_csv(bad, index=False)
+    said = call(capsys, "loop", case.rig, "--train", bad, "--out", out)
+    refused(said, out)
+    assert str(bad) in said.err
+    for part in parts:
+        assert part in said.err
+
+
+@pytest.mark.parametrize("content", [None, b"", bytes(range(256))], ids=["missing", "empty", "binary"])
+@pytest.mark.parametrize("role", ["--train", "--holdout", "--predict"])
+def test_bad_files_in_every_role(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes | None, role: str
+) -> None:
+    bad, out = tmp_path / "bad.csv", tmp_path / "out"
+    if content is not None:
+        bad.write_bytes(content)
+    train = [] if role == "--train" else ["--train", case.train]
+    said = call(capsys, "loop", case.rig, *train, role, bad, "--out", out)
+    refused(said, out)
+    assert str(bad) in said.err
+
+
+@pytest.mark.parametrize("command", ["run", "loop", "discover", "fit", "posterior", "elastica", "residual"])
+def test_every_command_refuses_a_bad_rig(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    rig, out = tmp_path / "rig.toml", tmp_path / "out"
+    rig.write_text('name = "arm"\nlength = 1.0\n')
+    said = call(capsys, command, rig, "--train", case.train, "--out", out)
+    refused(said, out)
+    assert str(rig) in said.err
+    assert "length_m" in said.err
+
+
+@pytest.mark.parametrize("state", ["0.1", "0.1,b", "1,2,3", "nan,0"])
+def test_bad_initial_state(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], state: str) -> None:
+    out = tmp_path / "out"
+    said = call(capsys, "loop", case.rig, "--train", case.train, "--predict", case.drive, "--initial-state", state,
+                "--out", out)  # fmt: skip
+    refused(said, out)
+    assert "ANGLE,RATE" in said.err
+
+
+def test_a_file_in_place_of_the_folder(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    out.write_text("kept")
+    said = call(capsys, "loop", case.rig, "--train", case.train, "--out", out)
+    assert said.status == 2
+    assert f"{out} is a file" in said.err
+    assert out.read_text() == "kept"
+
+
+def test_nothing_to_fit(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "loop", case.rig, "--out", tmp_path / "out")
+    refused(said, tmp_path / "out")
+    assert "--train" in said.err
+
+
+def test_a_report_needs_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "report", tmp_path)
+    assert said.status == 2
+    assert "results.json" in said.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_elastica_needs_the_rig(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig, out = tmp_path / "rig.toml", tmp_path / "out"
+    rig.write_text('name = "arm"\nlength_m = 1.0\n')
+    said = call(capsys, "elastica", rig, "--train", case.train, "--out", out, "--quiet")
+    refused(said, out)
+    assert "flexural_rigidity" in said.err
+
+
+@pytest.mark.parametrize(
+    "arguments", [["frobnicate"], ["loop"], ["loop", "r.toml"], ["fit", "r.toml", "--out", "o", "--seed", "many"]]
+)
+def test_usage_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, arguments: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = call(capsys, *arguments)
+    assert said.status == 2
+    assert "Usage: discovery" in said.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_names_every_command() -> None:
+    said = shell("--help")
+    assert said.status == 0
+    for name in ("run", "loop", "discover", "fit", "posterior", "elastica", "residual", "report", "effects", "data"):
+        assert name in cli.commands
+        assert re.search(rf"^  {name} ", said.out, re.MULTILINE)
+
+
+def test_the_exit_status_reaches_the_shell(tmp_path: Path) -> None:
+    said = shell("loop", tmp_path / "none.toml", "--out", tmp_path / "out")
+    refused(said, tmp_path / "out")

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from discovery.dataset import load_dataset
+from discovery.errors import InputError
+
+RIG = """
+name = "circuit"
+kind = "oscillator"
+[columns]
+time = { name = "t", unit = "s" }
+input = { name = "u", unit = "V", interpolation = "spline" }
+output = { name = "y", unit = "V", noise = 0.001 }
+[model]
+effects = ["viscous_damping", "linear_stiffness"]
+"""
+RECORDS = """
+[records]
+train = [{ file = "one.csv", samples = [0, 200] }, { file = "one.csv", samples = [200, 320] }]
+holdout = [{ file = "two.csv" }]
+"""
+
+
+def write(folder: Path, name: str, seed: int, n: int = 320) -> Path:
+    t = 0.02 * np.arange(n)
+    rng = np.random.default_rng(seed)
+    frame = pd.DataFrame({"t": t, "u": np.sin(t), "y": np.cos(3 * t) + 1e-3 * rng.standard_normal(n)})
+    frame.to_csv(folder / name, index=False)
+    return folder / name
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "records.toml").write_text(RIG + RECORDS)
+    for seed, name in enumerate(("one.csv", "two.csv", "three.csv")):
+        write(tmp_path, name, seed)
+    (tmp_path / "sub").mkdir()
+    write(tmp_path / "sub", "one.csv", 7)
+    return tmp_path
+
+
+def test_without_a_hold_out_the_last_third_of_each_recording_is_kept(folder: Path) -> None:
+    write(folder, "short.csv", 5, n=100)
+    data = load_dataset(folder / "rig.toml", [folder / "one.csv", folder / "short.csv"])
+    assert [e.fitted_samples for e in data.train] == [213, 66]
+    assert data.holdout == ()
+    assert [role for role, _ in data.everything] == ["train", "train"]
+
+
+def test_with_a_hold_out_everything_of_the_training_recordings_is_fitted(folder: Path) -> None:
+    data = load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "two.csv", folder / "three.csv"])
+    assert [e.fitted_samples for e in (*data.train, *data.holdout)] == [None, None, None]
+    assert [(role, e.recording.name) for role, e in data.everything] == [
+        ("train", "one"),
+        ("holdout", "two"),
+        ("holdout", "three"),
+    ]
+    assert data.train[0].recording.sha256 == hashlib.sha256((folder / "one.csv").read_bytes()).hexdigest()
+
+
+def test_the_rigs_own_records_are_the_default(folder: Path) -> None:
+    data = load_dataset(folder / "records.toml")
+    assert [e.recording.time.size for e in data.train] == [200, 120]
+    assert data.train[1].recording.time[0] == pytest.approx(4.0)
+    assert [e.recording.name for e in data.holdout] == ["two"]
+    # Parts of one file are told apart.
+    assert [e.recording.name for e in data.train] == ["one_1", "one_2"]
+
+
+def test_recordings_on_the_command_line_replace_all_of_the_rigs(folder: Path) -> None:
+    data = load_dataset(folder / "records.toml", [folder / "three.csv"])
+    assert [e.recording.name for e in data.train] == ["three"]
+    assert data.holdout == ()
+
+
+def test_a_hold_out_of_ones_own_beside_the_rigs_training(folder: Path) -> None:
+    data = load_dataset(folder / "records.toml", (), [folder / "three.csv"])
+    assert len(data.train) == 2
+    assert [e.recording.name for e in data.holdout] == ["three"]
+
+
+def test_names_that_occur_twice_are_numbered_across_roles(folder: Path) -> None:
+    data = load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "sub" / "one.csv", folder / "two.csv"])
+    assert [e.recording.name for _, e in data.everything] == ["one_1", "one_2", "two"]
+
+
+def test_nothing_to_fit_is_refused_with_the_remedy(folder: Path) -> None:
+    with pytest.raises(InputError, match="nothing to fit") as error:
+        load_dataset(folder / "rig.toml")
+    assert "--train" in str(error.value)
+
+
+def test_a_recording_that_is_not_there_is_named(folder: Path) -> None:
+    with pytest.raises(InputError) as error:
+        load_dataset(folder / "rig.toml", [folder / "absent.csv"])
+    message = str(error.value)
+    assert str(folder / "absent.csv") in message
+    # A misspelt file is not a public measurement.
+    assert "registered" not in message
+
+
+def test_public_data_that_are_not_here_are_refused_with_the_remedy(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("DISCOVERY_DATA", str(folder))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    with pytest.raises(InputError, match="DISCOVERY_DATA") as error:
+        load_dataset(folder / "rig.toml", [folder / "SNLS80mV.mat"])
+    assert "fetch" in str(error.value)
+
+
+def test_a_public_file_with_another_hash_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "silverbox").mkdir()
+    (folder / "silverbox" / "SNLS80mV.mat").write_bytes(b"something else")
+    monkeypatch.setenv("DISCOVERY_DATA", str(folder))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    with pytest.raises(InputError, match="SHA-256"):
+        load_dataset(folder / "rig.toml", [folder / "SNLS80mV.mat"])

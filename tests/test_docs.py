@@ -1,0 +1,123 @@
+"""The pages of docs: what they show is executed, what is generated is current, what they link to exists."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from discovery.catalogue_page import catalogue_page, main
+from discovery.registry import catalogue
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md"))]
+BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def blocks() -> list[str]:
+    return BLOCK.findall((DOCS / "ADD_AN_EFFECT.md").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory, blocks: list[str]) -> Path:
+    """Return a folder with the page's effect, installed as another package's entry point."""
+    folder = tmp_path_factory.mktemp("package")
+    (folder / "cubic_damping.py").write_text(blocks[0])
+    (folder / "test_cubic_damping.py").write_text(blocks[1])
+    info = folder / "my_package-0.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-package\nVersion: 0.1\n")
+    (info / "entry_points.txt").write_text("[discovery.effects]\ncubic_damping = cubic_damping\n")
+    return folder
+
+
+def run(package: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-W", "error", *arguments],
+        cwd=package,
+        env={**os.environ, "PYTHONPATH": str(package)},
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_the_new_effect_fulfils_the_contract(package: Path) -> None:
+    result = run(package, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "test_cubic_damping.py")
+    assert result.returncode == 0, result.stdout
+    passed = re.search(r"(\d+) passed", result.stdout)
+    assert passed
+    assert int(passed[1]) > 10
+
+
+def test_the_session_of_the_page_is_true(package: Path, blocks: list[str]) -> None:
+    session = "\n".join(b for b in blocks if b.startswith(">>>"))
+    assert "recover" in session
+    (package / "session.txt").write_text(session)
+    code = "import doctest, sys; sys.exit(doctest.testfile('session.txt', module_relative=False).failed)"
+    result = run(package, "-c", code)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_the_card_of_the_new_effect(package: Path) -> None:
+    result = run(package, "-m", "discovery.cli", "effects", "cubic_damping")
+    assert result.returncode == 0, result.stderr
+    assert "Rayleigh" in result.stdout
+    assert "c_3" in result.stdout
+
+
+def test_the_catalogue_page_is_current() -> None:
+    assert (DOCS / "CATALOGUE.md").read_text(encoding="utf-8") == catalogue_page(), "run `make docs`"
+
+
+def test_the_catalogue_page_shows_every_effect_and_parameter() -> None:
+    sections = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##|\Z)", catalogue_page(), re.MULTILINE | re.DOTALL))
+    assert set(sections) == set(catalogue())
+    for effect_id, effect in catalogue().items():
+        assert "```math\n" in sections[effect_id]
+        assert effect.cite in sections[effect_id]
+        for parameter in effect.parameters():
+            assert f"| `{parameter.name}` | {parameter.unit} | {parameter.meaning} |" in sections[effect_id]
+
+
+def test_the_catalogue_page_is_written_by_its_command(tmp_path: Path) -> None:
+    main([str(tmp_path / "page.md")])
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == catalogue_page()
+    with pytest.raises(SystemExit, match="usage"):
+        main([])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_the_architecture_page_names_real_modules() -> None:
+    text = (DOCS / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    rows = [re.findall(r"`([^`]+)`", line.split("|")[1]) for line in text.splitlines() if line.startswith("| `")]
+    assert len(rows) > 10
+    for row in rows:
+        for name in row:
+            places = [ROOT / name, ROOT / "discovery" / name]
+            assert any(p.exists() for p in places) or name == "reports/", name
+
+
+def test_the_picture_is_what_its_script_draws(tmp_path: Path) -> None:
+    drawn = tmp_path / "architecture.svg"
+    subprocess.run([sys.executable, str(DOCS / "draw_architecture.py"), str(drawn)], check=True)
+    committed = DOCS / "images" / "architecture.svg"
+    assert committed.read_text(encoding="utf-8") == drawn.read_text(encoding="utf-8"), "run `make docs`"
+    assert ElementTree.parse(committed).getroot().tag.endswith("svg")
+
+
+def test_pictures_are_small() -> None:
+    assert all(p.stat().st_size < 200_000 for p in (DOCS / "images").iterdir())

@@ -1,0 +1,414 @@
+from __future__ import annotations
+
+import csv
+import json
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_run
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discovery.errors import InputError
+from discovery.mechanics import base_names, get_base
+from discovery.registry import catalogue
+from discovery.report import build_report
+from discovery.report.equations import effect_formula, model_formulas
+from discovery.report.mathml import block, formula
+from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
+from discovery.report.style import decimate
+
+Made = tuple[Path, dict[str, Any], str]
+
+
+class _Reader(HTMLParser):
+    """Visible text, tags and attributes of a page."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.text, self.tags, self.stack = "", [], []  # type: ignore[var-annotated]
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self.stack.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        while self.stack and self.stack.pop() != tag:
+            pass
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.stack:
+            self.text += data
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    folder = tmp_path_factory.mktemp("arm")
+    results = synthetic_run.write_arm_run(folder)
+    return folder, results, build_report(folder).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def oscillator(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    folder = tmp_path_factory.mktemp("oscillator")
+    results = synthetic_run.write_oscillator_run(folder)
+    return folder, results, build_report(folder).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module", params=["arm", "oscillator"])
+def made(request: pytest.FixtureRequest) -> Made:
+    return request.getfixturevalue(request.param)
+
+
+def _walk(value: Any) -> Iterator[float]:
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        for item in value:
+            yield from _walk(item)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield float(value)
+
+
+def test_the_page_needs_no_other_file(made: Made) -> None:
+    _, _, page = made
+    reader = _Reader(page)
+    for tag, attributes in reader.tags:
+        assert tag not in ("script", "iframe", "object", "embed"), tag
+        for name in ("src", "href", "srcset"):
+            value = attributes.get(name) or ""
+            assert value == "" or value.startswith(("data:", "#")), (tag, value[:80])
+    assert "url(" not in page
+    assert "@import" not in page
+
+
+def test_every_figure_has_alt_text_caption_and_file(made: Made) -> None:
+    folder, _, page = made
+    reader = _Reader(page)
+    images = [a for t, a in reader.tags if t == "img"]
+    assert len(images) == page.count("<figcaption>") == len(list((folder / "figures").iterdir()))
+    for image in images:
+        assert len(image["alt"] or "") > 20
+        assert (image["src"] or "").startswith(("data:image/svg+xml;base64,", "data:image/png;base64,"))
+    names = {p.stem for p in (folder / "figures").iterdir()}
+    assert names == {a["id"].removeprefix("figure-") for t, a in reader.tags if t == "figure" and a["id"]}
+
+
+def test_an_arm_has_every_figure(arm: Made) -> None:
+    names = {p.stem for p in (arm[0] / "figures").iterdir()}
+    wanted = {"errors", "motion", "deflections", "phase", "inclusion", "corner", "spring_law", "radius_law"}
+    wanted |= {"residual", "spectrum", "amplitude", "steps", "ranking_1"}
+    assert names == wanted | {"time_hold_in", "time_hold_out", "time_train_a"}
+
+
+def test_an_oscillator_shows_what_it_has(oscillator: Made) -> None:
+    folder, _, page = oscillator
+    names = {p.stem for p in (folder / "figures").iterdir()}
+    assert {"errors", "motion", "phase", "multisine", "residual", "spectrum", "time_train_a"} <= names
+    assert not names & {"corner", "spring_law", "radius_law", "amplitude", "ranking_1"}
+    assert "Check against the elastica" not in page
+    assert "This run sampled no posterior." in page
+    assert "The final model is the declared one." in page
+    assert "Odd nonlinearity: yes." in page
+    assert "1.23" in page  # distortion, in mV
+    assert "35.7" in page
+
+
+def test_the_verdict_comes_first_and_in_order(arm: Made) -> None:
+    page = arm[2]
+    note, verdict = (re.search(rf'<p class="{name}[^"]*">(.*?)</p>', page) for name in ("note", "verdict"))
+    assert note
+    assert verdict
+    assert "These recordings are simulated by a twin of the rig." in note[1]
+    assert verdict[1] == (
+        "Explained: the declared model lacked elastica geometry and coulomb friction; with them, the rms error on a "
+        "recording that no fit saw falls from 2.98 to 0.473 mm (noise floor 0.424 mm)."
+    )
+    assert page.index("<h1>") < note.start() < verdict.start() < page.index("<h2>")
+    assert re.findall("<h2>(.*?)</h2>", page) == [
+        "The answer",
+        "What was recorded",
+        "The equation found in the motion",
+        "The declared model and its parameters",
+        "Check against the elastica",
+        "What the declared model leaves",
+        "How the answer was found",
+        "Predictions",
+        "Provenance",
+        "Effects and methods used, and their sources",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "effects", "words"),
+    [
+        ("unexplained", [], "Not explained: no effect of the catalogue removes"),
+        ("unexplained", ["sensor_delay"], "Not fully explained: the declared model lacked sensor delay, and"),
+        ("nothing_missing", [], "Nothing is missing: the declared model leaves 0.473 mm rms"),
+    ],
+)
+def test_other_verdicts(tmp_path: Path, verdict: str, effects: list[str], words: str) -> None:
+    from discovery.report.results import Run
+    from discovery.report.words import headline
+
+    results = synthetic_run.write_arm_run(tmp_path)
+    results["loop"] |= {"verdict": verdict, "effects": [{"id": e} for e in effects]}
+    assert words in headline(Run(tmp_path, results))
+
+
+@pytest.mark.parametrize(
+    "printed",
+    [
+        "0.045827 ± 0.000024",  # posterior mean and sd of xi
+        "0.4748 to 0.4784",  # 90 % interval of beta
+        "8.0931",  # final alpha
+        "0.012815 ± 0.000023",  # friction found
+        "at its bound",  # why tau_r has no interval
+        "2.38",  # held-out mean before [mm]
+        "0.378",  # held-out mean after [mm]
+        "0.0162",  # distance to the noise-free tip [mm]
+        "−1.2",  # discrepancy of alpha with the elastica
+        "∞",  # discrepancy of a prediction without spread
+        "These recordings cannot tell it from quadratic drag.",
+        "0.434 to 0.448",  # interval of gamma from the radius
+        "8.791",  # alpha of the source paper beside it
+        "28.3",  # the paper's mean position error of the linear model [mm]
+        "test arm <1>",
+        "discovery run rig.toml --out <out> & more",
+    ],
+)
+def test_numbers_on_the_page(arm: Made, printed: str) -> None:
+    assert printed in _Reader(arm[2]).text
+
+
+def test_a_changed_result_changes_the_page(arm: Made, tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    results["loop"]["errors"]["after"]["holdout_inside"]["mean"] = 9.8765e-4
+    results["posterior"]["rows"][1]["mean"] = 7.65432
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    text = _Reader(build_report(tmp_path).read_text(encoding="utf-8")).text
+    for printed in ("0.988", "7.65432 ± 0.00033"):
+        assert printed in text
+        assert printed not in _Reader(arm[2]).text
+
+
+def test_tables_hold_the_numbers_of_the_results(made: Made) -> None:
+    folder, results, _ = made
+    known = np.array(sorted(set(_walk(results))))
+    counts = {"search", "size", "chi2_removed"}
+    checked = 0
+    for path in (folder / "tables").glob("*.csv"):
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert rows, path.name
+        for row in rows:
+            for column, cell in row.items():
+                if column not in counts and re.fullmatch(r"-?\d[\d.]*(e-?\d+)?", cell):
+                    assert float(cell) in known, (path.name, column, cell)
+                    checked += 1
+    assert checked > 60
+
+
+def test_another_rig_is_not_set_beside_the_paper(tmp_path: Path) -> None:
+    from discovery.report.measures import fits_table
+    from discovery.report.results import Run
+
+    results = synthetic_run.write_arm_run(tmp_path)
+    beside = fits_table(Run(tmp_path, results))
+    results["rig"]["quantities"]["length"]["value"] = 0.7
+    alone = fits_table(Run(tmp_path, results))
+    assert beside is not None
+    assert alone is not None
+    assert "paper" in beside.header
+    assert "paper" not in alone.header
+    assert "28.3" not in alone.html()
+
+
+def test_optional_files_may_be_missing(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    for name in ("amplitude.nc", "laws.nc", "posterior.nc", "trajectories.nc"):
+        (tmp_path / name).unlink()
+    results |= {"discovery": None, "radius": None, "clean": None, "fit_errors": {}}
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert {p.stem for p in (tmp_path / "figures").iterdir()} == {"errors", "spectrum", "steps", "ranking_1"}
+    assert "The equation found in the motion" not in page
+
+
+def test_the_same_run_gives_the_same_files(arm: Made, tmp_path: Path) -> None:
+    synthetic_run.write_arm_run(tmp_path)
+    assert build_report(tmp_path).read_text(encoding="utf-8") == arm[2]
+    assert not [p for p in tmp_path.rglob(".*")]
+
+
+def test_the_users_own_style_is_left_alone(tmp_path: Path) -> None:
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    synthetic_run.write_oscillator_run(tmp_path)
+    build_report(tmp_path)
+    assert dict(mpl.rcParams) == before
+
+
+def test_no_results(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is not the folder of a finished run"):
+        build_report(tmp_path)
+    (tmp_path / "results.json").write_text("{", encoding="utf-8")
+    with pytest.raises(InputError, match="cannot be read as JSON"):
+        build_report(tmp_path)
+    (tmp_path / "results.json").write_text('{"rig": {}}', encoding="utf-8")
+    with pytest.raises(InputError, match="lacks recordings, loop, provenance"):
+        build_report(tmp_path)
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_broken_file_is_named(tmp_path: Path) -> None:
+    synthetic_run.write_arm_run(tmp_path)
+    (tmp_path / "laws.nc").write_bytes(b"no netCDF")
+    with pytest.raises(InputError, match=r"laws\.nc cannot be read"):
+        build_report(tmp_path)
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_reading_the_report_package_needs_no_drawing_library() -> None:
+    import subprocess
+    import sys
+
+    code = "import sys, discovery.report; print('matplotlib' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "False"
+
+
+# Numbers and units
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "printed"),
+    [
+        (8.79068, 0.00124, "8.7907 ± 0.0012"),
+        (-0.001477, 1.2e-5, "−0.001477 ± 0.000012"),
+        (1234.5, 67.0, "1234 ± 67"),
+        (0.0, 0.5, "0.00 ± 0.50"),
+        (1.91234e7, 3.1e4, "(1.9123 ± 0.0031) × 10⁷"),
+        (2.5e-6, 1e-8, "(2.500 ± 0.010) × 10⁻⁶"),
+        (9.9996, 0.0999, "10.00 ± 0.10"),
+        (0.4472136, None, "0.44721"),
+        (0.4472136, 0.0, "0.44721"),
+        (None, 0.1, "–"),
+        (float("nan"), 0.1, "–"),
+    ],
+)
+def test_uncertain(value: float | None, sd: float | None, printed: str) -> None:
+    assert re.sub("\N{NARROW NO-BREAK SPACE}", " ", uncertain(value, sd)) == printed
+
+
+@pytest.mark.parametrize(
+    ("value", "printed"),
+    [
+        (0.0458137, "0.0458"), (-3.0, "−3.00"), (123456.0, "123 000"), (0, "0"), (None, "–"), (float("nan"), "–"),
+        (float("-inf"), "−∞"), (9.996, "10.0"), (6.0e-247, "6.00 × 10⁻²⁴⁷"),
+    ],
+)  # fmt: skip
+def test_significant(value: float | None, printed: str) -> None:
+    assert significant(value).replace("\N{NARROW NO-BREAK SPACE}", " ") == printed
+
+
+@given(st.floats(min_value=1e-12, max_value=1e12), st.integers(2, 6), st.sampled_from([-1, 1]))
+def test_printed_numbers_are_the_numbers(size: float, digits: int, sign: int) -> None:
+    text = significant(sign * size, digits).replace("\N{NARROW NO-BREAK SPACE}", "").replace("\N{MINUS SIGN}", "-")
+    mantissa, _, power = text.partition("×10")
+    exponent = int(power.translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")) or 0)
+    assert float(mantissa) * 10.0**exponent == pytest.approx(sign * size, rel=0.5000001 * 10.0 ** (1 - digits))
+
+
+def test_intervals_and_units() -> None:
+    assert interval(0.4337006, 0.4481064) == "0.434 to 0.448"
+    assert interval(None, 1.0) == "–"
+    assert unit_text("s^-2 q^-2", "V").split() == ["s⁻²", "V⁻²"]
+    assert unit_text("1") == ""
+    assert (scale_for("m", 4e-4).symbol, scale_for("m", 4e-5).symbol, scale_for("kg", 1e-3).symbol) == ("mm", "µm", "kg")
+    assert scale_for("V", 7e-3).factor == 1e3
+
+
+@given(st.integers(10, 5000), st.integers(0, 2**31))
+def test_decimated_curves_keep_their_extremes(n: int, seed: int) -> None:
+    values = np.random.default_rng(seed).standard_normal(n)
+    time, kept = decimate(np.arange(n, dtype=float), values, limit=100)
+    assert kept.size <= max(n if n <= 100 else 0, 102)
+    assert kept.min() == values.min()
+    assert kept.max() == values.max()
+    assert np.all(np.diff(time) >= 0)
+    assert np.array_equal(values[time.astype(int)], kept)
+
+
+# Mathematics
+
+
+def _text(mathml: str) -> str:
+    return "".join(ElementTree.fromstring(mathml.replace("&#x2061;", "")).itertext())
+
+
+@pytest.mark.parametrize(
+    ("term", "text"),
+    [
+        ("delta^2 theta_t'", "δ2θ.t"),
+        ("theta_t'|theta_t'|", "θ.t|θ.t|"),
+        ("sign(theta_t')", "sign(θ.t)"),
+        ("sin(2 delta)", "sin(2δ)"),
+        ("1 - a delta^2 + kappa delta^2 theta_t'^2", "1−aδ2+κδ2θ.t2"),
+        ("u", "u"),
+    ],
+)
+def test_terms_become_mathematics(term: str, text: str) -> None:
+    assert _text(block(formula(term))) == text
+
+
+@pytest.mark.parametrize("broken", ["delta^", "(delta", "delta)", "a $ b", "^2"])
+def test_broken_terms_are_refused(broken: str) -> None:
+    with pytest.raises(InputError, match="formula"):
+        formula(broken)
+
+
+def test_every_effect_that_sparse_regression_names_has_a_term_that_can_be_written() -> None:
+    from discovery.library import _effects
+
+    for name in (*_effects("delta", "theta_t'"), *_effects("q", "q'")):
+        assert _text(block(formula(name)))
+
+
+@pytest.mark.parametrize("effect_id", catalogue())
+def test_every_effect_has_a_formula(effect_id: str) -> None:
+    effect = catalogue()[effect_id]
+    for system in effect.systems:
+        body = effect_formula(effect, system)
+        assert ElementTree.fromstring(block(body)).find(".//mi") is not None
+        for parameter in effect.parameters():
+            head = parameter.name.partition("_")[0]
+            assert head not in _text(block(body)) or len(head) <= 2, (effect_id, head)
+
+
+@pytest.mark.parametrize("base", base_names())
+def test_every_base_has_formulas(base: str) -> None:
+    system = get_base(base).system
+    effects = [e for e, effect in catalogue().items() if system in effect.systems and e not in get_base(base).provides]
+    for made in model_formulas({"base": base, "effects": effects}, system):
+        assert made.words
+        assert ElementTree.fromstring(block(made.body)).find(".//mi") is not None
+
+
+def test_the_papers_equation_is_written_as_in_the_paper() -> None:
+    lines = model_formulas({"base": "constant_radius", "effects": synthetic_run.ARM_DECLARED}, "flexible_arm")
+    assert [_text(block(line.body)) for line in lines] == ["θ..t+ξθ.t+αδ+βδ3=0", "δ=θt−θm", "ρt/l=cos(γδ)"]
+
+
+def test_an_oscillator_is_written_in_its_own_coordinate() -> None:
+    effects = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "quadratic_drag"]
+    (line,) = model_formulas({"base": "oscillator", "effects": effects}, "oscillator")
+    assert _text(block(line.body)) == "q..+ξq.+αq+βq3+c2q.|q.|=gu"
