@@ -9,15 +9,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 # Any Python >= 3.11 will do; `make PYTHON=...` chooses one.
+FITS := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
-	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
+	"$$p" -c '$(FITS)' 2>/dev/null && { echo "$$p"; break; }; done)
 WORKERS ?= 2
 SEED ?= 1
 
 # What results are made from, and what only their pages are made from.
 PAGE := $(sort $(wildcard discovery/report/*.py discovery/report/*/*))
 CODE := $(sort $(filter-out discovery/report/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
-	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml))
+	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml)) requirements.lock
 TWIN := Simulated: no recording of a very flexible arm was ever published. A geometrically exact beam stands in for the rig.
 
 # The measured circuit is run where its recording is at hand; it belongs to others and is not in this repository.
@@ -35,7 +36,7 @@ help: ## Show this list
 setup: $(READY) ## Make the virtual environment in .venv with the pinned dependencies
 
 $(READY): requirements.lock pyproject.toml
-	@[ -n "$(PYTHON)" ] || { echo "make: no Python 3.11 or newer with venv and pip was found. Install one (Debian: apt-get install python3 python3-venv), or name it: make PYTHON=/path/to/python3" >&2; exit 1; }
+	@[ -n "$(PYTHON)" ] && $(PYTHON) -c '$(FITS)' || { echo "make: no Python 3.11 or newer with venv and pip was found$(if $(PYTHON), in $(PYTHON)). Install one (Debian: apt-get install python3 python3-venv), or name it: make PYTHON=/path/to/python3" >&2; exit 1; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { echo "making $(VENV) with $(PYTHON)"; $(PYTHON) -m venv --clear $(VENV); }
 	@echo "installing the pinned dependencies"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
@@ -49,16 +50,14 @@ reports/arm/results.json: datasets/arm/rig.toml $(wildcard datasets/arm/*.csv) $
 	@echo "arm: the whole pipeline"
 	@$(BIN)/discovery run datasets/arm/rig.toml --train datasets/arm/train_paper.csv --train datasets/arm/train_large.csv \
 		--holdout datasets/arm/holdout_inside.csv --holdout datasets/arm/holdout_beyond.csv --seed $(SEED) --note "$(TWIN)" --out $(@D)
-	@touch $@
 
 reports/silverbox/results.json: datasets/silverbox/rig.toml $(CODE) | $(READY)
 	@echo "Silverbox: the whole pipeline"
 	@$(BIN)/discovery run $< --seed $(SEED) --note "Measured on an electronic circuit in another laboratory." --out $(@D)
-	@touch $@
 
-# A run writes its page too; it is written again only when the code of the page is newer.
+# A run writes its page too; it is written again only when something is newer.
 reports/%/report.html: reports/%/results.json $(PAGE)
-	@[ -z "$$(find $(filter %.py %.j2 %.css,$^) -newer $@ 2>&1)" ] || $(BIN)/discovery report $(@D)
+	@[ -z "$$(find $^ -newer $@ 2>&1)" ] || $(BIN)/discovery report $(@D)
 	@touch $@
 
 $(LOOPS): reports/%/loop.json: datasets/%/rig.toml datasets/%/train_paper.csv datasets/%/train_large.csv datasets/%/holdout_inside.csv $(CODE) | $(READY)
@@ -89,7 +88,8 @@ bench: $(READY) ## Measure speed and recovery; the figures are written to report
 datasets: $(READY) ## Simulate the twin's recordings again
 	$(BIN)/python -m discovery_datasets.generate datasets
 
-docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/arm.png ## Write the catalogue page and the pictures of docs again
+docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/arm.png ## Write the catalogue page, the pictures and the README's table again
+	$(BIN)/python docs/results_table.py reports README.md
 
 docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/catalogue_page.py | $(READY)
 	$(BIN)/python -m discovery.catalogue_page $@
@@ -97,14 +97,14 @@ docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/catalogue_page.p
 docs/images/architecture.svg: docs/draw_architecture.py | $(READY)
 	$(BIN)/python $< $@
 
-docs/images/arm.png: docs/draw_result.py reports/arm/results.json | $(READY)
+docs/images/arm.png: docs/draw_result.py reports/index.html | $(READY)
 	$(BIN)/python $< reports/arm $@
 
 lock: ## Pin the dependencies again (needs the network)
 	$(PYTHON) -m venv --clear build/lock
 	build/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
 	build/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate \
-		--no-emit-index-url --no-emit-find-links --group build --group test --group lint pyproject.toml -o requirements.lock
+		--group build --group test --group lint pyproject.toml -o requirements.lock
 
 clean: ## Remove results and caches; the virtual environment stays
 	@find reports -mindepth 1 ! -name README.md -delete

@@ -116,7 +116,7 @@ def run(
     loop_summary = write_loop(out, loop)
     # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere that of the final model.
     arm = dataset.train[0].is_arm
-    subject = fits.models["declared"] if arm else loop.after
+    subject = fits.models["declared"] if arm else loop.after.specialised()
     checkpoint = out / "posterior_chains.h5"
     posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
     posterior.to_netcdf(out / "posterior.nc")

@@ -69,7 +69,15 @@ def _equation(terms: list[str], coefficients: list[float], share: float) -> dict
 
 def _step(action: str, effect: str, accepted: bool, **extra: Any) -> dict[str, Any]:
     reason = "it removes 412 of 500 excess chi-square on the training recordings"
-    return {"action": action, "effect": effect, "accepted": accepted, "reason": reason, "numbers": {}, "ranking": [], **extra}
+    return {
+        "action": action,
+        "effect": effect,
+        "accepted": accepted,
+        "reason": reason,
+        "numbers": {},
+        "ranking": [],
+        **extra,
+    }
 
 
 def _provenance() -> dict[str, Any]:
@@ -163,7 +171,9 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
             "after": (both, clean),
         }
         if role == "train":
-            variables |= {f"posterior_{q}": (both, clean + shift) for q, shift in (("q05", -0.001), ("q50", 0), ("q95", 0.001))}
+            variables |= {
+                f"posterior_{q}": (both, clean + shift) for q, shift in (("q05", -0.001), ("q50", 0), ("q95", 0.001))
+            }
         else:
             variables["clean"] = (both, clean)
         groups[name] = xr.Dataset(variables, {"time": TIME, "channel": ["tip_x", "tip_y"]}, {"role": role})
@@ -183,8 +193,14 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
         },
     )
     delta = np.linspace(0.0, 0.95, 40)
-    bands = {f"posterior_spring_{q}": ("delta", delta + (0.05 + s) * delta**3) for q, s in (("q05", 0), ("q50", 0.01), ("q95", 0.02))}
-    bands |= {f"posterior_radius_{q}": ("delta", 1 - (0.09 + s) * delta**2) for q, s in (("q05", 0), ("q50", 0.01), ("q95", 0.02))}
+    bands = {
+        f"posterior_spring_{q}": ("delta", delta + (0.05 + s) * delta**3)
+        for q, s in (("q05", 0), ("q50", 0.01), ("q95", 0.02))
+    }
+    bands |= {
+        f"posterior_radius_{q}": ("delta", 1 - (0.09 + s) * delta**2)
+        for q, s in (("q05", 0), ("q50", 0.01), ("q95", 0.02))
+    }
     laws = xr.Dataset(
         {
             "elastica_spring": ("delta", delta + 0.06 * delta**3),
@@ -209,7 +225,12 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
     )
     _write_posterior(folder, rows)
 
-    declared = {"xi": (0.0458, 1e-4, "s^-1"), "alpha": (8.1, 2e-3, "s^-2"), "beta": (0.476, 6e-3, "s^-2 q^-2"), "gamma": (0.442, 4e-4, "q^-1")}
+    declared = {
+        "xi": (0.0458, 1e-4, "s^-1"),
+        "alpha": (8.1, 2e-3, "s^-2"),
+        "beta": (0.476, 6e-3, "s^-2 q^-2"),
+        "gamma": (0.442, 4e-4, "q^-1"),
+    }
     final = {
         "xi": (0.045123, 2.2e-5, "s^-1"),
         "alpha": (8.0931, 8.7e-4, "s^-2"),
@@ -221,9 +242,20 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
         {"effect": "coulomb_friction", "score": 190000.0, "chi2": 11736.0, "parameters": 1},
         {"effect": "table_tilt", "score": 400.0, "chi2": 198100.0, "parameters": 2},
     ]
-    held = {"chi2_before": 198441.0, "chi2_after": 11736.0, "chi2_holdout_before": 9000.0, "chi2_holdout_after": 810.0, "n_holdout": 800.0}
+    held = {
+        "chi2_before": 198441.0,
+        "chi2_after": 11736.0,
+        "chi2_holdout_before": 9000.0,
+        "chi2_holdout_after": 810.0,
+        "n_holdout": 800.0,
+    }
     upgrade = {"mean_chi2_holdout_before": 63.4, "mean_chi2_holdout_after": 1.01}
-    groups_before = {"train": _errors(2.31e-3), "holdout": _errors(3.19e-3), "holdout_inside": _errors(2.38e-3), "holdout_outside": _errors(4.01e-3)}
+    groups_before = {
+        "train": _errors(2.31e-3),
+        "holdout": _errors(3.19e-3),
+        "holdout_inside": _errors(2.38e-3),
+        "holdout_outside": _errors(4.01e-3),
+    }
     groups_after = {name: _errors(3.781e-4) for name in groups_before}
     comparison = [
         {
@@ -271,7 +303,11 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
                 "units": ["m", "m"],
                 "noise": [3e-4, 3e-4],
             }
-            for name, role, largest in (("train_a", "train", 0.83), ("hold_in", "holdout", 0.7), ("hold_out", "holdout", 0.99))
+            for name, role, largest in (
+                ("train_a", "train", 0.83),
+                ("hold_in", "holdout", 0.7),
+                ("hold_out", "holdout", 0.99),
+            )
         ],
         "discovery": _discovery("flexible_arm"),
         "radius": {
@@ -279,8 +315,18 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
             "interval": [0.4337, 0.4481],
             "status": "1 - a delta^2 is the simplest law that fits; in (16) alone gamma = 0.4412 +- 0.0072.",
             "rivals": [
-                {"law": "1 - a delta^2 - b delta^4", "parameters": "a = 0.0986, b = -0.00137", "unexplained": 1.2e-3, "likelihood_ratio": 1.0},
-                {"law": "cos(gamma delta) + kappa delta^2 theta_t'^2", "parameters": "gamma = 0.444", "unexplained": 1.3e-3, "likelihood_ratio": 2.0},
+                {
+                    "law": "1 - a delta^2 - b delta^4",
+                    "parameters": "a = 0.0986, b = -0.00137",
+                    "unexplained": 1.2e-3,
+                    "likelihood_ratio": 1.0,
+                },
+                {
+                    "law": "cos(gamma delta) + kappa delta^2 theta_t'^2",
+                    "parameters": "gamma = 0.444",
+                    "unexplained": 1.3e-3,
+                    "likelihood_ratio": 2.0,
+                },
             ],
         },
         "multisine": None,
@@ -303,9 +349,18 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
                     "ambiguous_with": ["quadratic_drag"],
                 },
             ],
-            "errors": {"unit": "m", "noise_floor": 4.2426e-4, "holdout_kind": "separate recordings", "before": groups_before, "after": groups_after},
+            "errors": {
+                "unit": "m",
+                "noise_floor": 4.2426e-4,
+                "holdout_kind": "separate recordings",
+                "before": groups_before,
+                "after": groups_after,
+            },
             "test": "systematic part of the held-out residual: 0.1 noise sds, at most 0.35",
-            "model": {"before": _fit("constant_radius", ARM_DECLARED, declared), "after": _fit("elastica", ["viscous_damping", "linear_stiffness", "coulomb_friction"], final)},
+            "model": {
+                "before": _fit("constant_radius", ARM_DECLARED, declared),
+                "after": _fit("elastica", ["viscous_damping", "linear_stiffness", "coulomb_friction"], final),
+            },
             "residual": {"before": _residual(8.5), "after": _residual(0.99)},
             "steps": [
                 _step("upgrade", "radius_inertia", False, numbers={**upgrade, "mean_chi2_holdout_after": 70.0}),
@@ -342,12 +397,25 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     _write_groups(folder / "trajectories.nc", {"train_a": xr.Dataset(variables, {"time": time, "channel": ["output"]})})
     frequency = np.arange(1, 301) / 2.0
-    kinds = np.where(frequency > 100, "outside", np.where(np.arange(300) % 4 == 0, "excited", np.where(np.arange(300) % 2 == 0, "odd", "even")))
+    kinds = np.where(
+        frequency > 100,
+        "outside",
+        np.where(np.arange(300) % 4 == 0, "excited", np.where(np.arange(300) % 2 == 0, "odd", "even")),
+    )
     xr.Dataset(
-        {"line_class": ("line", kinds.astype(object)), "output": ("line", np.where(kinds == "excited", 0.01, 2e-5)), "noise": ("line", np.full(300, 1e-5))},
+        {
+            "line_class": ("line", kinds.astype(object)),
+            "output": ("line", np.where(kinds == "excited", 0.01, 2e-5)),
+            "noise": ("line", np.full(300, 1e-5)),
+        },
         {"frequency": ("line", frequency)},
     ).to_netcdf(folder / "multisine.nc", engine="h5netcdf")
-    values = {"xi": (14.0, 0.1, "s^-1"), "alpha": (1.9e5, 30.0, "s^-2"), "beta": (7.1e5, 400.0, "s^-2 q^-2"), "g": (-2.5, 0.01, "s^-2 q")}
+    values = {
+        "xi": (14.0, 0.1, "s^-1"),
+        "alpha": (1.9e5, 30.0, "s^-2"),
+        "beta": (7.1e5, 400.0, "s^-2 q^-2"),
+        "g": (-2.5, 0.01, "s^-2 q"),
+    }
     fit = _fit("oscillator", declared, values)
     errors = {"train": _errors(2.2e-4), "holdout": _errors(2.4e-4)}
     results: dict[str, Any] = {
@@ -374,8 +442,28 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
             "kind": "odd",
             "unit": "V",
             "distortions": [
-                {"parity": "odd", "basis": "unexcited lines", "lines": 40, "level": 1.234e-3, "noise": 2e-5, "ratio_db": 35.67, "limit_db": 1.0, "peak": 40.0, "detected": True},
-                {"parity": "even", "basis": "unexcited lines", "lines": 40, "level": None, "noise": None, "ratio_db": None, "limit_db": 1.0, "peak": 40.0, "detected": None},
+                {
+                    "parity": "odd",
+                    "basis": "unexcited lines",
+                    "lines": 40,
+                    "level": 1.234e-3,
+                    "noise": 2e-5,
+                    "ratio_db": 35.67,
+                    "limit_db": 1.0,
+                    "peak": 40.0,
+                    "detected": True,
+                },
+                {
+                    "parity": "even",
+                    "basis": "unexcited lines",
+                    "lines": 40,
+                    "level": None,
+                    "noise": None,
+                    "ratio_db": None,
+                    "limit_db": 1.0,
+                    "peak": 40.0,
+                    "detected": None,
+                },
             ],
             "verdict": ["noise: 0.0002 V rms (period to period)", "odd nonlinearity: yes"],
         },
@@ -387,7 +475,13 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
             "verdict": "nothing_missing",
             "declared": declared,
             "effects": [],
-            "errors": {"unit": "V", "noise_floor": 2e-4, "holdout_kind": "last third, continued", "before": errors, "after": errors},
+            "errors": {
+                "unit": "V",
+                "noise_floor": 2e-4,
+                "holdout_kind": "last third, continued",
+                "before": errors,
+                "after": errors,
+            },
             "test": "systematic part: 0.1 noise sds, at most 0.35",
             "model": {"before": fit, "after": fit},
             "residual": {"before": _residual(1.0), "after": _residual(1.0)},

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +77,6 @@ def opened(request: pytest.FixtureRequest, browser: Any, page: Path) -> Any:
 
 
 def test_no_console_message_and_no_request(opened: Any, page: Path) -> None:
-    import json
-
     assert opened.get_log("browser") == []
     events = [json.loads(entry["message"])["message"] for entry in opened.get_log("performance")]
     asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
@@ -119,21 +119,29 @@ def test_mathematics_is_drawn(opened: Any) -> None:
     for width, height, source in boxes:
         assert width > 3, source
         assert height > 5, source
-    # A fraction bar or an exponent takes more than one line of text, unless MathML is only passed through.
-    stacked = opened.execute_script("const m = document.querySelector('math[display=block] msup'); return m ? m.children[1].getBoundingClientRect().bottom < m.children[0].getBoundingClientRect().bottom : true")  # fmt: skip
-    assert stacked
+    # Exponents are raised and small, unless the elements are only passed through as text.
+    raised = opened.execute_script(
+        """
+        return [...document.querySelectorAll('math[display=block] msup')].map(m => {
+          const [base, exponent] = [...m.children].map(c => c.getBoundingClientRect());
+          return exponent.bottom < base.bottom && exponent.height < base.height; });
+        """
+    )
+    assert raised
+    assert all(raised)
 
 
 def test_headings_are_in_order(opened: Any) -> None:
     levels = opened.execute_script("return [...document.querySelectorAll('h1,h2,h3,h4')].map(h => +h.tagName[1])")
     assert levels[0] == 1
     assert levels.count(1) == 1
-    assert all(later <= earlier + 1 for earlier, later in zip(levels, levels[1:], strict=False))
+    assert all(later <= earlier + 1 for earlier, later in pairwise(levels))
 
 
 def test_the_contents_lead_to_sections(opened: Any) -> None:
     missing = opened.execute_script(
-        "return [...document.querySelectorAll('nav a')].map(a => a.getAttribute('href')).filter(h => !document.querySelector(h))"
+        "const links = [...document.querySelectorAll('nav a')].map(a => a.getAttribute('href'));"
+        "return links.filter(h => !document.querySelector(h));"
     )
     assert missing == []
     assert opened.execute_script("return document.querySelectorAll('nav a').length") >= 7

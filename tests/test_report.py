@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import synthetic_run
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,7 +21,8 @@ from discovery.mechanics import base_names, get_base
 from discovery.registry import catalogue
 from discovery.report import build_report
 from discovery.report.equations import effect_formula, model_formulas
-from discovery.report.mathml import block, formula
+from discovery.report.formula import formula
+from discovery.report.mathml import block
 from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
 from discovery.report.style import decimate
 
@@ -173,6 +175,7 @@ def test_other_verdicts(tmp_path: Path, verdict: str, effects: list[str], words:
         "at its bound",  # why tau_r has no interval
         "2.38",  # held-out mean before [mm]
         "0.378",  # held-out mean after [mm]
+        "187\N{NARROW NO-BREAK SPACE}000",  # chi-square that friction removes
         "0.0162",  # distance to the noise-free tip [mm]
         "−1.2",  # discrepancy of alpha with the elastica
         "∞",  # discrepancy of a prediction without spread
@@ -237,6 +240,8 @@ def test_optional_files_may_be_missing(tmp_path: Path) -> None:
         (tmp_path / name).unlink()
     results |= {"discovery": None, "radius": None, "clean": None, "fit_errors": {}}
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    # A file that lacks a group is as good as one that lacks the curve.
+    synthetic_run._write_groups(tmp_path / "amplitude.nc", {"before": xr.Dataset()})
     page = build_report(tmp_path).read_text(encoding="utf-8")
     assert {p.stem for p in (tmp_path / "figures").iterdir()} == {"errors", "spectrum", "steps", "ranking_1"}
     assert "The equation found in the motion" not in page
@@ -245,7 +250,7 @@ def test_optional_files_may_be_missing(tmp_path: Path) -> None:
 def test_the_same_run_gives_the_same_files(arm: Made, tmp_path: Path) -> None:
     synthetic_run.write_arm_run(tmp_path)
     assert build_report(tmp_path).read_text(encoding="utf-8") == arm[2]
-    assert not [p for p in tmp_path.rglob(".*")]
+    assert not list(tmp_path.rglob(".*"))
 
 
 def test_the_users_own_style_is_left_alone(tmp_path: Path) -> None:
@@ -333,7 +338,11 @@ def test_intervals_and_units() -> None:
     assert interval(None, 1.0) == "–"
     assert unit_text("s^-2 q^-2", "V").split() == ["s⁻²", "V⁻²"]
     assert unit_text("1") == ""
-    assert (scale_for("m", 4e-4).symbol, scale_for("m", 4e-5).symbol, scale_for("kg", 1e-3).symbol) == ("mm", "µm", "kg")
+    assert (scale_for("m", 4e-4).symbol, scale_for("m", 4e-5).symbol, scale_for("kg", 1e-3).symbol) == (
+        "mm",
+        "µm",
+        "kg",
+    )
     assert scale_for("V", 7e-3).factor == 1e3
 
 
@@ -412,3 +421,15 @@ def test_an_oscillator_is_written_in_its_own_coordinate() -> None:
     effects = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "quadratic_drag"]
     (line,) = model_formulas({"base": "oscillator", "effects": effects}, "oscillator")
     assert _text(block(line.body)) == "q..+ξq.+αq+βq3+c2q.|q.|=gu"
+
+
+def test_a_discovered_input_stands_on_the_right(oscillator: Made) -> None:
+    found = re.search('<div class="formula scroll" tabindex="0">(.*?)</div>', oscillator[2])
+    assert found
+    assert _text(found[1]) == "q..+8.12q+0.0456q.−0.432q3=−2.50u"
+
+
+def test_a_discovered_equation_of_an_arm(arm: Made) -> None:
+    found = re.search('<div class="formula scroll" tabindex="0">(.*?)</div>', arm[2])
+    assert found
+    assert _text(found[1]) == "θ..t+8.12δ+0.0456θ.t−0.432δ3=0"

@@ -227,14 +227,14 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     return found
 
 
-def discovered_equation(terms: list[tuple[str, str]], system: str) -> str:
+def discovered_equation(terms: list[tuple[str, str]], inputs: list[tuple[str, str]], system: str) -> str:
     """Return an equation found by sparse regression, with its numbers.
 
     Parameters
     ----------
-    terms : list of (str, str)
-        Printed coefficient and MathML of each term; they stand on the left of an arm's equation.
+    terms, inputs : list of (str, str)
+        Printed coefficient and MathML of each term on the left, and of the inputs on the right.
     system : str
         Kind of system.
     """
-    return _equal(total([("", symbol(_coordinate(system), 2)), *terms]), number("0"))
+    return _equal(total([("", symbol(_coordinate(system), 2)), *terms]), total(inputs))

@@ -10,13 +10,13 @@ from typing import Any
 from markupsafe import Markup
 
 from discovery.mechanics import get_base
-from discovery.registry import get_effect
+from discovery.registry import catalogue, get_effect
 from discovery.report.numbers import MISSING, interval, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import LAWS, MASSES
 
-__all__ = ["elastica_table", "final_table", "nuisance_table", "posterior_table", "published"]
+__all__ = ["elastica_table", "final_table", "nuisance_table", "posterior_table", "published", "symbol_of"]
 
 _ORDER = ("alpha", "beta", "beta/alpha", "gamma")
 
@@ -46,6 +46,12 @@ def _meaning(name: str, declared: Mapping[str, Any]) -> str:
 
 def _symbol(name: str, declared: Mapping[str, Any]) -> Markup | str:
     return name if "[" in name else name_cell(name, declared[name].latex if name in declared else "")
+
+
+def symbol_of(parameter: str) -> Markup:
+    """Return the symbol of a parameter of the catalogue as mathematics."""
+    declared = {p.name: p.latex for effect in catalogue().values() for p in effect.parameters()}
+    return name_cell(parameter, declared.get(parameter, ""))
 
 
 def _subject(run: Run) -> Mapping[str, Any]:

@@ -15,6 +15,7 @@ from discovery.report.words import effect_name, prose
 __all__ = [
     "dependence_table",
     "distortion_table",
+    "effects_table",
     "equations_table",
     "radius_table",
     "ranking_table",
@@ -37,7 +38,10 @@ def terms_table(run: Run) -> Table:
     ]
     head = ("term", "stands for", "coefficient ± sd", "inclusion probability")
     keys = ("term", "effect", "coefficient", "sd", "inclusion_probability")
-    caption = "Terms of the discovered equation, SI units. Coefficients: of the regression; trajectories decide below."
+    caption = (
+        "Terms of the discovered equation, SI units. The coefficients are those of the regression; trajectories decide "
+        "below."
+    )
     return Table("terms", caption, head, cells, keys, [[t[k] for k in keys] for t in terms], (0, 1))
 
 
@@ -69,7 +73,7 @@ def equations_table(run: Run, each: int = 3) -> Table | None:
     head = ("size", "terms", "unexplained share", "likelihood ratio", "probability", "")
     keys = ("size", "terms", "unexplained", "likelihood_ratio", "probability")
     caption = (
-        "The trade-off: best equations of each size. Unexplained: variance share left. Likelihood ratio: "
+        "The trade-off: best equations of each size. Unexplained: share of the variance left. Likelihood ratio: "
         "of the best of the size over this one. Probability: share of resamples that prefer it among its size."
     )
     return Table("equations", caption, head, cells, keys, raw, (1, 5))
@@ -129,6 +133,8 @@ def dependence_table(run: Run) -> Table | None:
     after = {d["variable"]: d for d in residual["after"]["dependence"]}
     cells, raw = [], []
     for d in residual["before"]["dependence"]:
+        if d["variable"] == "angle" and not run.is_arm:
+            continue  # the output itself, once more
         other = after.get(d["variable"], {"share": None, "p_value": None})
         cells.append(
             [d["variable"], *(significant(x, 2) for x in (d["share"], d["p_value"], other["share"], other["p_value"]))]
@@ -152,7 +158,7 @@ def ranking_table(run: Run) -> Table | None:
             raw.append([i + 1, r["effect"], r["parameters"], r["score"], before - r["chi2"], r["chi2"]])
             if place < 8:
                 taken = "added" if step["accepted"] and r["effect"] == step["effect"] else ""
-                removed = significant(before - r["chi2"])
+                removed = significant(max(0.0, round(before - r["chi2"], 1)))
                 cells.append(
                     [
                         f"{i + 1}",
@@ -169,6 +175,27 @@ def ranking_table(run: Run) -> Table | None:
     keys = ("search", "effect", "parameters", "linear_score", "chi2_removed", "chi2")
     caption = "Candidates of every search, best eight; the CSV file has all. Scores rank, bounded refits decide."
     return Table("candidates", caption, head, cells, keys, raw, (1, 5))
+
+
+def effects_table(run: Run) -> Table | None:
+    """Return the evidence for every effect that was added by a search through the catalogue."""
+    wanted = {
+        "delta_chi2_train": "chi-square removed, training",
+        "delta_chi2_holdout": "held out",
+        "share_of_excess": "share of the excess",
+        "runner_up_delta_chi2": "runner-up removes",
+        "largest_similarity": "largest similarity",
+    }
+    shown = [e for e in run.loop["effects"] if e["evidence"]]
+    if not shown:
+        return None
+    cells = [[effect_name(e["id"]), *(significant(e["evidence"].get(k)) for k in wanted)] for e in shown]
+    raw = [[e["id"], *(e["evidence"].get(k) for k in wanted)] for e in shown]
+    caption = (
+        "Evidence for what was added. Similarity: cosine between its sensitivity and that of the candidate most like "
+        "it, once the fitted parameters have absorbed what they can; at 1 the two could not be told apart."
+    )
+    return Table("evidence", caption, ("effect", *wanted.values()), cells, ("effect", *wanted), raw)
 
 
 def distortion_table(run: Run) -> Table | None:

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.report.estimates import published
-from discovery.report.figures.errors import ROLES
 from discovery.report.numbers import MISSING, Scale, scale_for, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.tables import Table
-from discovery.report.words import FITS, effect_name, error_scale
+from discovery.report.words import FITS, effect_name, error_groups, error_scale
 
 __all__ = ["clean_table", "errors_table", "fits_table", "quantities", "recordings_table"]
 
@@ -51,13 +50,12 @@ def _spread(values: Mapping[str, Any] | None, scale: Scale) -> list[str]:
 def errors_table(run: Run) -> Table:
     """Return the errors before and after by group of recordings."""
     errors, scale = run.loop["errors"], error_scale(run)
-    groups = [g for g in ROLES if g in errors["before"]]
+    names = error_groups(run)
     cells = [
-        [ROLES[g].replace("\n", " "), *_spread(errors["before"][g], scale), *_spread(errors["after"][g], scale)]
-        for g in groups
+        [name, *_spread(errors["before"][g], scale), *_spread(errors["after"][g], scale)] for g, name in names.items()
     ]
     head = ("", *(f"{when}, {m} [{scale.symbol}]" for when in ("before", "after") for m in _MEASURES))
-    raw = [[g, *(errors[w][g][m] for w in ("before", "after") for m in _MEASURES), errors["unit"]] for g in groups]
+    raw = [[g, *(errors[w][g][m] for w in ("before", "after") for m in _MEASURES), errors["unit"]] for g in names]
     keys = ("group", *(f"{w}_{m}" for w in ("before", "after") for m in _MEASURES), "unit")
     floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}"
     what = (

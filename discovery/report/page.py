@@ -14,9 +14,17 @@ from markupsafe import Markup
 from discovery.io import atomic_write
 from discovery.report import evidence, measures
 from discovery.report.equations import Formula, discovered_equation, model_formulas
-from discovery.report.estimates import elastica_table, final_table, nuisance_table, posterior_table, published
+from discovery.report.estimates import (
+    elastica_table,
+    final_table,
+    nuisance_table,
+    posterior_table,
+    published,
+    symbol_of,
+)
 from discovery.report.figures import draw_all
-from discovery.report.mathml import block, formula
+from discovery.report.formula import formula
+from discovery.report.mathml import block
 from discovery.report.numbers import interval, significant, uncertain, unit_text
 from discovery.report.references import effects_used, methods_used
 from discovery.report.results import Run, read_run
@@ -113,6 +121,7 @@ def _tables(run: Run) -> dict[str, Table]:
         elastica_table(run) if r.get("elastica") and r["elastica"]["comparison"] else None,
         evidence.residual_table(run),
         evidence.dependence_table(run),
+        evidence.effects_table(run),
         evidence.ranking_table(run),
         final_table(run),
     ]
@@ -125,10 +134,12 @@ def _lines(formulas: list[Formula]) -> list[tuple[str, Markup]]:
 
 def _equation(equation: Mapping[str, Any], system: str) -> Markup:
     """Return an equation of the regression with its numbers, as many digits as their intervals deserve."""
-    terms = []
+    terms: list[tuple[str, str]] = []
+    inputs: list[tuple[str, str]] = []
     for term, value, sd in zip(equation["terms"], equation["coefficients"], equation["sd"], strict=True):
-        terms.append((significant(value, _digits(value, sd)), "" if term == "1" else formula(term)))
-    return Markup(block(discovered_equation(terms, system)))
+        side = inputs if term == "u" else terms
+        side.append((significant(value, _digits(value, sd)), "" if term == "1" else formula(term)))
+    return Markup(block(discovered_equation(terms, inputs, system)))
 
 
 def _found(discovery: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -177,7 +188,7 @@ def _added(run: Run) -> list[dict[str, Any]]:
     found = []
     for e in run.loop["effects"]:
         values = [
-            (name, f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
+            (symbol_of(name), f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
             for name, p in e["parameters"].items()
         ]
         found.append(
@@ -207,7 +218,7 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "quantities": measures.quantities(run),
         "discovery": discovery,
         "equation": _equation(_found(discovery), system) if discovery else "",
-        "three": _three(discovery, system) if discovery else None,
+        "three": _three(discovery, system) if discovery and run.is_arm else None,
         "radius": radius,
         "radius_interval": interval(*radius["interval"]) if radius else "",
         "radius_gamma": significant(radius["gamma"], 4) if radius else "",

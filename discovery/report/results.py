@@ -110,17 +110,19 @@ class Run:
 
     def open(self, file: str, group: str | None = None) -> xr.Dataset | None:
         """Return one group of a netCDF file of the run, loaded; None where the file or the group is not there."""
+        import h5py
         import xarray as xr
 
         path = self.folder / file
         if not path.is_file():
             return None
         try:
+            with h5py.File(path) as contents:
+                if group is not None and group not in contents:
+                    return None
             with xr.open_dataset(path, group=group, engine="h5netcdf") as dataset:
                 return dataset.load()
         except OSError as error:
-            if group is not None and "not find group" in str(error) + str(error.__cause__):
-                return None
             raise InputError(f"{path} cannot be read as netCDF: {error}. Run the pipeline again.") from error
 
     @cached_property

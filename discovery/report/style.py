@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 __all__ = [
     "BLUE", "GREEN", "GREY", "LINES", "ORANGE", "PURPLE", "RED", "SKY", "Picture", "decimate", "label", "new_figure",
-    "render", "series", "styled",
+    "plain_log", "render", "series", "styled",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -34,10 +35,13 @@ LINES: dict[str, dict[str, Any]] = {
 }
 #: Measured points that a panel shows.
 _DOTS = 90
+#: Measured points beyond which a panel shows a line: chosen samples would draw a motion that is not there.
+_DENSE = 4000
 #: Width of a figure [inches]. A phone shows it at three quarters of its size, a wide screen at five quarters.
 WIDTH = 4.6
 _STYLE: Any = {
     "axes.edgecolor": GREY,
+    "axes.formatter.useoffset": False,
     "axes.grid": True,
     "axes.labelsize": 9,
     "axes.linewidth": 0.7,
@@ -146,10 +150,24 @@ def series(axes: Axes, model: str, time: FloatArray, values: FloatArray, **chang
     """Draw one curve in the model's own look; of many measured points, some evenly chosen ones, so that lines show."""
     look = {**LINES[model], **changes}
     if look["linestyle"] == "none":
+        if time.size > _DENSE:
+            axes.plot(*decimate(time, values), **{**look, "linestyle": "-", "marker": None, "linewidth": 0.8})
+            return
         every = max(1, time.size // _DOTS)
         axes.plot(time[::every], values[::every], **look)
     else:
         axes.plot(*decimate(time, values), **look)
+
+
+def plain_log(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers, more of them where it spans little."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    narrow = high < 40 * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}" if 1e-4 < x < 1e5 else f"{x:.0e}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def label(quantity: str, unit: str) -> str:

@@ -10,7 +10,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from discovery.report.mathml import formula, inline, symbol
+from discovery.report.formula import formula
+from discovery.report.mathml import inline, symbol
 
 __all__ = ["Table", "name_cell", "term_cell"]
 

@@ -19,6 +19,7 @@ __all__ = [
     "clause",
     "effect_name",
     "effect_title",
+    "error_groups",
     "error_scale",
     "headline",
     "held_group",
@@ -39,11 +40,7 @@ GEOMETRY_SOURCES = {
     "elastica_geometry": "Lagrange’s equations of an inextensible Euler-Bernoulli rod in curvature modes",
 }
 #: Models that are fitted side by side.
-FITS = {
-    "linear": "linear spring, constant radius",
-    "constant_radius": "nonlinear spring, constant radius",
-    "declared": "declared model",
-}
+FITS = {"linear": "linear spring", "constant_radius": "nonlinear spring, constant radius", "declared": "declared model"}
 MASSES = {"as_printed": "massless", "rod_counted": "counted"}
 LAWS = {
     "static_small": "static, small deflection",
@@ -59,7 +56,8 @@ _WRITTEN = (
     (r"\btheta_t\b", "θₜ"),
     (r"\bdelta'", "δ̇"),
     (r"\bq'", "q̇"),
-    *((rf"\b{name}(?=\b|_)", letter) for name, letter in GREEK.items()),
+    *((rf"\b{name}(?=\b(?!-)|_)", letter) for name, letter in GREEK.items()),
+    *((rf"\b(\w)_{digit}\b", rf"\g<1>{chr(0x2080 + digit)}") for digit in range(10)),
     (r"\^2\b", "²"),
     (r"\^3\b", "³"),
     (r"\^4\b", "⁴"),
@@ -111,6 +109,26 @@ def held_group(errors: Mapping[str, Any]) -> str:
         if (errors["after"].get(group) or {}).get("rms") is not None:
             return group
     return "train"
+
+
+def error_groups(run: Run) -> dict[str, str]:
+    """Return the groups of recordings by which errors are reported, in the words of a reader.
+
+    Held-out recordings are told apart by whether they stay inside the trained range only where there are both kinds.
+    """
+    errors = run.loop["errors"]["before"]
+    reach = "deflection" if run.is_arm else "range"
+    inside, outside = f"inside the trained {reach}", f"beyond the trained {reach}"
+    if {"holdout_inside", "holdout_outside"} <= errors.keys():
+        return {
+            "train": "training",
+            "holdout": "held out, all",
+            "holdout_inside": f"held out, {inside}",
+            "holdout_outside": f"held out, {outside}",
+        }
+    where = next((f", {w}" for g, w in (("holdout_inside", inside), ("holdout_outside", outside)) if g in errors), "")
+    held = errors.get("holdout") or {}
+    return {"train": "training", **({"holdout": f"held out{where}"} if held.get("rms") is not None else {})}
 
 
 def error_scale(run: Run) -> Scale:

@@ -12,7 +12,7 @@ from discovery.report.words import prose
 
 __all__ = ["draw"]
 
-_MOST = 7
+_MOST = 8
 _DRAWS = 20_000
 
 

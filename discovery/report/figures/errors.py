@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, RED, Picture, new_figure
+from discovery.report.style import BLUE, GREY, RED, Picture, new_figure, plain_log
+from discovery.report.words import error_groups
 
-__all__ = ["ROLES", "draw"]
-
-#: Groups of recordings by which errors are reported, in the words of a reader.
-ROLES = {
-    "train": "training",
-    "holdout": "held out, all",
-    "holdout_inside": "held out, inside\nthe trained deflection",
-    "holdout_outside": "held out, beyond\nthe trained deflection",
-}
+__all__ = ["draw"]
 
 
 def draw(run: Run) -> Picture | None:
     """Return the figure of the answer."""
     errors = run.loop["errors"]
     before, after = errors["before"], errors["after"]
-    groups = [g for g in ROLES if g in before and before[g]["rms"] is not None]
-    if len(groups) > 3:
-        groups.remove("holdout")
+    names = error_groups(run)
+    groups = [g for g in names if g != "holdout" or "holdout_inside" not in names]
     scale = scale_for(errors["unit"], after[groups[0]]["rms"])
     figure = new_figure(0.62 * len(groups) + 1.25)
     axes = figure.subplots()
@@ -56,7 +48,8 @@ def draw(run: Run) -> Picture | None:
     axes.axvline(floor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise floor")
     axes.set_xscale("log")
     axes.set_xlim(left=0.6 * min(floor, *(m[g]["rms"] * scale.factor for m in (before, after) for g in groups)))
-    axes.set_yticks(range(len(groups)), [ROLES[g] for g in groups])
+    plain_log(axes.xaxis)
+    axes.set_yticks(range(len(groups)), [names[g].replace(", ", ",\n") for g in groups])
     axes.set_ylim(len(groups) - 0.5, -0.6)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(f"error, rms (bar: to the peak) [{scale.symbol}]")
@@ -70,6 +63,6 @@ def draw(run: Run) -> Picture | None:
     return Picture(
         "errors",
         figure,
-        f"Free-run error before and after. {ROLES[last].replace(chr(10), ' ').capitalize()}: {words}.",
+        f"Free-run error before and after. {names[last].capitalize()}: {words}.",
         f"Dots on a logarithmic axis compare the error of the declared and of the final model. {words}.",
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure
+from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, plain_log
 from discovery.report.words import effect_name, listed
 
 __all__ = ["draw", "draw_steps"]
@@ -39,7 +39,7 @@ def _ranking(step: Mapping[str, Any], position: int) -> Picture:
     axes.set_yticks(rows, [effect_name(n) for n in names])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("chi-square removed on the training recordings")
+    axes.set_xlabel("chi-square removed, training")
     figure.legend(loc="outside upper left", ncols=1)
     verdict = "added" if step["accepted"] else "the best, but not enough"
     return Picture(
@@ -80,6 +80,7 @@ def draw_steps(run: Run) -> Picture | None:
         axes.plot(after, row, "o" if step["accepted"] else "X", color=colour, markersize=7)
     axes.axvline(1.0, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0)
     axes.set_xscale("log")
+    plain_log(axes.xaxis)
     axes.set_yticks(
         range(len(found)), [("" if s["accepted"] else "not kept: ") + effect_name(s["effect"]) for s, _ in found]
     )

@@ -10,7 +10,7 @@ from discovery.report.figures.motion import _NAMES
 from discovery.report.figures.phase import _period
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
-from discovery.report.style import BLUE, LINES, Picture, label, new_figure, series
+from discovery.report.style import BLUE, LINES, Picture, label, new_figure, plain_log, series
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,6 +43,7 @@ def _distances(axes: Axes, trajectory: Trajectory) -> None:
         largest = np.fmax.reduceat(distance, edges) * scale.factor
         axes.semilogy(trajectory.time[edges], largest, **LINES[model], drawstyle="steps-post")
     axes.set_xlim(trajectory.time[0], trajectory.time[-1])
+    plain_log(axes.yaxis)
     axes.set_ylabel(label("error", scale.symbol))
     axes.set_xlabel("time [s]")
 

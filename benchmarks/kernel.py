@@ -1,0 +1,233 @@
+"""What a simulation costs: the compiled kernel of each base, and its peers at equal accuracy.
+
+Usage: ``python benchmarks/kernel.py OUT.json [--runs 7] [--sets 256]``. Prints tables and writes the numbers as JSON.
+Every time is the median of the runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from scipy.integrate import solve_ivp
+
+from discovery import simulate
+from discovery.dataset import load_dataset
+from discovery.drive import Drive
+from discovery.model import Model
+from discovery.simulate import Simulator
+from discovery.testing.states import every_effect
+
+ARM = Path(__file__).parents[1] / "datasets" / "arm"
+VALUES = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139, "gamma": 0.4462, "length": 1.0, "mu": 0.2845, "g": 1.0}
+PAPER = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
+#: Base, effects, step [s]: the steps leave about 1e-6 rad on this recording; the exact arm's is set by its third mode.
+CASES: tuple[tuple[str, str, tuple[str, ...], float], ...] = (
+    ("paper's model", "constant_radius", PAPER, 0.02),
+    ("whole catalogue", "constant_radius", every_effect("constant_radius"), 0.02),
+    ("paper's model", "reduced", PAPER, 0.02),
+    ("whole catalogue", "reduced", every_effect("reduced"), 0.02),
+    ("viscous, linear", "elastica", PAPER[:2], 0.004),
+    ("whole catalogue", "elastica", every_effect("elastica"), 0.004),
+    ("viscous, linear, cubic", "oscillator", PAPER[:3], 0.02),
+    ("whole catalogue", "oscillator", every_effect("oscillator"), 0.02),
+)
+
+
+def median(work: Callable[[], object], runs: int) -> float:
+    """Return the median time of a call [s], after one that is not counted."""
+    work()
+    found = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        work()
+        found.append(time.perf_counter() - start)
+    return float(np.median(found))
+
+
+def inputs(simulator: Simulator, model: Model, sets: int, scatter: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameter sets (p, k), relatively scattered, absent effects at their defaults; and initial zeros."""
+    centre = np.array([VALUES.get(n, model.parameters[n].default) for n in simulator.names])
+    spread = 1 + scatter * np.random.default_rng(0).standard_normal((centre.size, sets))
+    return centre[:, None] * spread, np.zeros(sets)
+
+
+def kernels(drive: Drive, times: np.ndarray, runs: int, sets: int) -> list[dict[str, Any]]:
+    """Measure every case with one and with two threads."""
+    rows = []
+    for label, base, effects, step in CASES:
+        simulator = Simulator(base, effects, times, drive, step=step)
+        parameters, zeros = inputs(simulator, Model(base, effects), sets, 0.01)
+        steps = simulator.grid.steps.size
+        row: dict[str, Any] = {"base": base, "effects": label, "parameters": len(simulator.names), "steps": steps}
+        for threads in (1, 2):
+            simulate.THREADS = threads
+            seconds = median(lambda run=simulator, p=parameters, z=zeros: run(p, z, z), runs)
+            row[f"ns_per_step_and_set_{threads}"] = 1e9 * seconds / (steps * sets)
+        row["ms_per_set"] = 1e-6 * row["ns_per_step_and_set_2"] * steps
+        rows.append(row)
+    return rows
+
+
+_FIRST_CALL = """
+import sys, time
+start = time.perf_counter()
+import numpy as np
+from discovery.simulate import Simulator
+imported = time.perf_counter()
+simulator = Simulator({base!r}, {effects!r}, np.linspace(0.0, 1.0, 11), None, step=0.05)
+simulator(np.ones((len(simulator.names), 1)), np.zeros(1), np.zeros(1))
+print(imported - start, time.perf_counter() - imported)
+"""
+
+
+def first_calls() -> list[dict[str, Any]]:
+    """Time the first simulation in a fresh process, with an empty and with a filled cache of compiled code."""
+    rows = []
+    for label, base, effects, _ in CASES:
+        with tempfile.TemporaryDirectory() as cache:
+            code = _FIRST_CALL.format(base=base, effects=tuple(effects))
+            seconds = []
+            for _ in range(2):
+                run = subprocess.run(
+                    [sys.executable, "-c", code],
+                    env={**os.environ, "DISCOVERY_CACHE": cache},
+                    capture_output=True,
+                    text=True,
+                    check=True,
+                )
+                seconds.append(float(run.stdout.split()[1]))
+        rows.append({"base": base, "effects": label, "cold_s": seconds[0], "warm_s": seconds[1]})
+    return rows
+
+
+# Peers: the paper's equation of the angle, integrated by others.
+
+
+@njit
+def scalar_rk4(steps, drive, xi, alpha, beta):
+    """Integrate by classical Runge-Kutta, one parameter set, plain loop; drive (n, 3) at start, middle, end."""
+    out = np.empty(steps.size + 1)
+    theta, omega = drive[0, 0], 0.0
+    out[0] = theta
+    for n in range(steps.size):
+        h = steps[n]
+        d = theta - drive[n, 0]
+        k1 = -xi * omega - alpha * d - beta * d * d * d
+        w2 = omega + 0.5 * h * k1
+        d = theta + 0.5 * h * omega - drive[n, 1]
+        k2 = -xi * w2 - alpha * d - beta * d * d * d
+        w3 = omega + 0.5 * h * k2
+        d = theta + 0.5 * h * w2 - drive[n, 1]
+        k3 = -xi * w3 - alpha * d - beta * d * d * d
+        w4 = omega + h * k3
+        d = theta + h * w3 - drive[n, 2]
+        k4 = -xi * w4 - alpha * d - beta * d * d * d
+        theta += h / 6 * (omega + 2 * w2 + 2 * w3 + w4)
+        omega += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        out[n + 1] = theta
+    return out
+
+
+def solved(drive: Drive, times: np.ndarray, method: str, rtol: float) -> np.ndarray:
+    """Return theta_t [rad] from scipy, restarted where the drive changes its polynomial."""
+    xi, alpha, beta = (VALUES[n] for n in ("xi", "alpha", "beta"))
+    inner = drive.breakpoints[(drive.breakpoints > times[0]) & (drive.breakpoints < times[-1])]
+    edges = np.concatenate([times[:1], inner, times[-1:]])
+    state, out = tuple(drive.evaluate(times[:1])[:2, 0]), np.empty(times.size)
+    for first, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        piece = int(np.clip(np.searchsorted(drive.breakpoints, first, "right") - 1, 0, drive.coefficients.shape[1] - 1))
+        powers, origin = drive.coefficients[:, piece].tolist(), float(drive.breakpoints[piece])
+
+        def slope(t, z, powers=powers, origin=origin):
+            motor = 0.0
+            for c in powers:
+                motor = motor * (t - origin) + c
+            d = z[0] - motor
+            return z[1], -xi * z[1] - alpha * d - beta * d * d * d
+
+        inside = (times >= first) & (times <= last)
+        at = np.unique(np.append(times[inside], last))
+        path = solve_ivp(slope, (first, last), state, method=method, t_eval=at, rtol=rtol, atol=rtol)
+        out[inside] = path.y[0][np.isin(at, times[inside])]
+        state = tuple(path.y[:, -1])
+    return out
+
+
+def peers(drive: Drive, times: np.ndarray, runs: int, sets: int) -> list[dict[str, Any]]:
+    """Compare the time of one trajectory at equal accuracy: at most the kernel's own error at a step of 0.02 s."""
+    reference = solved(drive, times, "DOP853", 1e-12)
+    simulator = Simulator("constant_radius", PAPER, times, drive, step=0.02)
+    parameters, zeros = inputs(simulator, Model("constant_radius", PAPER), sets, 0.0)
+    tip = simulator(parameters[:, :1], zeros[:1], zeros[:1])[:, :, 0]
+    error = float(np.abs(np.unwrap(np.arctan2(tip[:, 1], tip[:, 0])) - reference).max())
+    rows = []
+    for threads in (1, 2):
+        simulate.THREADS = threads
+        seconds = median(lambda: simulator(parameters, zeros, zeros), runs) / sets
+        rows.append({"solver": f"kernel, {sets} sets, {threads} threads", "ms": 1e3 * seconds, "error": error})
+    grid = simulator.grid
+    middle = np.ascontiguousarray(grid.drive[:, :, 0])
+    edges = np.append(grid.times, grid.times[-1] + grid.steps[-1])
+    arguments = (grid.steps, middle, VALUES["xi"], VALUES["alpha"], VALUES["beta"])
+    own = scalar_rk4(*arguments)
+    own_error = float(np.abs(own - solved(drive, edges, "DOP853", 1e-12)).max())
+    rows.append(
+        {
+            "solver": "scalar loop, numba, same steps, no output between",
+            "ms": 1e3 * median(lambda: scalar_rk4(*arguments), runs),
+            "error": own_error,
+        }
+    )
+    for method in ("DOP853", "LSODA"):
+        for rtol in 10.0 ** -np.arange(5, 13, 0.5):
+            found = float(np.abs(solved(drive, times, method, rtol) - reference).max())
+            if found <= error:
+                break
+        seconds = median(lambda m=method, r=rtol: solved(drive, times, m, r), max(3, runs // 2))
+        rows.append({"solver": f"scipy {method}, tolerance {rtol:.0e}", "ms": 1e3 * seconds, "error": found})
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> None:
+    """Print rows as a table."""
+    cells = [[f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
+    head = list(rows[0])
+    widths = [max(len(line[k]) for line in [head, *cells]) for k in range(len(head))]
+    for line in [head, *cells]:
+        print("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)))
+    print()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--runs", type=int, default=7)
+    parser.add_argument("--sets", type=int, default=256)
+    options = parser.parse_args()
+    (experiment,) = load_dataset(ARM / "rig.toml", [ARM / "train_large.csv"]).train
+    drive, times = experiment.drive, experiment.recording.time
+    found = {
+        "machine": {"cpus": os.cpu_count(), "load": os.getloadavg()[0], "python": platform.python_version()},
+        "kernels": kernels(drive, times, options.runs, options.sets),
+        "first_calls": first_calls(),
+        "peers": peers(drive, times, options.runs, options.sets),
+    }
+    for name in ("kernels", "first_calls", "peers"):
+        table(found[name])
+    options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

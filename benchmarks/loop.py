@@ -1,0 +1,110 @@
+"""What closing the loop costs: one 25 s, 100 Hz arm recording alone, and the four sets of the twin.
+
+Usage: ``python benchmarks/loop.py OUT.json [--runs 5]``. Prints a table and writes the numbers as JSON. Times are
+medians of runs with compiled code warm; "first" is the first run of the process, which loads it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from discovery.attribution import candidates, refit, screen
+from discovery.dataset import Dataset, load_dataset
+from discovery.fit import choose_step, fit, known_values
+from discovery.loop import LoopSettings, close_loop
+from discovery.model import Model
+from discovery.problem import Bench, natural_units
+
+DATASETS = Path(__file__).parents[1] / "datasets"
+SETS = ("arm", "arm_coulomb", "arm_delay", "arm_tilt")
+
+
+def alone(name: str) -> Dataset:
+    """One recording, its last third held out."""
+    return load_dataset(DATASETS / name / "rig.toml", [DATASETS / name / "train_large.csv"])
+
+
+def whole(name: str) -> Dataset:
+    """Both training recordings, judged by the hold-outs."""
+    folder = DATASETS / name
+    held = sorted(p for p in folder.glob("holdout_*.csv") if not p.stem.endswith("clean"))
+    return load_dataset(folder / "rig.toml", [folder / "train_paper.csv", folder / "train_large.csv"], held)
+
+
+def closing(label: str, dataset: Dataset, runs: int) -> dict[str, Any]:
+    """Time the loop on a data set."""
+    seconds = []
+    for _ in range(runs + 1):
+        start = time.perf_counter()
+        result = close_loop(dataset.train, dataset.holdout)
+        seconds.append(time.perf_counter() - start)
+    held = result.errors["after"].get("holdout_inside", result.errors["after"]["holdout"])
+    return {
+        "recordings": label,
+        "first_s": seconds[0],
+        "median_s": float(np.median(seconds[1:])),
+        "slowest_s": max(seconds[1:]),
+        "verdict": result.verdict,
+        "added": ", ".join(result.added),
+        "held_out_mean_mm": 1e3 * held["mean"],
+    }
+
+
+def screening(dataset: Dataset, runs: int) -> dict[str, float]:
+    """Time one screening of the catalogue, and the bounded refits of every candidate, around a fit of the exact arm."""
+    train = dataset.train
+    units = natural_units(train)
+    model = Model("elastica", ("viscous_damping", "linear_stiffness"), {**known_values(train[0]), "tau_r": 0.0})
+    names = candidates(model)
+    effects = tuple(sorted({*model.effects, *names}))
+    start = {"xi": 0.0458, "alpha": 8.1}
+    step = choose_step(model, train, units, start, LoopSettings().tolerance, effects)
+    found = fit(model, train, start=start, units=units, bench=Bench("elastica", effects, train, step))
+    screened, refitted = [], []
+    for _ in range(runs + 1):
+        begin = time.perf_counter()
+        scored = screen(model, found.minimum, found.problem, names)
+        middle = time.perf_counter()
+        refit(model, found.minimum, found.problem, scored)
+        screened.append(middle - begin)
+        refitted.append(time.perf_counter() - middle)
+    return {
+        "candidates": len(names),
+        "step_s": step,
+        "screen_ms": 1e3 * float(np.median(screened[1:])),
+        "refit_ms": 1e3 * float(np.median(refitted[1:])),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--runs", type=int, default=5)
+    options = parser.parse_args()
+    rows = [closing(f"{name}/train_large alone", alone(name), options.runs) for name in ("arm", "arm_delay")]
+    rows += [closing(f"{name}, two and hold-outs", whole(name), options.runs) for name in SETS]
+    catalogue = screening(alone("arm_delay"), options.runs)
+    head = list(rows[0])
+    cells = [[f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
+    widths = [max(len(line[k]) for line in [head, *cells]) for k in range(len(head))]
+    for line in [head, *cells]:
+        print("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)))
+    print(
+        f"\none recording: screening {catalogue['candidates']} effects takes {catalogue['screen_ms']:.0f} ms, "
+        f"refitting them {catalogue['refit_ms']:.0f} ms"
+    )
+    machine = {"cpus": os.cpu_count(), "load": os.getloadavg()[0], "python": platform.python_version()}
+    found = {"machine": machine, "loops": rows, "screening": catalogue}
+    options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Write the table of results into the README from the result files: ``python docs/results_table.py REPORTS README.md``.
+
+The table stands between two marks and holds nothing that is typed by hand but what was hidden in each recording.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+BEGIN, END = "<!-- results: written by `make docs` -->", "<!-- end of results -->"
+#: What the makers of each set of recordings hid in it; for a measurement, what is known of the system.
+HIDDEN = {
+    "arm": "nothing: the arm's own mechanics",
+    "arm_coulomb": "dry friction of 0.6 mN, f_c = 0.01285 s⁻²",
+    "arm_delay": "a camera 10 ms late",
+    "arm_tilt": "a table tilted by -1.5 and 2.0 mrad",
+    "silverbox": "measured circuit, declared linear",
+}
+
+
+def _number(value: float, sd: float | None) -> str:
+    """Return a number to the first digit of its standard deviation."""
+    if not sd:
+        return f"{value:.4g}"
+    digits = -math.floor(math.log10(sd))
+    shown = max(digits, 0)
+    return f"{round(value, digits):.{shown}f} ± {round(sd, digits):.{shown}f}"
+
+
+def _effect(effect: dict) -> str:
+    parameters = effect["parameters"].items()
+    values = [f"{name} = {_number(p['value'], p['sd'])} {p['unit']}".rstrip() for name, p in parameters]
+    return f"`{effect['id']}`" + (f" ({', '.join(values)})" if values else "")
+
+
+def _errors(result: dict, which: str) -> str:
+    errors = result["errors"]
+    before, after = (errors[when].get(which) for when in ("before", "after"))
+    if before is None:
+        return ""
+    unit = {"m": "mm", "V": "mV"}[errors["unit"]]
+    measure = "mean" if unit == "mm" else "rms"
+    return f"{1e3 * before[measure]:.2f} → {1e3 * after[measure]:.3f} {unit} {measure}"
+
+
+def table(reports: Path) -> str:
+    """Return the table of every run that is there, in the order of `HIDDEN`."""
+    lines = [
+        "| recordings | hidden in them | verdict | added | held out, before → after | beyond the trained deflection |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, hidden in HIDDEN.items():
+        path = reports / name / "loop.json"
+        if not path.exists():
+            continue
+        result = json.loads(path.read_text(encoding="utf-8"))
+        added = ", ".join(map(_effect, result["effects"])) or "nothing"
+        inside = "holdout_inside" if "holdout_inside" in result["errors"]["after"] else "holdout"
+        cells = [f"`{name}`", hidden, result["verdict"], added, _errors(result, inside)]
+        lines.append(f"| {' | '.join([*cells, _errors(result, 'holdout_outside')])} |")
+    return "\n".join(lines)
+
+
+def insert(readme: str, content: str) -> str:
+    """Return the README with the table between its marks."""
+    head, _, rest = readme.partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    return f"{head}{BEGIN}\n{content}\n{END}{tail}"
+
+
+def main() -> None:
+    """Write the table."""
+    readme = Path(sys.argv[2])
+    readme.write_text(insert(readme.read_text(encoding="utf-8"), table(Path(sys.argv[1]))), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

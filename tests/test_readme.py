@@ -1,0 +1,86 @@
+"""The README: its session is true, its table is in shape, the public names that it uses exist."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import json
+import pkgutil
+import runpy
+from pathlib import Path
+
+import pytest
+
+import discovery
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+SCRIPT = runpy.run_path(str(ROOT / "docs" / "results_table.py"))
+
+
+def test_the_session_is_true(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    results = doctest.testfile(str(README), module_relative=False)
+    assert results.attempted >= 5
+    assert results.failed == 0
+
+
+def test_it_is_said_plainly_what_is_simulated_and_what_is_measured() -> None:
+    text = " ".join(README.read_text(encoding="utf-8").split())
+    assert "All results on the arm are on a simulated twin" in text
+    assert "The real measurements are other systems" in text
+
+
+def test_the_table_names_every_set_of_recordings() -> None:
+    text = README.read_text(encoding="utf-8")
+    table = text.partition(SCRIPT["BEGIN"])[2].partition(SCRIPT["END"])[0]
+    assert [line.split("|")[1].strip(" `") for line in table.splitlines() if line.startswith("| `")] == [
+        *SCRIPT["HIDDEN"]
+    ]
+
+
+def test_the_table_is_made_from_result_files(tmp_path: Path) -> None:
+    errors = {"rms": 2e-3, "mean": 1e-3, "peak": 4e-3}
+    found = {
+        "verdict": "explained",
+        "effects": [
+            {"id": "radius_inertia", "parameters": {}},
+            {"id": "sensor_delay", "parameters": {"tau": {"value": 0.01, "sd": 2e-5, "unit": "s"}}},
+        ],
+        "errors": {"unit": "m", "before": {"holdout": errors}, "after": {"holdout": {**errors, "mean": 4e-4}}},
+    }
+    (tmp_path / "arm_delay").mkdir()
+    (tmp_path / "arm_delay" / "loop.json").write_text(json.dumps(found))
+    rows = SCRIPT["table"](tmp_path).splitlines()
+    assert len(rows) == 3
+    assert rows[2].startswith("| `arm_delay` | a camera 10 ms late | explained | `radius_inertia`, `sensor_delay` ")
+    assert "(tau = 0.01000 ± 0.00002 s) | 1.00 → 0.400 mm mean |" in rows[2]
+    page = f"before\n{SCRIPT['BEGIN']}\nold\n{SCRIPT['END']}\nafter\n"
+    new = SCRIPT["insert"](page, "new")
+    assert new == page.replace("old", "new")
+
+
+def test_public_names_are_there_and_load_lazily() -> None:
+    assert len(discovery.__all__) == len(set(discovery.__all__)) >= 25
+    for name in discovery.__all__:
+        assert getattr(discovery, name).__name__
+        assert name in dir(discovery)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = discovery.nothing  # type: ignore[attr-defined]
+
+
+def test_type_checkers_see_what_is_loaded() -> None:
+    tree = ast.parse(Path(discovery.__file__).read_text(encoding="utf-8"))
+    seen = {
+        alias.asname or alias.name: f"{node.module}:{alias.name}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("discovery.")
+        for alias in node.names
+    }
+    assert seen == discovery._HOMES
+    assert sorted(seen) == sorted(discovery.__all__)
+
+
+def test_no_public_name_hides_a_module() -> None:
+    modules = {m.name for m in pkgutil.iter_modules(discovery.__path__)}
+    assert modules.isdisjoint(discovery.__all__)

@@ -1,0 +1,69 @@
+"""The Silverbox, a measured circuit: declared linear, it must turn out to have a cubic spring."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from discovery_datasets import registry
+
+from discovery.dataset import Dataset, load_dataset
+from discovery.loop import LoopResult, close_loop
+
+pytestmark = pytest.mark.measured
+
+RIG = Path(__file__).parents[1] / "datasets" / "silverbox" / "rig.toml"
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    try:
+        registry.locate("silverbox/SNLS80mV.mat")
+    except registry.DataUnavailable as reason:
+        pytest.skip(str(reason))
+    return load_dataset(RIG)
+
+
+@pytest.fixture(scope="module")
+def result(dataset: Dataset) -> LoopResult:
+    return close_loop(dataset.train, dataset.holdout)
+
+
+def test_the_parts_are_those_of_the_literature(dataset: Dataset) -> None:
+    (train,), (test,) = dataset.train, dataset.holdout
+    assert train.recording.time.size == 65062
+    assert test.recording.time.size == 21688
+    assert 1 / np.diff(train.recording.time).mean() == pytest.approx(1e7 / 2**14)
+    assert dataset.rig.declared == ("viscous_damping", "linear_stiffness")
+
+
+def test_the_cubic_spring_is_found_first(result: LoopResult) -> None:
+    added = [s for s in result.steps if s.action == "add" and s.accepted]
+    assert result.added[0] == added[0].effect == "cubic_stiffness"
+    assert result.declared == ("viscous_damping", "linear_stiffness")
+    assert result.verdict == "explained"
+
+
+def test_the_held_out_multisine_is_predicted_to_a_third_of_a_millivolt(result: LoopResult) -> None:
+    before, after = result.errors["before"]["holdout"], result.errors["after"]["holdout"]
+    assert 6e-3 < before["rms"] < 9e-3
+    assert after["rms"] <= 0.34e-3
+    assert result.errors["unit"] == "V"
+
+
+def test_the_errors_are_those_of_the_predictions(dataset: Dataset, result: LoopResult) -> None:
+    measured = dataset.holdout[0].recording.output
+    for when in ("before", "after"):
+        error = np.abs(result.predictions[when][1] - measured)
+        assert result.errors[when]["holdout"]["rms"] == pytest.approx(np.sqrt(np.mean(error**2)))
+        assert result.errors[when]["holdout"]["peak"] == pytest.approx(error.max())
+
+
+def test_the_circuit_is_a_weakly_damped_hard_spring(result: LoopResult) -> None:
+    values = result.after.values
+    # Small motions resonate near 68 Hz with a damping ratio near 0.05; at half a volt the spring is twice as stiff.
+    assert np.sqrt(values["alpha"]) / (2 * np.pi) == pytest.approx(68.3, rel=0.02)
+    assert values["xi"] / (2 * np.sqrt(values["alpha"])) == pytest.approx(0.048, abs=0.005)
+    assert values["beta"] / values["alpha"] == pytest.approx(4.0, rel=0.15)
+    assert result.after.solver_shift < 1.0
