@@ -28,6 +28,8 @@ FloatArray = NDArray[np.float64]
 _SHAPE_GRID = 48
 #: Refits of one candidate start from its best so many linear solutions.
 _STARTS = 3
+#: So many of the best refits are finished with a differenced Jacobian.
+_FINISHED = 6
 
 
 @dataclass(frozen=True)
@@ -227,6 +229,27 @@ def refit(
                 )
             )
     minima = minimise(requests, answer_on(problems), on_round=on_round)
+    # A quick search may stall on its carried Jacobian: the best ones, and those that a nested model cannot be worse
+    # than, are finished with differences.
+    order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
+    stalled = [i for i in order if not minima[i].cost <= minimum.cost]
+    chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
+    finished = minimise(
+        [
+            levenberg_marquardt(
+                np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})),
+                *problems[i].bounds,
+                problems[i].scale,
+                iterations=6,
+                tolerance=1e-4,
+            )
+            for i in chosen
+        ],
+        answer_on([problems[i] for i in chosen]),
+    )
+    for i, found in zip(chosen, finished, strict=True):
+        if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
+            minima[i] = found
     best: dict[str, Refit] = {}
     for label, extended, found in zip(labels, problems, minima, strict=True):
         if np.isfinite(found.cost) and (label not in best or found.cost < best[label].minimum.cost):

@@ -62,10 +62,10 @@ def _progress(quiet: bool):
         yield status.update
 
 
-def _load(rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...]) -> Dataset:
+def _load(rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...], *, keep_third: bool = True) -> Dataset:
     from discovery.dataset import load_dataset
 
-    return load_dataset(rig, train, holdout)
+    return load_dataset(rig, train, holdout, keep_third=keep_third)
 
 
 def _folder(out: Path) -> Path:
@@ -172,7 +172,7 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery import stages
     from discovery.provenance import provenance, write_json
 
-    dataset = _load(rig, train, ())
+    dataset = _load(rig, train, (), keep_third=False)
     with _progress(quiet) as tell:
         found = stages.discover(dataset, seed=seed, tell=tell)
     summary = found.summary()
@@ -190,7 +190,7 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery import stages
     from discovery.provenance import provenance, write_json
 
-    dataset = _load(rig, train, ())
+    dataset = _load(rig, train, (), keep_third=False)
     with _progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
     write_json(_folder(out) / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
@@ -207,7 +207,7 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery import stages
     from discovery.provenance import provenance, write_json
 
-    dataset = _load(rig, train, ())
+    dataset = _load(rig, train, (), keep_third=False)
     folder = _folder(out)
     folder.mkdir(parents=True, exist_ok=True)
     checkpoint = folder / "posterior_chains.h5"
@@ -221,7 +221,7 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     )
     checkpoint.unlink(missing_ok=True)
     for row in rows:
-        click.echo(f"{row['parameter']}: {row['mean']:.6g} +- {row['sd']:.2g} {row['unit']}")
+        click.echo(f"{row['name']}: {row['mean']:.6g} +- {row['sd']:.2g} {row['unit']}")
 
 
 @cli.command()
@@ -234,7 +234,7 @@ def elastica(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.errors import InputError
     from discovery.provenance import provenance, write_json
 
-    dataset = _load(rig, train, ())
+    dataset = _load(rig, train, (), keep_third=False)
     folder = _folder(out)
     saved = folder / "posterior.nc"
     with _progress(quiet) as tell:
@@ -264,7 +264,7 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.provenance import provenance, write_json
     from discovery.residual import examine
 
-    dataset = _load(rig, train, ())
+    dataset = _load(rig, train, (), keep_third=False)
     with _progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
     report = examine(dataset.train, fits.predictions["declared"], 2 * math.pi * natural_units(dataset.train).time)

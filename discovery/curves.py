@@ -15,7 +15,7 @@ from discovery.dataset import Dataset
 from discovery.experiment import Experiment, largest_deflection
 from discovery.io import atomic_write
 
-__all__ = ["backbones", "laws", "save_groups", "trajectories"]
+__all__ = ["backbones", "laws", "lines", "measured_radius", "noise_free", "save_groups", "trajectories"]
 
 FloatArray = NDArray[np.float64]
 
@@ -112,6 +112,18 @@ def laws(posterior, delta_max: float, gamma_names: tuple[str, str, str] = ("alph
         for q, values in zip(("q05", "q50", "q95"), np.quantile(curves, (0.05, 0.5, 0.95), axis=0), strict=True):
             variables[f"posterior_radius_{q}"] = (("delta",), values)
     return xr.Dataset(variables, {"delta": delta}, {"delta_max": delta_max})
+
+
+def lines(multisine) -> xr.Dataset:
+    """Return the output and the noise at every line of a multisine, with the line's class."""
+    return xr.Dataset(
+        {
+            "line_class": (("line",), np.asarray(multisine.line_class, dtype=object)),
+            "output": (("line",), multisine.output),
+            "noise": (("line",), multisine.noise),
+        },
+        {"frequency": (("line",), multisine.frequency)},
+    )
 
 
 def measured_radius(dataset: Dataset) -> xr.Dataset | None:

@@ -56,6 +56,8 @@ def load_dataset(
     rig_path: str | os.PathLike[str],
     train: Sequence[str | os.PathLike[str]] = (),
     holdout: Sequence[str | os.PathLike[str]] = (),
+    *,
+    keep_third: bool = True,
 ) -> Dataset:
     """Read a rig file and recordings.
 
@@ -65,6 +67,8 @@ def load_dataset(
         TOML rig file.
     train, holdout : sequence of path
         Recordings; where `train` is empty, the rig file's own [records].
+    keep_third : bool
+        Keep the last third of every training recording out of the fit where there is no hold-out.
 
     Raises
     ------
@@ -83,7 +87,7 @@ def load_dataset(
         )
     found = {role: [_part(p.file, p.samples, rig) for p in listed] for role, listed in parts.items()}
     _distinguish(found)
-    alone = not found["holdout"]
+    alone = keep_third and not found["holdout"]
     return Dataset(
         rig,
         tuple(make_experiment(r, rig, fitted_samples=2 * r.time.size // 3 if alone else None) for r in found["train"]),

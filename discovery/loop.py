@@ -146,8 +146,9 @@ def close_loop(
         search, geometry, steps = Search(before, case), [], []
         search.run()
 
-    before_train, after_train = before.predict(), search.fit.predict()
-    before_held, after_held = case.held(before), case.held(search.fit)
+    after = case.polish(search.fit)
+    before_train, after_train = before.predict(), after.predict()
+    before_held, after_held = case.held(before), case.held(after)
     noise, test = _is_noise(after_held, search.first_rough, case)
     added = (*geometry, *search.added)
     period = 2 * np.pi * units.time
@@ -157,7 +158,7 @@ def close_loop(
         declared=declared.effects,
         added=added,
         before=before,
-        after=search.fit,
+        after=after,
         steps=(*steps, *search.steps),
         evidence={**{s.effect: s.numbers for s in steps if s.accepted}, **search.evidence},
         ambiguous=search.ambiguous,
@@ -189,12 +190,12 @@ def _is_noise(held: Sequence[FloatArray], first_rough: float, case: Case) -> tup
     """Return whether the held-out residual counts as noise, and the test as a sentence."""
     _, _, rough = case.judge.score(held)
     s = case.settings
-    limit = max(s.floor, s.relative_floor * first_rough)
+    limit = max(s.floor, min(s.relative_floor * first_rough, s.ceiling))
     noise = rough <= limit
     return noise, (
         "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "
         f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {limit:.3g} = "
-        f"max({s.floor:g}, {s.relative_floor:g} x {first_rough:.3g})"
+        f"max({s.floor:g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
     )
 
 
@@ -212,6 +213,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
         plain.run()
         if plain.held_chi2 < search.held_chi2:
             return plain, [], steps
+        geometry.append("elastica_geometry")
     return search, geometry, steps
 
 

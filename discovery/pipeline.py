@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,18 @@ from discovery.residual import errors
 __all__ = ["run", "save_prediction", "write_loop"]
 
 FloatArray = NDArray[np.float64]
+#: Files of a finished run, the one that says that it is finished last.
+RESULTS = (
+    "posterior.nc",
+    "trajectories.nc",
+    "amplitude.nc",
+    "laws.nc",
+    "multisine.nc",
+    "loop.json",
+    "results.json",
+)
+#: Predictive bands are drawn for recordings of at most so many samples.
+LONGEST_BANDS = 20_000
 
 
 def _describe(dataset: Dataset) -> dict[str, Any]:
@@ -110,41 +124,28 @@ def run(
         The content of results.json.
     """
     out.mkdir(parents=True, exist_ok=True)
+    # Results of one run belong together: they are collected beside and moved in place when all are there.
+    partial = out / ".partial"
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir()
     discovered = stages.discover(dataset, seed=seed, tell=tell)
     fits = stages.estimate(dataset, tell=tell)
     loop = stages.loop(dataset, tell=tell)
-    loop_summary = write_loop(out, loop)
     # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere that of the final model.
     arm = dataset.train[0].is_arm
     subject = fits.models["declared"] if arm else loop.after.specialised()
     checkpoint = out / "posterior_chains.h5"
     posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
-    posterior.to_netcdf(out / "posterior.nc")
     elastica = stages.predicted(dataset, posterior, seed=seed, tell=tell)
 
-    tell("saving trajectories")
+    tell("saving results")
     predictions: dict[str, list[FloatArray]] = {
         "linear": _everywhere(dataset, fits.models["linear"], fits.predictions["linear"]),
         "before": list(loop.predictions["before"]),
         "after": list(loop.predictions["after"]),
     }
-    rng = np.random.default_rng(stages.stage_seed(seed, "predictive"))
-    bands: list[Any] = []
-    if dataset.train[0].recording.time.size <= 20_000:
-        from discovery.predictive import predictive
-
-        bands = predictive(posterior, dataset.train, n=200, rng=rng)
-    curves.save_groups(out / "trajectories.nc", curves.trajectories(dataset, predictions, bands))
-    period = 2 * np.pi * natural_units(dataset.train).time
-    decays = curves.backbones(dataset, predictions, period)
-    if decays:
-        curves.save_groups(out / "amplitude.nc", decays)
-    if elastica is not None:
-        groups = {"laws": curves.laws(posterior, elastica["delta_max"])}
-        points = curves.measured_radius(dataset)
-        if points is not None:
-            groups["measured"] = points
-        curves.save_groups(out / "laws.nc", groups)
+    posterior.to_netcdf(partial / "posterior.nc")
+    _save_curves(partial, dataset, predictions, posterior, discovered, elastica, seed)
     content = {
         "provenance": provenance(dataset, seed=seed, command=command),
         "data_note": note,
@@ -157,12 +158,41 @@ def run(
             "status": posterior.status,
         },
         "elastica": elastica,
-        "loop": loop_summary,
+        "loop": write_loop(partial, loop),
         "clean": _to_clean(dataset, predictions),
     }
-    write_json(out / "results.json", content)
+    write_json(partial / "results.json", content)
+    for name in RESULTS:
+        if (partial / name).exists():
+            os.replace(partial / name, out / name)
+        else:
+            (out / name).unlink(missing_ok=True)
+    partial.rmdir()
     checkpoint.unlink(missing_ok=True)
     return content
+
+
+def _save_curves(folder: Path, dataset: Dataset, predictions, posterior, discovered, elastica, seed: int) -> None:
+    """Save what the report draws."""
+    bands: list[Any] = []
+    if dataset.train[0].recording.time.size <= LONGEST_BANDS:
+        from discovery.predictive import predictive
+
+        rng = np.random.default_rng(stages.stage_seed(seed, "predictive"))
+        bands = predictive(posterior, dataset.train, n=200, rng=rng)
+    curves.save_groups(folder / "trajectories.nc", curves.trajectories(dataset, predictions, bands))
+    period = 2 * np.pi * natural_units(dataset.train).time
+    decays = curves.backbones(dataset, predictions, period)
+    if decays:
+        curves.save_groups(folder / "amplitude.nc", decays)
+    if elastica is not None:
+        groups = {"laws": curves.laws(posterior, elastica["delta_max"])}
+        points = curves.measured_radius(dataset)
+        if points is not None:
+            groups["measured"] = points
+        curves.save_groups(folder / "laws.nc", groups)
+    if discovered.multisine is not None:
+        curves.save_groups(folder / "multisine.nc", {"/": curves.lines(discovered.multisine)})
 
 
 def save_prediction(

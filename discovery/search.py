@@ -36,7 +36,9 @@ class LoopSettings:
         Systematic residual, in noise sds, below which a residual counts as noise. The exact arm itself leaves 0.05 to
         0.3 when the encoder's profile is rough.
     relative_floor : float
-        Or below this share of what the geometric model left.
+        Or below this share of what was there before any effect was added,
+    ceiling : float
+        but never above this: then the systematic part is as large as the noise.
     least_gain : float
         Chi-square that an effect must remove: far beyond the largest of 20 chance gains.
     least_share : float
@@ -51,6 +53,7 @@ class LoopSettings:
     tolerance: float = 2e-5
     floor: float = 0.35
     relative_floor: float = 0.1
+    ceiling: float = 1.0
     least_gain: float = 40.0
     least_share: float = 0.2
     tie: float = 0.05
@@ -119,6 +122,21 @@ class Case:
         step = choose_step(model, self.train, self.units, values, self.settings.tolerance, effects)
         bench = Bench(model.base, effects, self.train, step)
         return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)
+
+    def polish(self, fitted: Fit) -> Fit:
+        """Return the fit on steps so fine that the solver shifts no estimate by more than a twentieth of its sd."""
+        for _ in range(3):
+            if not fitted.solver_shift > 0.05:
+                break
+            bench = fitted.problem.bench
+            # The shift falls with the fourth power of the step.
+            finer = Bench.like(bench, bench.step * max(0.25, 0.9 * (0.05 / fitted.solver_shift) ** 0.25))
+            self.tell("refitting with a finer step")
+            gaussian = fitted.problem.gaussian
+            fitted = fit(
+                fitted.model, self.train, start=fitted.values, bench=finer, units=self.units, gaussian=gaussian
+            )
+        return fitted
 
     def held(self, fitted: Fit) -> list[FloatArray]:
         """Return a fit's predictions of the held-out recordings."""
