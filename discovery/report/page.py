@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from math import floor, log10
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -32,7 +32,10 @@ from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
 from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, prose, sentence
 
-__all__ = ["build_report"]
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["added_effects", "build_report", "environment", "found_terms", "regression_equation", "three_terms"]
 
 
 def build_report(run_dir: str | os.PathLike[str]) -> Path:
@@ -65,7 +68,7 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     for table in tables.values():
         with atomic_write(run.folder / "tables" / f"{table.name}.csv") as temporary:
             temporary.write_text(table.csv(), encoding="utf-8")
-    html = _environment().get_template("page.html.j2").render(_context(run, tables, figures))
+    html = environment().get_template("page.html.j2").render(_context(run, tables, figures))
     path = run.folder / "report.html"
     with atomic_write(path) as temporary:
         temporary.write_text(html, encoding="utf-8")
@@ -90,7 +93,8 @@ def _embed(folder: Path, picture: Picture) -> dict[str, Any]:
     }
 
 
-def _environment():
+def environment() -> Environment:
+    """Return the templates of the report with their filters."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     made = Environment(
@@ -132,7 +136,7 @@ def _lines(formulas: list[Formula]) -> list[tuple[str, Markup]]:
     return [(f.words, Markup(block(f.body))) for f in formulas]
 
 
-def _equation(equation: Mapping[str, Any], system: str) -> Markup:
+def regression_equation(equation: Mapping[str, Any], system: str) -> Markup:
     """Return an equation of the regression with its numbers, as many digits as their intervals deserve."""
     terms: list[tuple[str, str]] = []
     inputs: list[tuple[str, str]] = []
@@ -142,17 +146,18 @@ def _equation(equation: Mapping[str, Any], system: str) -> Markup:
     return Markup(block(discovered_equation(terms, inputs, system)))
 
 
-def _found(discovery: Mapping[str, Any]) -> Mapping[str, Any]:
+def found_terms(discovery: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return terms, coefficients and deviations of the discovered equation."""
     keys = {"terms": "term", "coefficients": "coefficient", "sd": "sd"}
     return {name: [t[key] for t in discovery["terms"]] for name, key in keys.items()}
 
 
-def _three(discovery: Mapping[str, Any], system: str) -> Mapping[str, Any] | None:
+def three_terms(discovery: Mapping[str, Any], system: str) -> Mapping[str, Any] | None:
     """Return the best equation of three terms where the discovered one has another size."""
     best = discovery.get("best_three")
     if not best or len(best["terms"]) == len(discovery["terms"]):
         return None
-    return {"share": f"{100 * best['probability']:.0f} %", "equation": _equation(best, system)}
+    return {"share": f"{100 * best['probability']:.0f} %", "equation": regression_equation(best, system)}
 
 
 def _digits(value: float, sd: float | None) -> int:
@@ -183,7 +188,7 @@ def _steps(run: Run) -> list[dict[str, str]]:
     return found
 
 
-def _added(run: Run) -> list[dict[str, Any]]:
+def added_effects(run: Run) -> list[dict[str, Any]]:
     """Return what the loop added, each with its parameters and its rivals in words."""
     found = []
     for e in run.loop["effects"]:
@@ -212,13 +217,13 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "headline": headline(run),
         "verdict": run.loop["verdict"],
         "test": run.loop["test"],
-        "added": _added(run),
+        "added": added_effects(run),
         "tables": {name: table.html() for name, table in tables.items()},
         "figures": figures,
         "quantities": measures.quantities(run),
         "discovery": discovery,
-        "equation": _equation(_found(discovery), system) if discovery else "",
-        "three": _three(discovery, system) if discovery and run.is_arm else None,
+        "equation": regression_equation(found_terms(discovery), system) if discovery else "",
+        "three": three_terms(discovery, system) if discovery and run.is_arm else None,
         "radius": radius,
         "radius_interval": interval(*radius["interval"]) if radius else "",
         "radius_gamma": significant(radius["gamma"], 4) if radius else "",
