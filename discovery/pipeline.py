@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -124,10 +124,6 @@ def run(
         The content of results.json.
     """
     out.mkdir(parents=True, exist_ok=True)
-    # Results of one run belong together: they are collected beside and moved in place when all are there.
-    partial = out / ".partial"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir()
     discovered = stages.discover(dataset, seed=seed, tell=tell)
     fits = stages.estimate(dataset, tell=tell)
     loop = stages.loop(dataset, tell=tell)
@@ -144,8 +140,6 @@ def run(
         "before": list(loop.predictions["before"]),
         "after": list(loop.predictions["after"]),
     }
-    posterior.to_netcdf(partial / "posterior.nc")
-    _save_curves(partial, dataset, predictions, posterior, discovered, elastica, seed)
     content = {
         "provenance": provenance(dataset, seed=seed, command=command),
         "data_note": note,
@@ -158,16 +152,21 @@ def run(
             "status": posterior.status,
         },
         "elastica": elastica,
-        "loop": write_loop(partial, loop),
+        "loop": loop.summary(),
         "clean": _to_clean(dataset, predictions),
     }
-    write_json(partial / "results.json", content)
-    for name in RESULTS:
-        if (partial / name).exists():
-            os.replace(partial / name, out / name)
-        else:
-            (out / name).unlink(missing_ok=True)
-    partial.rmdir()
+    # Results of one run belong together: they are written beside and moved in place when all are there.
+    with TemporaryDirectory(dir=out, prefix=".saving-") as folder:
+        beside = Path(folder)
+        posterior.to_netcdf(beside / "posterior.nc")
+        _save_curves(beside, dataset, predictions, posterior, discovered, elastica, seed)
+        write_loop(beside, loop)
+        write_json(beside / "results.json", content)
+        for name in RESULTS:
+            if (beside / name).exists():
+                os.replace(beside / name, out / name)
+            else:
+                (out / name).unlink(missing_ok=True)
     checkpoint.unlink(missing_ok=True)
     return content
 

@@ -38,7 +38,7 @@ def draw(run: Path, recording: str = "holdout_beyond") -> Figure:
     lower.axhline(floor, color="0.4", lw=0.9, ls=(0, (1, 2)))
     lower.text(time[0] + 0.6, 0.85 * floor, "camera noise, rms", ha="left", va="top", fontsize=9, color="0.3")
     lower.set(xlabel="time [s]", ylabel="distance to the noise-free tip [mm]", xlim=(time[0], time[-1]))
-    lower.set_ylim(1e-3, 2e3)
+    lower.set_ylim(1e-3, 6e3)
     lower.legend(loc="upper right", frameon=False, fontsize=9, ncols=3, title="mean over the recording")
     for axes in (upper, lower):
         axes.spines[["top", "right"]].set_visible(False)
