@@ -17,11 +17,13 @@ from typing import Any
 import numpy as np
 
 from discovery.attribution import candidates, refit, screen
+from discovery.case import LoopSettings
 from discovery.dataset import Dataset, load_dataset
-from discovery.fit import choose_step, fit, known_values
-from discovery.loop import LoopSettings, close_loop
+from discovery.fit import fit
+from discovery.loop import close_loop
 from discovery.model import Model
-from discovery.problem import Bench, natural_units
+from discovery.problem import Bench, known_values, natural_units
+from discovery.step import choose_step
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 SETS = ("arm", "arm_coulomb", "arm_delay", "arm_tilt")

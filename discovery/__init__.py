@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from discovery.case import LoopSettings as LoopSettings
     from discovery.dataset import Dataset as Dataset
     from discovery.dataset import load_dataset as load_dataset
     from discovery.draws import Posterior as Posterior
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from discovery.fit import declared_model as declared_model
     from discovery.fit import fit as fit_model
     from discovery.loop import LoopResult as LoopResult
-    from discovery.loop import LoopSettings as LoopSettings
     from discovery.loop import close_loop as close_loop
     from discovery.model import Model as Model
     from discovery.parameters import Parameter as Parameter
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from discovery.registry import get_effect as get_effect
     from discovery.report import build_report as build_report
     from discovery.rig import Rig as Rig
-    from discovery.rig import read_rig as read_rig
+    from discovery.rig_file import read_rig as read_rig
     from discovery.stages import discover as discover
 
 # A public name never equals a module's, which would hide it once that module is imported: hence fit_model.
@@ -49,7 +49,7 @@ _HOMES = {
     "Fit": "discovery.fit:Fit",
     "InputError": "discovery.errors:InputError",
     "LoopResult": "discovery.loop:LoopResult",
-    "LoopSettings": "discovery.loop:LoopSettings",
+    "LoopSettings": "discovery.case:LoopSettings",
     "Model": "discovery.model:Model",
     "NotConverged": "discovery.errors:NotConverged",
     "NotIdentifiable": "discovery.errors:NotIdentifiable",
@@ -69,7 +69,7 @@ _HOMES = {
     "predict_elastica": "discovery.prediction:predict",
     "predict_motion": "discovery.predict:predict",
     "read_recording": "discovery.recording:read_recording",
-    "read_rig": "discovery.rig:read_rig",
+    "read_rig": "discovery.rig_file:read_rig",
     "run": "discovery.pipeline:run",
     "sample": "discovery.posterior:sample",
 }

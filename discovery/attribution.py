@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from discovery.batch import answer_on
 from discovery.effect import Effect
-from discovery.fit import answer_on
 from discovery.least_squares import Minimum, levenberg_marquardt, minimise
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem

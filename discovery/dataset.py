@@ -11,7 +11,8 @@ from pathlib import Path
 from discovery.errors import InputError
 from discovery.experiment import Experiment, make_experiment
 from discovery.recording import Recording, read_recording
-from discovery.rig import RecordPart, Rig, read_rig
+from discovery.rig import RecordPart, Rig
+from discovery.rig_file import read_rig
 
 __all__ = ["Dataset", "load_dataset"]
 

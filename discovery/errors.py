@@ -1,12 +1,12 @@
 """The exceptions of the package: one small family, each carrying the numbers that explain it.
 
 The command line turns an :class:`InputError` into exit status 2 and a :class:`ComputationError` into exit status 3.
-Everything else that escapes is a defect of the program.
+Everything else that escapes is a defect of the program. :func:`suggestion` ends the message on an unknown name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 __all__ = [
     "ComputationError",
@@ -15,6 +15,7 @@ __all__ = [
     "NotConverged",
     "NotIdentifiable",
     "SimulationFailure",
+    "suggestion",
 ]
 
 
@@ -114,3 +115,11 @@ class NotIdentifiable(ComputationError):
             for direction in self.directions
         ]
         super().__init__(" ".join([message, *(f"[undetermined: {text}]" for text in texts)]))
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Say "Did you mean ...?" where a known word is close to the one that was given, else nothing."""
+    import difflib
+
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f" Did you mean {close[0]!r}?" if close else ""

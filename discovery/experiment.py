@@ -124,7 +124,7 @@ class Experiment:
 
 def make_experiment(recording: Recording, rig: Rig, *, fitted_samples: int | None = None) -> Experiment:
     """Return the experiment of a recording: its input is made smooth here, once."""
-    from discovery.drive import build_drive
+    from discovery.smooth_input import build_drive
 
     return Experiment(recording, build_drive(recording, rig), rig, fitted_samples)
 

@@ -1,16 +1,7 @@
-"""Named candidate terms on smoothed motion, and the rows of the sparse regression.
+"""Rows of the sparse regression from all recordings: candidate terms on smoothed motion against the measured motion.
 
 The equation is theta_t'' + sum_j c_j f_j = 0 for an arm (the paper's form, equation 15) and q'' + sum_j c_j f_j = b u
-for an oscillator. Three kinds of rows say the same thing, each divided by its own standard deviation:
-
-``response``
-    the equation seen through the linear oscillator that is nearest to it: the coordinate itself on the left, the
-    oscillator's response to each candidate on the right. No derivative of a measured signal is needed beyond the rate,
-    and the noise of the rows is the white noise of the camera. The default.
-``force``
-    the smoothed acceleration on the left, the candidates on the right: classical SINDy.
-``power``
-    the energy balance between times: half the squared rate on the left, the work of each candidate on the right.
+for an oscillator; `discovery.rows` describes the three kinds of rows.
 
 While the base of an arm moves, inertial forces act that depend on its rate and acceleration and that no candidate in
 delta and theta_t' describes; they would be spread over those that are there. Rows of an arm are therefore taken where
@@ -21,57 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
-import pysindy
-from scipy.integrate import cumulative_simpson
-from scipy.linalg import solve_banded
 
-from discovery.differentiate import FloatArray, Motion, State
+from discovery.candidates import Candidates, Term
+from discovery.differentiate import FloatArray
 from discovery.errors import InputError
+from discovery.motion import Motion
+from discovery.rows import RowKind, Rows, force_rows, power_rows, response_rows
 
-RowKind = Literal["response", "force", "power"]
-Family = Literal["polynomial", "trigonometric", "dissipative", "input"]
-
-
-def _effects(position: str, rate: str) -> dict[str, str]:
-    """Ids of the effects that single terms stand for."""
-    return {
-        "1": "equilibrium_offset",
-        position: "linear_stiffness",
-        f"{position}^2": "quadratic_stiffness",
-        f"{position}^3": "cubic_stiffness",
-        f"{position}^5": "quintic_stiffness",
-        rate: "viscous_damping",
-        f"{rate}|{rate}|": "quadratic_drag",
-        f"sign({rate})": "coulomb_friction",
-        f"{position}^2 {rate}": "amplitude_dependent_damping",
-        "delta'": "structural_damping",
-    }
-
-
-@dataclass(frozen=True)
-class Term:
-    """One candidate f_j of the equation.
-
-    Attributes
-    ----------
-    name : str
-        As a reader writes it, such as ``delta^2 theta_t'``.
-    effect : str or None
-        Id of the effect that it stands for, where there is one.
-    family : str
-        "polynomial", "trigonometric", "dissipative" (not smooth in the rate) or "input".
-    complexity : int
-        Degree of a polynomial, two for a term that is not smooth or an input; a trigonometric term counts more than any
-        polynomial of the library.
-    """
-
-    name: str
-    effect: str | None
-    family: Family
-    complexity: int
+__all__ = ["Library", "build_library", "stretches"]
 
 
 @dataclass(frozen=True)
@@ -107,148 +57,6 @@ class Library:
         return tuple(term.name for term in self.terms)
 
 
-def _family(name: str, position: str) -> Family:
-    if name == "u":
-        return "input"
-    if "|" in name or name.startswith("sign"):
-        return "dissipative"
-    return "trigonometric" if f"({position})" in name or f"(2 {position})" in name else "polynomial"
-
-
-class Candidates:
-    """The candidate terms of one kind of system, built from pysindy's feature libraries.
-
-    Parameters
-    ----------
-    motions : sequence of Motion
-        Recordings of one system.
-    degree : int
-        Highest degree of the polynomials in the deflection and the rate.
-    trigonometric : bool
-        Offer sin and cos of the deflection and of twice the deflection, too.
-    at_rest : bool
-        The base of an arm rests: its delta' is theta_t' and is not offered beside it.
-
-    Raises
-    ------
-    InputError
-        Without recordings, or with recordings of different kinds.
-    """
-
-    def __init__(
-        self, motions: Sequence[Motion], *, degree: int = 5, trigonometric: bool = True, at_rest: bool = False
-    ) -> None:
-        if len({motion.kind for motion in motions}) != 1:
-            raise InputError("SINDy needs one or more recordings of one kind of system.")
-        arm = motions[0].kind == "flexible_arm"
-        driven = all(motion.drive is not None for motion in motions) and not (arm and at_rest)
-        position, rate = ("delta", "theta_t'") if arm else ("q", "q'")
-        # The sign of a rate is graded where the rate is not known better than that.
-        width = 3.0 * float(np.median(np.concatenate([motion.coordinate.sd[1] for motion in motions])))
-        parts = [
-            (pysindy.PolynomialLibrary(degree=degree), [0, 1]),
-            (
-                pysindy.CustomLibrary(
-                    [lambda v: v * np.abs(v), lambda v: np.tanh(v / width)],
-                    [lambda v: f"{v}|{v}|", lambda v: f"sign({v})"],
-                ),
-                [1],
-            ),
-        ]
-        if trigonometric:
-            functions = [lambda x: np.sin(x), lambda x: np.sin(2.0 * x), lambda x: np.cos(x), lambda x: np.cos(2.0 * x)]
-            labels = [lambda x: f"sin({x})", lambda x: f"sin(2 {x})", lambda x: f"cos({x})", lambda x: f"cos(2 {x})"]
-            parts.append((pysindy.CustomLibrary(functions, labels), [0]))
-        self.inputs = [position, rate]
-        if driven:  # the base moves an arm's delta' away from theta_t'; an oscillator's input is a term by itself
-            parts.append((pysindy.IdentityLibrary(), [2]))
-            self.inputs.append("delta'" if arm else "u")
-        self.features = pysindy.GeneralizedLibrary([p for p, _ in parts], inputs_per_library=[i for _, i in parts])
-        self.features.fit(np.zeros((2, len(self.inputs))))
-        effects = _effects(position, rate)
-        terms = []
-        for name in self.features.get_feature_names(self.inputs):
-            family = _family(name, position)
-            complexity = degree + 1 if family == "trigonometric" else 2
-            if family == "polynomial":
-                complexity = 0 if name == "1" else sum(int(f.partition("^")[2] or 1) for f in name.split())
-            terms.append(Term(name, effects.get(name), family, complexity))
-        self.terms = tuple(terms)
-
-    def inputs_of(self, state: State) -> FloatArray:
-        """Columns (n, 2 or 3) that the feature library takes."""
-        columns = [state.delta, state.q_dot]
-        if len(self.inputs) == 3:
-            columns.append(state.delta_dot if state.input is None else state.input)
-        return np.column_stack(columns)
-
-    def evaluate(self, state: State) -> FloatArray:
-        """Candidates at a state, shape (n, p), with the sign that they have beside the acceleration."""
-        columns = np.asarray(self.features.transform(self.inputs_of(state)))
-        return columns * np.array([1.0 if term.family == "input" else -1.0 for term in self.terms])
-
-    def nearest_oscillator(self, motions: Sequence[Motion]) -> tuple[float, float]:
-        """Stiffness [1/s^2] and damping [1/s], none negative, of the linear oscillator nearest to the motion."""
-        states = [motion.state(motion.coordinate.time) for motion in motions]
-        design = np.vstack([np.column_stack([-self.inputs_of(s)[:, :2], np.ones(s.q.size)]) for s in states])
-        if self.inputs[-1] == "u":
-            design = np.column_stack([design, np.concatenate([self.inputs_of(s)[:, 2] for s in states])])
-        solution = np.linalg.lstsq(design, np.concatenate([s.q_ddot for s in states]), rcond=None)[0]
-        return max(float(solution[0]), 0.0), max(float(solution[1]), 0.0)
-
-
-def propagate(t: FloatArray, stiffness: float, damping: float, load: FloatArray) -> FloatArray:
-    """Response of q'' + damping q' + stiffness q = load, for many loads at once.
-
-    Hermite-Simpson steps (fourth order) on any time grid, written as one banded system.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Grid [s].
-    stiffness, damping : float
-        [1/s^2], [1/s].
-    load : ndarray, shape (2 n - 1, p)
-        Loads on the grid and, at odd rows, half-way between.
-
-    Returns
-    -------
-    ndarray, shape (n, p + 2)
-        Responses from rest; the last two columns are the free motions from unit position and from unit rate.
-    """
-    h, n, p = np.diff(t), t.size, load.shape[1]
-    a = np.array([[0.0, 1.0], [-stiffness, -damping]])
-    e = np.array([0.0, 1.0])
-    step, eye = h[:, None, None], np.eye(2)
-    implicit = np.linalg.inv(eye - step / 6.0 * (a + 4.0 * a @ (eye / 2.0) - step / 2.0 * (a @ a)))
-    phi = implicit @ (eye + step / 6.0 * (a + 4.0 * a @ (eye / 2.0) + step / 2.0 * (a @ a)))
-    weights = (
-        h[:, None] / 6.0 * (e + h[:, None] / 2.0 * (a @ e)),
-        h[:, None] / 6.0 * 4.0 * e,
-        h[:, None] / 6.0 * (e - h[:, None] / 2.0 * (a @ e)),
-    )
-    right = np.zeros((n, 2, p + 2))
-    for weight, value in zip(weights, (load[:-1:2], load[1::2], load[2::2]), strict=True):
-        right[1:, :, :p] += (implicit @ weight[:, :, None]) * value[:, None, :]
-    right[0, 0, p] = right[0, 1, p + 1] = 1.0
-    band = np.zeros((4, 2 * n))
-    band[0] = 1.0
-    for i in range(2):
-        for j in range(2):
-            band[2 + i - j, j : 2 * n - 2 : 2] = -phi[:, i, j]
-    return np.asarray(solve_banded((3, 0), band, right.reshape(2 * n, p + 2))).reshape(n, 2, p + 2)[:, 0]
-
-
-def _refine(t: FloatArray, longest: float) -> tuple[FloatArray, np.ndarray]:
-    """Insert points until no step is longer than ``longest``; also return where the old ones are."""
-    parts = np.maximum(np.ceil(np.diff(t) / longest).astype(int), 1)
-    where = np.concatenate([[0], np.cumsum(parts)])
-    return np.interp(np.arange(where[-1] + 1), where, t), where
-
-
-Rows = tuple[FloatArray, FloatArray, FloatArray]  # times (n,), columns (n, p), target (n,), both over the noise
-
-
 def _runs(motion: Motion, at_rest: bool, shortest: float) -> list[np.ndarray]:
     """Return the samples to use in contiguous runs; where the base rests, of at least ``shortest`` seconds."""
     time = motion.coordinate.time
@@ -258,41 +66,6 @@ def _runs(motion: Motion, at_rest: bool, shortest: float) -> list[np.ndarray]:
     rests = rate < 2e-3 * rate.max() if rate.max() > 0.0 else np.ones(time.size, bool)
     runs = np.split(np.arange(time.size), np.flatnonzero(np.diff(rests.astype(int))) + 1)
     return [run for run in runs if rests[run[0]] and run.size >= 20 and time[run[-1]] - time[run[0]] >= shortest]
-
-
-def _response(motion: Motion, run: np.ndarray, candidates: Candidates, oscillator: tuple[float, float]) -> Rows:
-    track, (stiffness, damping) = motion.coordinate, oscillator
-    # Short recordings can afford steps that follow the jumps of a dry friction, too.
-    longest = float(np.median(np.diff(track.time))) * (0.251 if track.time.size <= 10_000 else 2.0)
-    if stiffness > 0.0:
-        longest = min(longest, 0.2 / np.sqrt(stiffness))
-    grid, where = _refine(track.time[run], longest)
-    state = motion.state(np.interp(np.arange(2 * grid.size - 1) / 2.0, np.arange(grid.size), grid))
-    load = np.column_stack([candidates.evaluate(state), damping * state.q_dot + stiffness * state.q])
-    answer = propagate(grid, stiffness, damping, load)[where] / track.noise[run, None]
-    free = np.linalg.qr(answer[:, -2:])[0]  # the initial state of a run is whatever it was
-    rows = np.column_stack([answer[:, :-3], track.observed[run] / track.noise[run] - answer[:, -3]])
-    rows -= free @ (free.T @ rows)
-    return track.time[run], rows[:, :-1], rows[:, -1]
-
-
-def _force(motion: Motion, run: np.ndarray, candidates: Candidates) -> Rows:
-    track = motion.coordinate
-    columns = candidates.evaluate(motion.state(track.time[run]))
-    return track.time[run], columns / track.sd[2][run, None], track.q_ddot[run] / track.sd[2][run]
-
-
-def _power(motion: Motion, run: np.ndarray, candidates: Candidates) -> Rows:
-    track = motion.coordinate
-    count = max(int(track.smoother.degrees_of_freedom / 2.0 * run.size / track.time.size), 4)
-    ends = np.linspace(track.time[run[0]], track.time[run[-1]], count + 1)
-    fine, where = _refine(ends, (ends[-1] - ends[0]) / (8.0 * run.size))
-    state = motion.state(fine)
-    work = cumulative_simpson(candidates.evaluate(state) * state.q_dot[:, None], x=fine, axis=0, initial=0.0)[where]
-    rate, sd = state.q_dot[where], np.interp(ends, track.time, track.sd[1])
-    variance = rate**2 * sd**2 + 0.5 * sd**4  # of half the squared rate
-    noise = np.sqrt(variance[1:] + variance[:-1])
-    return ends[:-1], np.diff(work, axis=0) / noise[:, None], 0.5 * np.diff(rate**2) / noise
 
 
 def build_library(
@@ -351,9 +124,9 @@ def build_library(
         for run in _runs(motion, at_rest, min(period / 2.0, longest / 5.0)):
             for cut in np.array_split(run, -(-run.size // window)):
                 if rows == "response":
-                    parts.append(_response(motion, cut, candidates, oscillator))
+                    parts.append(response_rows(motion, cut, candidates, oscillator))
                 else:
-                    parts.append((_force if rows == "force" else _power)(motion, cut, candidates))
+                    parts.append((force_rows if rows == "force" else power_rows)(motion, cut, candidates))
     if not parts:
         raise InputError("The base never rests for half a period; ask for rows of the whole recording (at_rest=False).")
     if stretch is None:

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.case import Case, LoopSettings, Step
 from discovery.experiment import Experiment
 from discovery.fit import Fit, declared_model, fit, rig_uncertainty
 from discovery.holdout import HoldOut
 from discovery.problem import natural_units
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine
-from discovery.search import Case, LoopSettings, Search, Step
+from discovery.search import Search
 
-__all__ = ["LoopResult", "LoopSettings", "Step", "close_loop"]
+__all__ = ["LoopResult", "close_loop"]
 
 FloatArray = NDArray[np.float64]
 #: What a base upgrade is called when the loop finds it.

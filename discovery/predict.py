@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 
 from discovery import symbols as s
+from discovery.batch import fit_problems
 from discovery.compile import numpy_derivative
 from discovery.effect import ARM, Load
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment
-from discovery.fit import Fit, fit_problems
+from discovery.fit import Fit
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.program import Program, build_program

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from discovery.errors import InputError
+from discovery.errors import InputError, suggestion
 from discovery.io import Table, read_table
 from discovery.plausibility import check_arm, check_signals
-from discovery.rig import Rig, suggestion
+from discovery.rig import Rig
 from discovery.units import si_factor, si_symbol, split_suffix
 
 __all__ = ["Recording", "estimate_noise", "read_recording", "resolution"]

@@ -2,150 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from discovery.attribution import Refit, candidates, refit, screen, similarity
-from discovery.experiment import Experiment
-from discovery.fit import Fit, choose_step, fit
-from discovery.holdout import HoldOut
+from discovery.case import Case, Step
+from discovery.fit import Fit, fit
 from discovery.least_squares import Minimum
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits, Problem
-from discovery.residual import examine
+from discovery.problem import Problem
 
-__all__ = ["Case", "LoopSettings", "Search", "Step"]
-
-FloatArray = NDArray[np.float64]
-Tell = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class LoopSettings:
-    """Thresholds of the loop, each a plain number with a reason.
-
-    Parameters
-    ----------
-    tolerance : float
-        Trajectory error of the search [rad or natural coordinate]; the solver's shift of the answer is reported.
-    floor : float
-        Systematic residual, in noise sds, below which a residual counts as noise. The exact arm itself leaves 0.05 to
-        0.3 when the encoder's profile is rough.
-    relative_floor : float
-        Or below this share of what was there before any effect was added,
-    ceiling : float
-        but never above this: then the systematic part is as large as the noise.
-    least_gain : float
-        Chi-square that an effect must remove: far beyond the largest of 20 chance gains.
-    least_share : float
-        Share of the excess chi-square that an effect must remove on the training recordings.
-    tie : float
-        Candidates whose excess chi-square is within this share of the best one count as equally good: the one with
-        fewer parameters is taken and the others are reported as ambiguous.
-    most_effects : int
-        Largest number of effects added.
-    """
-
-    tolerance: float = 2e-5
-    floor: float = 0.35
-    relative_floor: float = 0.1
-    ceiling: float = 1.0
-    least_gain: float = 40.0
-    least_share: float = 0.2
-    tie: float = 0.05
-    most_effects: int = 4
-
-
-@dataclass(frozen=True)
-class Step:
-    """One decision of the loop, for its story.
-
-    Parameters
-    ----------
-    action : str
-        "upgrade", "add", "remove" or "stop".
-    effect : str
-        What was added or tried.
-    accepted : bool
-        Whether it stayed.
-    reason : str
-        A sentence.
-    numbers : mapping of str to float
-        Chi-square before and after, on training and hold-out.
-    ranking : tuple of mapping
-        For "add": every candidate with its linear score and its refitted chi-square.
-    """
-
-    action: str
-    effect: str
-    accepted: bool
-    reason: str
-    numbers: Mapping[str, float] = field(default_factory=dict)
-    ranking: tuple[Mapping[str, Any], ...] = ()
-
-
-@dataclass(frozen=True)
-class Case:
-    """What every part of one loop shares.
-
-    Parameters
-    ----------
-    train : sequence of Experiment
-        Recordings to fit.
-    judge : HoldOut
-        Recordings, or parts of them, that decide.
-    settings : LoopSettings
-        Thresholds.
-    units : NaturalUnits
-        Natural units.
-    tell : callable
-        Receives one sentence before every longer piece of work.
-    """
-
-    train: Sequence[Experiment]
-    judge: HoldOut
-    settings: LoopSettings
-    units: NaturalUnits
-    tell: Tell
-
-    def kernel_effects(self, model: Model) -> tuple[str, ...]:
-        """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        return tuple(sorted({*model.effects, *candidates(model)}))
-
-    def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
-        """Fit a model with the kernel that holds the whole catalogue of its base."""
-        effects = self.kernel_effects(model)
-        step = choose_step(model, self.train, self.units, values, self.settings.tolerance, effects)
-        bench = Bench(model.base, effects, self.train, step)
-        return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)
-
-    def polish(self, fitted: Fit) -> Fit:
-        """Return the fit on steps so fine that the solver shifts no estimate by more than a twentieth of its sd."""
-        for _ in range(3):
-            if not fitted.solver_shift > 0.05:
-                break
-            bench = fitted.problem.bench
-            # The shift falls with the fourth power of the step.
-            finer = Bench.like(bench, bench.step * max(0.25, 0.9 * (0.05 / fitted.solver_shift) ** 0.25))
-            self.tell("refitting with a finer step")
-            gaussian = fitted.problem.gaussian
-            fitted = fit(
-                fitted.model, self.train, start=fitted.values, bench=finer, units=self.units, gaussian=gaussian
-            )
-        return fitted
-
-    def held(self, fitted: Fit) -> list[FloatArray]:
-        """Return a fit's predictions of the held-out recordings."""
-        model = (fitted.model, fitted.values, fitted.predict())
-        return self.judge.predictions(fitted.problem.bench, [model])[0]
-
-    def roughness(self, fitted: Fit) -> float:
-        """Return the systematic residual on the training recordings [noise sds]."""
-        return examine(self.train, fitted.predict(), 2 * np.pi * self.units.time).systematic
+__all__ = ["Search"]
 
 
 class Search:

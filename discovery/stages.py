@@ -83,9 +83,9 @@ def discover(dataset: Dataset, *, seed: int, tell: Tell) -> Discovered:
     InputError
         For recordings without the channels that this needs.
     """
-    from discovery.differentiate import motion_of
+    from discovery.motion import motion_of
+    from discovery.radius import discover_radius
     from discovery.sindy import discover as sparse
-    from discovery.sindy import discover_radius
 
     tell("smoothing the recordings")
     motions = []

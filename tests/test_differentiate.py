@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.differentiate import Motion, motion_of, smooth
+from discovery.differentiate import smooth
 from discovery.errors import InputError
+from discovery.motion import Motion, motion_of
 from discovery.recording import Recording
 from discovery.rig import Quantity, Rig
 

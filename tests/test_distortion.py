@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from discovery.distortion import Multisine, analyse_multisine
+from discovery.distortion import analyse_multisine
+from discovery.multisine import Multisine
 from discovery.recording import Recording, read_recording
-from discovery.rig import read_rig
+from discovery.rig_file import read_rig
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 RATE = 200.0

@@ -7,15 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp, solve_ivp
 
-from discovery.elastica import (
-    DEFLECTION_MAX,
-    FORCE_MAX,
-    load_at_tip,
-    perpendicular_law,
-    shape_under_load,
-    tip_under_load,
-)
+from discovery.elastica import DEFLECTION_MAX, perpendicular_law, shape_under_load, tip_under_load
+from discovery.elastica_integrals import FORCE_MAX
 from discovery.errors import ComputationError, InputError
+from discovery.force_map import load_at_tip
 
 # Mattiasson, Int. J. Numer. Methods Eng. 17 (1981) 145, cantilever under a vertical tip load: P l^2 / EI, w / l, u / l.
 MATTIASSON = [

@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from discovery.batch import fit_problems
 from discovery.drive import Drive
 from discovery.experiment import Experiment
-from discovery.fit import Fit, fit, fit_problems
+from discovery.fit import Fit, fit
 from discovery.least_squares import levenberg_marquardt, minimise
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem

@@ -40,7 +40,7 @@ def forced(g: float, alpha: float, xi: float, seed: int = 0) -> Experiment:
     noisy = y + NOISE * rng.standard_normal(TIME.size)
     recording = Recording("f", TIME, u, noisy[:, None], ("output",), ("V",), np.array([NOISE]), "", "")
     columns = Columns(TimeColumn(), InputColumn("u", "V", "spline"), OutputColumn("y", "V"))
-    from discovery.drive import build_drive
+    from discovery.smooth_input import build_drive
 
     rig = Rig("o", "oscillator", columns=columns)
     drive = build_drive(recording, rig)

@@ -9,20 +9,13 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
+from discovery.dynamic_reduction import DYNAMIC_REDUCTION
 from discovery.elastica import DEFLECTION_MAX
 from discovery.errors import InputError
-from discovery.prediction import (
-    DYNAMIC_REDUCTION,
-    LAWS,
-    MASSES,
-    Prediction,
-    predict,
-    radius_law,
-    spring_law,
-    static_law,
-    torque_law,
-)
-from discovery.rig import Quantity, Rig, read_rig
+from discovery.prediction import LAWS, MASSES, Prediction, predict
+from discovery.rig import Quantity, Rig
+from discovery.rig_file import read_rig
+from discovery.static_law import radius_law, spring_law, static_law, torque_law
 
 PAPER_RIG = Rig(
     name="paper",

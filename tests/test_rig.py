@@ -7,7 +7,8 @@ import hashlib
 import pytest
 
 from discovery.errors import InputError
-from discovery.rig import ARM_COLUMNS, LINEAR_MODEL, PAPER_MODEL, Quantity, read_rig
+from discovery.rig import ARM_COLUMNS, LINEAR_MODEL, PAPER_MODEL, Quantity
+from discovery.rig_file import read_rig
 
 ARM = """
 name = "fibreglass arm"

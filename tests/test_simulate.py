@@ -19,7 +19,6 @@ from discovery.compile import numpy_derivative
 from discovery.drive import Drive
 from discovery.errors import SimulationFailure
 from discovery.experiment import Experiment
-from discovery.fit import choose_step
 from discovery.mechanics import get_base
 from discovery.model import Model
 from discovery.problem import NaturalUnits
@@ -27,6 +26,7 @@ from discovery.program import build_program
 from discovery.recording import Recording
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.simulate import DriveLike, Grid, Simulator, check_finite
+from discovery.step import choose_step
 from discovery.testing.states import every_effect
 
 PAPER = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139, "gamma": 0.4462, "length": 1.0, "mu": 0.2845, "tau_r": 0.0}

@@ -11,13 +11,17 @@ import pysindy
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from discovery.differentiate import Motion, motion_of, smooth
-from discovery.drive import build_drive
+from discovery.differentiate import smooth
 from discovery.errors import InputError
-from discovery.library import build_library, propagate, stretches
+from discovery.library import build_library, stretches
+from discovery.motion import Motion, motion_of
+from discovery.radius import discover_radius
 from discovery.recording import Recording
-from discovery.rig import read_rig
-from discovery.sindy import BestSubset, default_pysindy, discover, discover_radius
+from discovery.rig_file import read_rig
+from discovery.rows import propagate
+from discovery.sindy import default_pysindy, discover
+from discovery.smooth_input import build_drive
+from discovery.subset import BestSubset
 
 XI, ALPHA, BETA, GAMMA = 0.0458, 8.7907, 0.5139, 0.4462
 STRUCTURE = {"theta_t'", "delta", "delta^3"}

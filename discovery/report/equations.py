@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from discovery.dynamic_reduction import DYNAMIC_REDUCTION
 from discovery.mechanics import get_base
-from discovery.prediction import DYNAMIC_REDUCTION
 from discovery.registry import get_effect
 from discovery.report.mathml import expression, number, power, row, symbol, total
 

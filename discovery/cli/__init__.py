@@ -1,0 +1,48 @@
+"""The command line: one verb a stage; exit status 0 done, 2 bad input or usage, 3 a computation that failed.
+
+Every command imports what it needs when it runs, so that the help is there at once.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+from discovery.cli import sources, stages
+
+__all__ = ["cli", "main"]
+
+# Linear algebra here is small: a second BLAS thread only spins beside the kernel's own. Set before numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="discovery")
+def cli() -> None:
+    """Discover the equation of motion of a mechanical system, and find the effect that its model lacks."""
+
+
+for _command in (*stages.COMMANDS, *sources.COMMANDS):
+    cli.add_command(_command)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit with its status."""
+    from discovery.errors import ComputationError, InputError
+
+    try:
+        cli.main(arguments, prog_name="discovery", standalone_mode=False)
+    except click.exceptions.Abort:
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except InputError as error:
+        click.echo(f"discovery: {error}", err=True)
+        sys.exit(2)
+    except ComputationError as error:
+        click.echo(f"discovery: {error}", err=True)
+        sys.exit(3)

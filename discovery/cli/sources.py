@@ -1,0 +1,108 @@
+"""What a run starts from, as commands: the catalogue of effects, the twin, the public measured data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from discovery.cli.options import PATH
+
+__all__ = ["COMMANDS"]
+
+
+@click.command()
+@click.argument("name", required=False)
+def effects(name: str | None) -> None:
+    """List the catalogue of effects, or show one effect's card."""
+    from discovery.registry import catalogue, get_effect
+
+    if name is None:
+        for effect_id, effect in catalogue().items():
+            click.echo(f"{effect_id:28} {effect.kind:12} {effect.title()}")
+        return
+    import inspect
+
+    effect = get_effect(name)
+    click.echo(f"{name} ({effect.kind}; {', '.join(sorted(effect.systems))})\n")
+    click.echo(inspect.getdoc(type(effect)))
+    click.echo(f"\nSource: {effect.cite}\n")
+    for p in effect.parameters():
+        click.echo(f"  {p.name:10} [{p.unit}]  {p.meaning}, bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units")
+
+
+@click.command()
+@click.argument("manoeuvre")
+@click.option(
+    "--effect",
+    "effects_",
+    multiple=True,
+    metavar="ID:NAME=VALUE[,NAME=VALUE]",
+    help="Hidden effect of the twin; repeat for several.",
+)
+@click.option("--out", required=True, type=PATH, help="CSV file to write.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the noise.")
+def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) -> None:
+    """Record the twin in one of its MANOEUVREs, with any of its hidden effects."""
+    from discovery_datasets.disturbances import DISTURBANCES
+    from discovery_datasets.recordings import MANOEUVRES, make_recording
+    from discovery_datasets.twin import write_csv
+
+    from discovery.errors import InputError
+
+    if manoeuvre not in MANOEUVRES:
+        raise InputError(f"The twin knows no manoeuvre {manoeuvre!r}; it knows {', '.join(MANOEUVRES)}.")
+    hidden = []
+    for text in effects_:
+        effect_id, _, rest = text.partition(":")
+        if effect_id not in DISTURBANCES:
+            raise InputError(f"The twin has no effect {effect_id!r}; it has {', '.join(DISTURBANCES)}.")
+        try:
+            values = {k.strip(): float(v) for k, v in (part.split("=") for part in rest.split(",") if part)}
+            hidden.append(DISTURBANCES[effect_id](**values))
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"--effect {text!r} cannot be read: {error}. Write it as {effect_id}:name=value,name=value."
+            ) from None
+    write_csv(make_recording(manoeuvre, seed, disturbances=tuple(hidden)), out)
+    click.echo(f"{out}")
+
+
+@click.group()
+def data() -> None:
+    """Public measured data: list, fetch, check."""
+
+
+@data.command("list")
+def data_list() -> None:
+    """List the registered files with origin and licence."""
+    from discovery_datasets import registry
+
+    for name, entry in registry.FILES.items():
+        click.echo(f"{name:50} {entry.licence}\n    {entry.url}")
+
+
+@data.command("fetch")
+@click.argument("name")
+def data_fetch(name: str) -> None:
+    """Fetch one file from its public origin."""
+    from discovery_datasets import registry
+
+    from discovery.errors import InputError
+
+    try:
+        click.echo(f"{registry.fetch(name)}")
+    except (registry.DataUnavailable, KeyError) as error:
+        raise InputError(str(error.args[0])) from None
+
+
+@data.command("check")
+def data_check() -> None:
+    """Check which registered files are present and unaltered."""
+    from discovery_datasets import registry
+
+    for state in registry.check():
+        click.echo(f"{state.state:8} {state.name}")
+
+
+COMMANDS: tuple[click.Command, ...] = (effects, simulate, data)

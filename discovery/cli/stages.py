@@ -1,0 +1,221 @@
+"""The stages of a run as commands: the whole pipeline, the loop, and each stage alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from discovery.cli.options import PATH, load, options, progress, results_folder
+
+__all__ = ["COMMANDS"]
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "holdout", "out", "seed", "quiet")
+@click.option("--note", default="", help="Plain words on the data for the top of the report.")
+def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str) -> None:
+    """Run the whole pipeline and write its report."""
+    from discovery.pipeline import run as run_pipeline
+
+    dataset = load(rig, train, holdout)
+    with progress(quiet) as tell:
+        run_pipeline(dataset, results_folder(out), seed=seed, tell=tell, note=note)
+        tell("writing the report")
+        from discovery.report import build_report
+
+        page = build_report(out)
+    click.echo(f"{page}")
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "holdout", "out", "seed", "quiet")
+@click.option("--predict", "target", type=PATH, help="File with times and input only: write prediction.csv for it.")
+@click.option(
+    "--initial-state", metavar="ANGLE,RATE", help="Initial state of --predict [SI]; static equilibrium otherwise."
+)
+def loop(
+    rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None
+) -> None:
+    """Find what the declared model lacks."""
+    from discovery.stages import loop as close
+
+    initial = _initial(initial_state)
+    dataset = load(rig, train, holdout)
+    wanted = None
+    if target is not None:
+        from discovery.experiment import make_experiment
+        from discovery.recording import read_recording
+
+        wanted = make_experiment(read_recording(target, dataset.rig, require_output=False), dataset.rig)
+    folder = results_folder(out)
+    with progress(quiet) as tell:
+        result = close(dataset, tell=tell)
+        from discovery.pipeline import save_prediction, write_loop
+
+        if wanted is not None:
+            tell("predicting")
+            save_prediction(folder / "prediction.csv", wanted, result.before, result.after, initial)
+        write_loop(folder, result)
+    _say_loop(result)
+
+
+def _initial(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    from discovery.errors import InputError
+
+    try:
+        angle, rate = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--initial-state {text!r} is not ANGLE,RATE: give two numbers in rad and rad/s, such as 0.1,0."
+        ) from None
+    return angle, rate
+
+
+def _say_loop(result) -> None:
+    click.echo(f"verdict: {result.verdict}")
+    for effect in result.summary()["effects"]:
+        values = ", ".join(
+            f"{n} = {p['value']:.6g}" + (f" +- {p['sd']:.2g}" if p["sd"] is not None else "") + f" {p['unit']}"
+            for n, p in effect["parameters"].items()
+        )
+        click.echo(f"added: {effect['id']}" + (f" ({values})" if values else ""))
+    for when in ("before", "after"):
+        found = result.errors[when]
+        click.echo(
+            f"{when:>6}: "
+            + ", ".join(f"{k} rms {v['rms']:.4g}" for k, v in found.items())
+            + f" {result.errors['unit']}"
+        )
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "out", "seed", "quiet")
+def discover(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
+    """Find the equation of motion by sparse regression."""
+    from discovery import stages
+    from discovery.provenance import provenance, write_json
+
+    dataset = load(rig, train, (), keep_third=False)
+    with progress(quiet) as tell:
+        found = stages.discover(dataset, seed=seed, tell=tell)
+    summary = found.summary()
+    write_json(results_folder(out) / "discovery.json", {"provenance": provenance(dataset, seed=seed), **summary})
+    click.echo(summary["discovery"]["status"])
+    if summary["radius"]:
+        click.echo(summary["radius"]["status"])
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "out", "seed", "quiet")
+def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
+    """Fit the linear and the declared model by output error."""
+    from discovery import stages
+    from discovery.provenance import provenance, write_json
+
+    dataset = load(rig, train, (), keep_third=False)
+    with progress(quiet) as tell:
+        fits = stages.estimate(dataset, tell=tell)
+    write_json(results_folder(out) / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
+    for label, found in fits.models.items():
+        values = ", ".join(f"{n} = {found.values[n]:.6g} +- {found.sd[n]:.2g}" for n in found.problem.free)
+        click.echo(f"{label}: {values}; {found.status}")
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "out", "seed", "quiet")
+def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
+    """Sample the posterior of the declared model; an interrupted run is resumed."""
+    from discovery import stages
+    from discovery.provenance import provenance, write_json
+
+    dataset = load(rig, train, (), keep_third=False)
+    folder = results_folder(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    checkpoint = folder / "posterior_chains.h5"
+    with progress(quiet) as tell:
+        fitted = stages.estimate(dataset, tell=tell).models["declared"]
+        found = stages.sampled(fitted, seed=seed, tell=tell, backend=checkpoint)
+    found.to_netcdf(folder / "posterior.nc")
+    rows = found.summary()
+    write_json(
+        folder / "posterior.json", {"provenance": provenance(dataset, seed=seed), "rows": rows, "status": found.status}
+    )
+    checkpoint.unlink(missing_ok=True)
+    for row in rows:
+        click.echo(f"{row['name']}: {row['mean']:.6g} +- {row['sd']:.2g} {row['unit']}")
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "out", "seed", "quiet")
+def elastica(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
+    """Predict alpha, beta and gamma from the rig file alone; with posterior.nc in OUT, compare."""
+    from discovery import stages
+    from discovery.draws import Posterior
+    from discovery.errors import InputError
+    from discovery.provenance import provenance, write_json
+
+    dataset = load(rig, train, (), keep_third=False)
+    folder = results_folder(out)
+    saved = folder / "posterior.nc"
+    with progress(quiet) as tell:
+        found = stages.predicted(
+            dataset, Posterior.from_netcdf(saved) if saved.exists() else None, seed=seed, tell=tell
+        )
+    if found is None:
+        raise InputError(
+            f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file."
+        )
+    write_json(folder / "elastica.json", {"provenance": provenance(dataset, seed=seed), **found})
+    for row in found["prediction"]:
+        click.echo(
+            f"{row['mass']:12} {row['law']:22} {row['parameter']:10} {row['mean']:.5g} +- {row['sd']:.2g} {row['unit']}"
+        )
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "out", "seed", "quiet")
+def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
+    """Examine what the declared model leaves."""
+    import math
+
+    from discovery import stages
+    from discovery.problem import natural_units
+    from discovery.provenance import provenance, write_json
+    from discovery.residual import examine
+
+    dataset = load(rig, train, (), keep_third=False)
+    with progress(quiet) as tell:
+        fits = stages.estimate(dataset, tell=tell)
+    report = examine(dataset.train, fits.predictions["declared"], 2 * math.pi * natural_units(dataset.train).time)
+    write_json(
+        results_folder(out) / "residual.json", {"provenance": provenance(dataset, seed=seed), **report.summary()}
+    )
+    click.echo(
+        f"rms {report.rms:.3g} noise sds, systematic part {report.systematic:.3g}, "
+        f"{'white' if report.white else 'not white'} (Ljung-Box p = {report.ljung_box_p:.2g})"
+    )
+
+
+@click.command()
+@click.argument("folder", type=PATH)
+def report(folder: Path) -> None:
+    """Write the page of a finished run again from its result files."""
+    from discovery.errors import InputError
+    from discovery.report import build_report
+
+    if not (folder / "results.json").exists():
+        raise InputError(f"{folder} holds no results.json; make one with `discovery run`.")
+    click.echo(f"{build_report(folder)}")
+
+
+COMMANDS: tuple[click.Command, ...] = (run, loop, discover, fit, posterior, elastica, residual, report)

@@ -1,0 +1,81 @@
+"""Covariance of an output-error fit, what the data cannot determine, and what the solver's error does to the answer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.least_squares import Minimum
+from discovery.problem import Bench, Problem
+
+__all__ = ["covariance_of", "solver_shift"]
+
+FloatArray = NDArray[np.float64]
+
+
+def covariance_of(
+    problem: Problem, minimum: Minimum
+) -> tuple[FloatArray, dict[str, str], tuple[dict[str, float], ...]]:
+    """Return the covariance of the estimates from the Jacobian at the minimum, by singular values.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    minimum : Minimum
+        Where the minimisation ended.
+
+    Returns
+    -------
+    covariance : ndarray, shape (p, p)
+        Scaled by the reduced chi-square where that is above one; NaN rows where an interval is missing.
+    reasons : dict of str to str
+        Why an interval is missing, by parameter.
+    directions : tuple of dict
+        Combinations of parameters that the data do not determine.
+    """
+    names = problem.names
+    p = len(names)
+    jacobian = minimum.jacobian
+    reasons = {n: "at its bound" for n, b in zip(names, minimum.at_bound, strict=True) if b}
+    size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
+    for n, z in zip(names, size, strict=True):
+        if z == 0:
+            reasons.setdefault(n, "the data do not depend on it")
+    use = np.array([n not in reasons for n in names])
+    covariance = np.full((p, p), np.nan)
+    directions: list[dict[str, float]] = []
+    if use.any():
+        scaled = jacobian[:, use] / size[use]
+        _, singular, rows = np.linalg.svd(scaled, full_matrices=False)
+        # Below this, round-off of the differences decides.
+        weak = singular < 1e-6 * singular[0]
+        kept = [n for n, u in zip(names, use, strict=True) if u]
+        for row in rows[weak]:
+            direction = {n: float(v) for n, v in zip(kept, row, strict=True) if abs(v) > 0.1}
+            directions.append(direction)
+            for n in direction:
+                reasons[n] = "not identifiable from these recordings"
+        inverse = (rows[~weak].T / singular[~weak] ** 2) @ rows[~weak]
+        variance = max(1.0, 2 * minimum.cost / max(1, problem.bench.n_data - p))
+        covariance[np.ix_(use, use)] = inverse / np.outer(size[use], size[use]) * variance
+        for n in reasons:
+            k = names.index(n)
+            covariance[k, :] = covariance[:, k] = np.nan
+    return covariance, reasons, tuple(directions)
+
+
+def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:
+    """Return the largest shift of the minimum against a solve with half the step, in standard deviations."""
+    fine = Bench.like(problem.bench, problem.bench.step / 2)
+    vector = minimum.x[:, None]
+    change = (
+        fine.residuals(*problem.expand(vector))[:, 0]
+        - minimum.residual[: len(minimum.residual) - len(problem.prior_residuals(vector))]
+    )
+    rows = minimum.jacobian[: change.size]
+    known = np.isfinite(np.diag(covariance))
+    if not known.any():
+        return float("nan")
+    step, *_ = np.linalg.lstsq(rows[:, known], -change, rcond=None)
+    return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[known])))

@@ -1,0 +1,74 @@
+"""The integration step of a fit, from the trajectory error that it causes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from discovery.errors import ComputationError
+from discovery.experiment import Experiment
+from discovery.model import Model
+from discovery.problem import Bench, NaturalUnits, Problem
+
+__all__ = ["TOLERANCE", "choose_step"]
+
+#: Trajectory error by default: rad for an arm, of the largest amplitude for an oscillator.
+TOLERANCE = 1e-6
+
+
+def choose_step(
+    model: Model,
+    experiments: Sequence[Experiment],
+    units: NaturalUnits,
+    values: Mapping[str, float],
+    tolerance: float = TOLERANCE,
+    effects: Sequence[str] | None = None,
+) -> float:
+    """Return the integration step whose trajectory error is at most `tolerance`, measured against half the step.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    experiments : sequence of Experiment
+        Recordings.
+    units : NaturalUnits
+        Natural units.
+    values : mapping of str to float
+        Parameter values at which the error is measured.
+    tolerance : float
+        Largest error over all samples: rad for an arm (its readings divided by the length), of the natural coordinate
+        for an oscillator.
+    effects : sequence of str, optional
+        Effects of the kernel; the model's own by default.
+
+    Raises
+    ------
+    ComputationError
+        If no step reaches the tolerance.
+    """
+    alpha = values.get("alpha", units.time**-2)
+    fastest = np.sqrt(abs(alpha)) * model.mechanics.highest_frequency({**model.known, **values})
+    gap = float(np.median(np.diff(experiments[0].recording.time)))
+    # An input with content up to half the sampling rate must be resolved too.
+    rough = experiments[0].drive is not None and not experiments[0].is_arm
+    step = min(1.0 / fastest, 0.05 * units.time, gap if rough else np.inf)
+    size = units.length if experiments[0].is_arm else units.coordinate
+    for _ in range(12):
+        bench = Bench(model.base, effects or model.effects, experiments, step)
+        problem = Problem(model, bench, units, {})
+        vector = problem.start(values)[:, None]
+        coarse = bench.predict(*problem.expand(vector))
+        fine = Bench.like(bench, step / 2).predict(*problem.expand(vector))
+        with np.errstate(invalid="ignore", over="ignore"):
+            # The error against half the step, a sixteenth of which the finer solve still has.
+            error = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(coarse, fine, strict=True)) / size
+            error *= 16 / 15
+        if error <= tolerance:
+            return step
+        # Order four: one adjustment is usually enough; never more than a factor eight at once.
+        step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.25
+    raise ComputationError(
+        f"No step gives a trajectory error below {tolerance:g}; the last one tried was {step:.3g} s."
+    )
