@@ -20,6 +20,7 @@ from discovery.fit import Fit
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.program import Program, build_program
+from discovery.simulate import check_finite
 
 __all__ = ["equilibrium", "held_out", "predict"]
 
@@ -142,7 +143,9 @@ def predict(
         state = np.array([rest, np.zeros(len(rest))])
     else:
         state = np.repeat(np.array(initial)[:, None], points.shape[1], axis=1)
-    channels = bench.predict(*single.expand(np.concatenate([points, state])))[0]
+    parameters, starts = single.expand(np.concatenate([points, state]))
+    channels = bench.predict(parameters, starts)[0]
+    check_finite(channels, experiment.recording.time, bench.names, parameters)
     m = len(names)
     slope = channels[:, :, 1 : m + 1] - channels[:, :, m + 1 :]
     return channels[:, :, 0], np.sqrt(np.sum(slope**2, axis=2))

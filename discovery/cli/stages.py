@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
@@ -69,6 +70,8 @@ def _initial(text: str | None) -> tuple[float, float] | None:
 
     try:
         angle, rate = (float(part) for part in text.split(","))
+        if not (math.isfinite(angle) and math.isfinite(rate)):
+            raise ValueError
     except ValueError:
         raise InputError(
             f"--initial-state {text!r} is not ANGLE,RATE: give two numbers in rad and rad/s, such as 0.1,0."
@@ -186,8 +189,6 @@ def elastica(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
 @options("train", "out", "seed", "quiet")
 def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     """Examine what the declared model leaves."""
-    import math
-
     from discovery import stages
     from discovery.problem import natural_units
     from discovery.provenance import provenance, write_json
