@@ -16,7 +16,7 @@ WORKERS ?= 2
 SEED ?= 1
 
 # What results are made from, and what only their pages are made from.
-PAGE := $(sort $(wildcard discovery/report/*.py discovery/report/*/*))
+PAGE := $(sort $(shell find discovery/report -type f ! -name '*.pyc'))
 CODE := $(sort $(filter-out discovery/report/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
 	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml)) requirements.lock
 TWIN := Simulated: no recording of a very flexible arm was ever published. A geometrically exact beam stands in for the rig.

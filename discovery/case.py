@@ -46,6 +46,8 @@ class LoopSettings:
     tie : float
         Candidates whose excess chi-square is within this share of the best one count as equally good: the one with
         fewer parameters is taken and the others are reported as ambiguous.
+    tie_pliable : float
+        The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
     most_effects : int
         Largest number of effects added.
     """
@@ -57,6 +59,7 @@ class LoopSettings:
     least_gain: float = 40.0
     least_share: float = 0.2
     tie: float = 0.05
+    tie_pliable: float = 0.25
     most_effects: int = 4
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from discovery.errors import InputError
 from discovery.experiment import Experiment, make_experiment
 from discovery.recording import Recording, read_recording
@@ -87,13 +89,57 @@ def load_dataset(
             f"{rig_path}: there is nothing to fit. Give --train FILE, or a train list under [records] in the rig file."
         )
     found = {role: [_part(p.file, p.samples, rig) for p in listed] for role, listed in parts.items()}
+    _refuse_twins(found)
     _distinguish(found)
     alone = keep_third and not found["holdout"]
-    return Dataset(
+    dataset = Dataset(
         rig,
         tuple(make_experiment(r, rig, fitted_samples=2 * r.time.size // 3 if alone else None) for r in found["train"]),
         tuple(make_experiment(r, rig) for r in found["holdout"]),
     )
+    for role, experiment in dataset.everything:
+        _refuse_unusable(role, experiment)
+    return dataset
+
+
+#: Finite samples that a fitted and a held-out part need at least.
+_FEWEST = 30
+
+
+def _refuse_twins(found: dict[str, list[Recording]]) -> None:
+    """Refuse the same samples of the same file twice: a hold-out that was fitted judges nothing."""
+    seen: dict[tuple[str, str], str] = {}
+    for role, listed in found.items():
+        for r in listed:
+            key = (r.sha256, r.source.partition(",")[2])
+            if key in seen:
+                raise InputError(
+                    f"{r.source} is given twice, as {seen[key]} and as {role}: its samples would count twice, or judge "
+                    "a fit that has seen them. Name each recording once."
+                )
+            seen[key] = role
+
+
+def _refuse_unusable(role: str, experiment: Experiment) -> None:
+    """Refuse a recording whose fitted or held-out part holds no measurement, or whose input is dead."""
+    r = experiment.recording
+    finite = np.asarray(np.isfinite(r.output).all(axis=1))
+    fitted = np.zeros(r.time.size, bool)
+    fitted[experiment.fitted] = True
+    parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}
+    if role == "train" and not fitted.all():
+        parts["held-out"] = finite[~fitted]
+    for name, part in parts.items():
+        if part.sum() < _FEWEST:
+            raise InputError(
+                f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {_FEWEST} are "
+                "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
+            )
+    if not experiment.is_arm and r.input is not None and np.ptp(r.input) == 0:
+        raise InputError(
+            f"{r.source}: the input is {r.input[0]:g} throughout, so it drives nothing and its gain cannot be found. "
+            "For a free decay, remove the input from [columns] in the rig file."
+        )
 
 
 def _distinguish(found: dict[str, list[Recording]]) -> None:

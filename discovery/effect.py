@@ -51,6 +51,8 @@ class Effect(ABC):
     systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
     #: Where the law comes from.
     cite: ClassVar[str] = ""
+    #: True for a law so pliable that it imitates others: it is taken only where no simpler one explains nearly as much.
+    pliable: ClassVar[bool] = False
 
     @classmethod
     def id(cls) -> str:

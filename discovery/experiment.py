@@ -74,7 +74,9 @@ class Experiment:
             return reading
         x, y = reading[:, 0], reading[:, 1]
         if names == ("tip_angle",):
-            return np.unwrap(np.arctan2(y, x), axis=0)[:, None]
+            # The turn nearest to the motor: a tip cannot be half a turn ahead of its hub.
+            base = self.motor_angle[:, None]
+            return (base + (np.arctan2(y, x) - base + np.pi) % (2 * np.pi) - np.pi)[:, None]
         c, s = np.cos(self.motor_angle)[:, None], np.sin(self.motor_angle)[:, None]
         return (c * y - s * x)[:, None]
 

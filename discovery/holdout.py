@@ -12,17 +12,25 @@ from discovery.model import Model
 from discovery.predict import held_out
 from discovery.problem import Bench, NaturalUnits
 from discovery.residual import errors, systematic_share
+from discovery.step import choose_step
 
 __all__ = ["HoldOut"]
 
 FloatArray = NDArray[np.float64]
 
 
+def _physical(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values that belong to the model, not to a recording."""
+    return {n: v for n, v in values.items() if "[" not in n}
+
+
 class HoldOut:
     """Recordings, or parts of them, that decide and judge but are never fitted."""
 
-    def __init__(self, train: Sequence[Experiment], separate: Sequence[Experiment], units: NaturalUnits) -> None:
-        self.train, self.separate, self.units = train, separate, units
+    def __init__(
+        self, train: Sequence[Experiment], separate: Sequence[Experiment], units: NaturalUnits, tolerance: float
+    ) -> None:
+        self.train, self.separate, self.units, self.tolerance = train, separate, units, tolerance
         self.continued = not separate
         reach = largest_deflection(train)
         self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
@@ -41,7 +49,9 @@ class HoldOut:
             return [on_train for _, _, on_train in models]
         key = (bench.base, bench.effects, bench.step)
         if key not in self._benches:
-            self._benches[key] = Bench(bench.base, bench.effects, self.separate, bench.step)
+            model, values, _ = models[0]
+            step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
+            self._benches[key] = Bench(bench.base, bench.effects, self.separate, min(step, bench.step))
         return held_out([(m, v) for m, v, _ in models], self.separate, self._benches[key], self.units)
 
     @property

@@ -137,7 +137,9 @@ def close_loop(
     """
     units = natural_units(train)
     settings = settings or LoopSettings()
-    case = Case(train, HoldOut(train, holdout, units), settings, units, progress or (lambda _: None))
+    case = Case(
+        train, HoldOut(train, holdout, units, settings.tolerance), settings, units, progress or (lambda _: None)
+    )
     declared = declared_model(train[0])
     case.tell("refitting the declared model")
     before = fit(declared, train, units=units)

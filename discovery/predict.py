@@ -21,6 +21,7 @@ from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.program import Program, build_program
 from discovery.simulate import check_finite
+from discovery.step import choose_step
 
 __all__ = ["equilibrium", "held_out", "predict"]
 
@@ -122,7 +123,11 @@ def predict(
     """
     problem = fit.problem
     names = problem.free
-    bench = Bench(problem.bench.base, problem.bench.effects, [experiment], problem.bench.step)
+    # The step is chosen for this manoeuvre: it may be far quicker than the fitted ones.
+    still = {f"{n}[{experiment.recording.name}]": 0.0 for n in ("delta_0_init", "rate_0_init")}
+    values = {**{n: v for n, v in fit.values.items() if "[" not in n}, **still}
+    step = choose_step(fit.model, [experiment], problem.units, values, effects=problem.bench.effects)
+    bench = Bench(problem.bench.base, problem.bench.effects, [experiment], step)
     drive = (
         [0.0] if experiment.drive is None else experiment.drive.evaluate(experiment.recording.time[:1])[:, 0].tolist()
     )

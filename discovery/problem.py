@@ -19,8 +19,8 @@ from discovery.simulate import Simulator
 __all__ = ["LIGHT_ROD", "Bench", "NaturalUnits", "Problem", "known_values", "natural_units"]
 
 FloatArray = NDArray[np.float64]
-#: Rod mass over tip mass where the rig does not state it.
-LIGHT_ROD = 0.05
+#: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
+LIGHT_ROD = 0.15
 
 
 @dataclass(frozen=True)
@@ -229,11 +229,9 @@ class Problem:
                 first = parameter.starts[0] if parameter.starts else parameter.default
                 x.append(first * self.units.scale(parameter))
         for e in self.bench.experiments:
-            guess = e.initial_guess
-            x += [
-                values.get(f"delta_0_init[{e.recording.name}]", guess[0]),
-                values.get(f"rate_0_init[{e.recording.name}]", guess[1]),
-            ]
+            names = (f"delta_0_init[{e.recording.name}]", f"rate_0_init[{e.recording.name}]")
+            guess = (0.0, 0.0) if values.keys() >= set(names) else e.initial_guess
+            x += [values.get(n, g) for n, g in zip(names, guess, strict=True)]
         return np.array(x)
 
     @cached_property

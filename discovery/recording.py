@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from discovery.plausibility import check_arm, check_signals
 from discovery.rig import Rig
 from discovery.units import si_factor, si_symbol, split_suffix
 
-__all__ = ["Recording", "estimate_noise", "read_recording", "resolution"]
+__all__ = ["Recording", "blind", "estimate_noise", "read_recording", "resolution"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -93,6 +93,15 @@ def estimate_noise(values: FloatArray) -> float:
             deviation = float(np.median(np.abs(difference - np.median(difference))))
             estimates.append(1.4826 * deviation / np.sqrt(square_sum))
     return float(min(estimates))
+
+
+def blind(recording: Recording) -> Recording:
+    """Return times and input of a recording only, as of a file that asks for a prediction."""
+    shown = _ARM_OUTPUTS[0] if recording.channels[0] in _ARM_STEMS else ("output",)
+    units = ("m", "m") if len(shown) == 2 else recording.units
+    empty = np.full((recording.time.size, len(shown)), np.nan)
+    noise = np.full(len(shown), float(recording.noise[0]))
+    return replace(recording, output=empty, channels=shown, units=units, noise=noise)
 
 
 def read_recording(

@@ -12,7 +12,7 @@ from scipy import stats
 
 from discovery.experiment import Experiment
 
-__all__ = ["Dependence", "ResidualReport", "errors", "examine", "systematic_share"]
+__all__ = ["Dependence", "ResidualReport", "correlation_length", "errors", "examine", "systematic_share"]
 
 FloatArray = NDArray[np.float64]
 #: Bins of the averaged residual in one period of the motion.
@@ -98,6 +98,20 @@ def _ljung_box(series: FloatArray, lags: int = 20) -> tuple[float, float]:
     r = np.array([float(centred[k:] @ centred[:-k]) for k in range(1, lags + 1)]) / variance
     statistic = n * (n + 2) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
     return float(r[0]), float(stats.chi2.sf(statistic, lags))
+
+
+def correlation_length(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]) -> float:
+    """Return by how much the variance of a mean of fitted residuals exceeds that of white noise, at least one.
+
+    From the lag-one autocorrelation rho of each channel, (1 + rho) / (1 - rho), as for a first-order process.
+    """
+    lengths = []
+    for e, prediction in zip(experiments, predictions, strict=True):
+        weights = e.weights()
+        for k, channel in enumerate(((prediction - e.recording.output) * weights).T):
+            rho = min(_ljung_box(channel[weights[:, k] > 0], lags=1)[0], 0.99)
+            lengths.append((1 + rho) / (1 - rho))
+    return max(1.0, float(np.mean(lengths)))
 
 
 def _dependence(name: str, variable: FloatArray, residual: FloatArray) -> Dependence:

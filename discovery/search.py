@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from discovery.attribution import Refit, candidates, refit, screen, similarity
+from discovery.attribution import Candidate, Refit, candidates, refit, screen, similarity
 from discovery.case import Case, Step
 from discovery.fit import Fit, fit
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
+from discovery.registry import catalogue
+from discovery.residual import correlation_length
 
 __all__ = ["Search"]
+
+#: So many candidates are weighed by a full refit before the search gives up or turns to pairs,
+_TRIED = 4
+#: and so many of them are paired with so many partners.
+_PAIRED = 2
 
 
 class Search:
@@ -48,18 +55,20 @@ class Search:
         self.added: list[str] = []
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
+        self._scored: dict[str, Candidate] = {}
         self.held_chi2, self.held_count, self.first_rough = case.judge.score(case.held(self.fit))
+        self.held_rough = self.first_rough
 
     def run(self) -> None:
-        """Search until the residual is noise or nothing passes."""
+        """Search until both the training and the held-out residual are noise, or nothing passes."""
         settings = self.case.settings
         while len(self.added) < settings.most_effects:
             rough = self.case.roughness(self.fit)
-            if rough <= settings.floor:
+            if rough <= settings.floor and self.held_rough <= settings.floor:
                 reason = f"the training residual is noise: its systematic part is {rough:.2g} noise sds"
                 self.steps.append(Step("stop", "", True, reason))
                 break
-            if not self._add():
+            if not self._add(alone=rough <= settings.floor):
                 break
         if len(self.added) > 1:
             self._remove()
@@ -83,68 +92,128 @@ class Search:
             minimum.iterations,
         )
 
-    def _add(self) -> bool:
-        """Try the best candidate; return whether it joined the model."""
+    def _add(self, *, alone: bool) -> bool:
+        """Try candidates, best first, and pairs where none passes alone; return whether any joined the model.
+
+        Parameters
+        ----------
+        alone : bool
+            Do not try pairs: the training residual is noise already.
+        """
+        start = self.fit
+        singles = self._refits()
+        ordered = self._order(singles)
+        for k, single in enumerate(ordered):
+            if self._try(start, (single,), singles if k == 0 else None):
+                return True
+        if alone or len(self.added) + 2 > self.case.settings.most_effects:
+            return False
+        # Effects hide each other: one may help the held-out data only once the other is there.
+        excess = max(start.chi2 - start.problem.bench.n_data, 0.0)
+        first = [r for r in ordered if start.chi2 - r.chi2 > self.case.settings.least_share * excess]
+        for single in first[:_PAIRED]:
+            self.fit = self._refit(start.model.with_effect(single.effect), _values(single))
+            seconds = self._refits()
+            self.fit, partners = start, self._order(seconds)[:_PAIRED]
+            for second in partners:
+                if self._try(start, (single, second), None):
+                    return True
+        return False
+
+    def _refits(self) -> list[Refit]:
+        """Screen the catalogue and refit every candidate beside the model so far."""
         problem, minimum = self._frozen()
         names = candidates(problem.model)
         self.case.tell(f"screening the catalogue ({len(names)} effects)")
         scored = screen(problem.model, minimum, problem, names)
+        self._scored = {c.effect: c for c in scored}
         self.case.tell("refitting every candidate")
-        refits = refit(problem.model, minimum, problem, scored)
-        tied = self._tied(refits, problem.bench.n_data)
-        held = self._held_chi2(tied)
-        # Among equals: fewest parameters, then the smaller held-out error.
-        order = sorted(range(len(tied)), key=lambda i: (len(tied[i].problem.free), held[i]))
-        chosen, chosen_held = tied[order[0]], held[order[0]]
-        verdict = self._weigh(2 * minimum.cost, chosen.chi2, chosen_held, problem.bench.n_data)
-        scores = {c.effect: c.score for c in scored}
+        return refit(problem.model, minimum, problem, scored)
+
+    def _order(self, refits: list[Refit]) -> list[Refit]:
+        """Return the refits worth a try: those as good as the best, simplest first, then the next best."""
+        n = self.fit.problem.bench.n_data
+        settings, best = self.case.settings, refits[0]
+        share = settings.tie_pliable if _pliable(best) else settings.tie
+        limit = best.chi2 + max(10.0, share * max(best.chi2 - n, 0.0))
+        tied = [r for r in refits if r.chi2 <= limit][:_TRIED]
+        held = dict(zip((r.effect for r in tied), self._held_chi2(tied), strict=True))
+        tied.sort(key=lambda r: (_pliable(r), len(r.problem.free), held[r.effect]))
+        rest = [r for r in refits if r.effect not in held]
+        return [*tied, *rest][:_TRIED]
+
+    def _try(self, start: Fit, chosen: tuple[Refit, ...], ranked: list[Refit] | None) -> bool:
+        """Refit with one or two effects, what the rig knows free again, and keep them if they explain enough."""
+        names = tuple(r.effect for r in chosen)
+        self.case.tell(f"trying {' with '.join(names)}")
+        trial = self._refit(start.model.with_effect(*names), _values(chosen[-1]))
+        (held,) = self._held_chi2([Refit(names[-1], trial.problem, trial.minimum)])
+        verdict = self._weigh(start, trial, held, names)
         ranking = tuple(
             {
                 "effect": r.effect,
-                "score": scores[r.effect],
+                "score": self._scored[r.effect].score,
                 "chi2": r.chi2,
-                "parameters": len(r.problem.free) - len(problem.free),
+                "parameters": sum(not p.fixed for p in catalogue()[r.effect].parameters()),
             }
-            for r in refits
+            for r in ranked or ()
         )
-        self.steps.append(Step("add", chosen.effect, verdict.accepted, verdict.reason, verdict.numbers, ranking))
+        for name in names:
+            self.steps.append(Step("add", name, verdict.accepted, verdict.reason, verdict.numbers, ranking))
         if not verdict.accepted:
             return False
-        others = [r.chi2 for r in refits if r.effect != chosen.effect]
-        projected = {c.effect: c.sensitivity for c in scored}
-        own = projected.pop(chosen.effect)
-        self.evidence[chosen.effect] = {
-            **verdict.evidence,
-            "linear_score": scores[chosen.effect],
-            "runner_up_delta_chi2": 2 * minimum.cost - min(others, default=2 * minimum.cost),
-            "largest_similarity": max((similarity(own, v) for v in projected.values()), default=0.0),
-        }
-        self.ambiguous[chosen.effect] = tuple(r.effect for r in tied if r.effect != chosen.effect)
-        self._join(chosen)
+        tied = self._equals(ranked or [], chosen[0])
+        for name in names:
+            self.evidence[name] = {**verdict.evidence, **self._standing(name)}
+            self.ambiguous[name] = tied if name == names[0] else ()
+            self.added.append(name)
+        self.fit, self.held_chi2 = trial, held
+        self.held_rough = self.case.judge.score(self.case.held(trial))[2]
         return True
 
-    def _weigh(self, chi2: float, new: float, new_held: float, n: int) -> _Verdict:
-        """Decide whether a candidate explains enough of both the training and the held-out recordings."""
+    def _equals(self, ranked: list[Refit], chosen: Refit) -> tuple[str, ...]:
+        """Return the effects that explain the training recordings as well as the chosen one."""
+        n = self.fit.problem.bench.n_data
+        limit = chosen.chi2 + max(10.0, self.case.settings.tie * max(chosen.chi2 - n, 0.0))
+        return tuple(r.effect for r in ranked if r.effect != chosen.effect and r.chi2 <= limit)
+
+    def _standing(self, name: str) -> dict[str, float]:
+        """Return an effect's linear score, and its likeness to its nearest rival, from the latest screening."""
+        if name not in self._scored:
+            return {}
+        own = self._scored[name]
+        rivals = [c.sensitivity for n, c in self._scored.items() if n != name]
+        likeness = max((similarity(own.sensitivity, v) for v in rivals), default=0.0)
+        return {"linear_score": own.score, "largest_similarity": likeness}
+
+    def _weigh(self, start: Fit, trial: Fit, held: float, names: tuple[str, ...]) -> _Verdict:
+        """Decide whether effects explain enough of both the training and the held-out recordings."""
         s = self.case.settings
-        excess, held_excess = max(chi2 - n, 0.0), max(self.held_chi2 - self.held_count, 0.0)
-        gain, held_gain = chi2 - new, self.held_chi2 - new_held
+        n = start.problem.bench.n_data
+        excess, held_excess = max(start.chi2 - n, 0.0), max(self.held_chi2 - self.held_count, 0.0)
+        gain, held_gain = start.chi2 - trial.chi2, self.held_chi2 - held
+        # Where the residual stays correlated, chance gains are larger by its correlation length.
+        least = s.least_gain * correlation_length(self.case.train, trial.predict())
         passes = {
             f"it removes {gain:.0f} of {excess:.0f} excess chi-square on the training recordings": gain
-            > max(s.least_gain, s.least_share * excess),
+            > max(least, s.least_share * excess),
             f"it removes {held_gain:.0f} of {held_excess:.0f} on the held-out ones": held_gain
             > max(0.25 * s.least_gain, 0.5 * s.least_share * held_excess),
         }
+        vague = [name for name in names if not _determined(trial, name)]
+        if vague:
+            passes[f"no parameter of {' and '.join(vague)} is determined"] = False
         accepted = all(passes.values())
         failed = [reason for reason, passed in passes.items() if not passed]
         return _Verdict(
             accepted,
             "; ".join(passes) if accepted else "not enough: " + "; ".join(failed),
             {
-                "chi2_before": chi2,
-                "chi2_after": new,
+                "chi2_before": start.chi2,
+                "chi2_after": trial.chi2,
                 "n_data": float(n),
                 "chi2_holdout_before": self.held_chi2,
-                "chi2_holdout_after": new_held,
+                "chi2_holdout_after": held,
                 "n_holdout": float(self.held_count),
             },
             {
@@ -154,31 +223,16 @@ class Search:
             },
         )
 
-    def _join(self, chosen: Refit) -> None:
-        """Refit the model with the chosen effect, with what the rig knows free again."""
-        self.case.tell(f"adding {chosen.effect}")
-        values = dict(zip(chosen.problem.names, chosen.minimum.x.tolist(), strict=True))
-        self.fit = self._refit(self.fit.model.with_effect(chosen.effect), values)
-        self.added.append(chosen.effect)
-        (self.held_chi2,) = self._held_chi2([Refit(chosen.effect, self.fit.problem, self.fit.minimum)])
-
     def _refit(self, model: Model, values: Mapping[str, float]) -> Fit:
         bench = self.fit.problem.bench
         return fit(model, self.case.train, start=values, bench=bench, units=self.case.units, gaussian=self.gaussian)
-
-    def _tied(self, refits: list[Refit], n: int) -> list[Refit]:
-        """Return the refits that explain the training recordings as well as the best one."""
-        best = refits[0].chi2
-        limit = best + max(10.0, self.case.settings.tie * max(best - n, 0.0))
-        return [r for r in refits if r.chi2 <= limit][:6]
 
     def _held_chi2(self, refits: Sequence[Refit]) -> list[float]:
         bench, judge = self.fit.problem.bench, self.case.judge
         models = []
         for r in refits:
-            values = dict(zip(r.problem.names, r.minimum.x.tolist(), strict=True))
             on_train = bench.predict(*r.problem.expand(r.minimum.x[:, None])) if judge.continued else []
-            models.append((r.problem.model, values, [c[:, :, 0] for c in on_train]))
+            models.append((r.problem.model, _values(r), [c[:, :, 0] for c in on_train]))
         return [judge.score(p)[0] for p in judge.predictions(bench, models)]
 
     def _remove(self) -> None:
@@ -195,6 +249,22 @@ class Search:
                 self.added.remove(effect)
                 self.evidence.pop(effect)
                 self.ambiguous.pop(effect)
+
+
+def _values(refitted: Refit) -> dict[str, float]:
+    """Return the values of a refit by name."""
+    return dict(zip(refitted.problem.names, refitted.minimum.x.tolist(), strict=True))
+
+
+def _pliable(refitted: Refit) -> bool:
+    return catalogue()[refitted.effect].pliable
+
+
+def _determined(trial: Fit, name: str) -> bool:
+    """Return whether at least one amplitude of an effect is three standard deviations from zero."""
+    amplitudes = [p.name for p in catalogue()[name].parameters() if not p.shape]
+    sd, values = trial.sd, trial.values
+    return any(abs(values[n]) > 3 * sd[n] for n in amplitudes if n in values)
 
 
 @dataclass(frozen=True)

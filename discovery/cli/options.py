@@ -67,9 +67,19 @@ def load(rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...], *, keep_
 
 
 def results_folder(out: Path) -> Path:
-    """Return the folder of ``--out``; refuse a file of that name."""
+    """Return the folder of ``--out``, made if need be; refuse one in which nothing can be written."""
+    from tempfile import TemporaryFile
+
     from discovery.errors import InputError
 
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder with --out.")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"Nothing can be written to {out}: {error.strerror}. Give another folder with --out."
+        ) from None
     return out

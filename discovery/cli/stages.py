@@ -21,8 +21,9 @@ def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str)
     from discovery.pipeline import run as run_pipeline
 
     dataset = load(rig, train, holdout)
+    folder = results_folder(out)
     with progress(quiet) as tell:
-        run_pipeline(dataset, results_folder(out), seed=seed, tell=tell, note=note)
+        run_pipeline(dataset, folder, seed=seed, tell=tell, note=note)
         tell("writing the report")
         from discovery.report import build_report
 
@@ -44,13 +45,15 @@ def loop(
     from discovery.stages import loop as close
 
     initial = _initial(initial_state)
+    if initial is not None and target is None:
+        raise click.UsageError("--initial-state needs --predict: training and hold-out start where their fit says.")
     dataset = load(rig, train, holdout)
     wanted = None
     if target is not None:
         from discovery.experiment import make_experiment
-        from discovery.recording import read_recording
+        from discovery.recording import blind, read_recording
 
-        wanted = make_experiment(read_recording(target, dataset.rig, require_output=False), dataset.rig)
+        wanted = make_experiment(blind(read_recording(target, dataset.rig, require_output=False)), dataset.rig)
     folder = results_folder(out)
     with progress(quiet) as tell:
         result = close(dataset, tell=tell)
@@ -105,10 +108,11 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.provenance import provenance, write_json
 
     dataset = load(rig, train, (), keep_third=False)
+    folder = results_folder(out)
     with progress(quiet) as tell:
         found = stages.discover(dataset, seed=seed, tell=tell)
     summary = found.summary()
-    write_json(results_folder(out) / "discovery.json", {"provenance": provenance(dataset, seed=seed), **summary})
+    write_json(folder / "discovery.json", {"provenance": provenance(dataset, seed=seed), **summary})
     click.echo(summary["discovery"]["status"])
     if summary["radius"]:
         click.echo(summary["radius"]["status"])
@@ -123,9 +127,10 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.provenance import provenance, write_json
 
     dataset = load(rig, train, (), keep_third=False)
+    folder = results_folder(out)
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
-    write_json(results_folder(out) / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
+    write_json(folder / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
     for label, found in fits.models.items():
         values = ", ".join(f"{n} = {found.values[n]:.6g} +- {found.sd[n]:.2g}" for n in found.problem.free)
         click.echo(f"{label}: {values}; {found.status}")
@@ -195,12 +200,11 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.residual import examine
 
     dataset = load(rig, train, (), keep_third=False)
+    folder = results_folder(out)
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
     report = examine(dataset.train, fits.predictions["declared"], 2 * math.pi * natural_units(dataset.train).time)
-    write_json(
-        results_folder(out) / "residual.json", {"provenance": provenance(dataset, seed=seed), **report.summary()}
-    )
+    write_json(folder / "residual.json", {"provenance": provenance(dataset, seed=seed), **report.summary()})
     click.echo(
         f"rms {report.rms:.3g} noise sds, systematic part {report.systematic:.3g}, "
         f"{'white' if report.white else 'not white'} (Ljung-Box p = {report.ljung_box_p:.2g})"

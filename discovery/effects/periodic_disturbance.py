@@ -14,6 +14,7 @@ class PeriodicDisturbance(Load):
     """
 
     cite = "forced vibration; Den Hartog, Mechanical Vibrations (1956), chapter 2"
+    pliable = True
     a_s = Parameter("s^-2 q", "sine amplitude", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_s")
     a_c = Parameter("s^-2 q", "cosine amplitude", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_c")
     Omega = Parameter(
