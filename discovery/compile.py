@@ -182,11 +182,13 @@ def _load(source: str) -> ModuleType:
     if not path.exists():
         with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as file:
             file.write(source)
+        os.chmod(file.name, 0o644)
         os.replace(file.name, path)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    # The compiler's cache looks the module up by its name.
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module

@@ -239,7 +239,7 @@ def _judge_geometry(before: Fit, search: Search, case: Case) -> tuple[list[str],
         if name:
             # Fewer free parameters and a better fit of everything, or a smaller held-out error alone.
             better = held < 0.98 * held_before or held + found.chi2 < 0.98 * (held_before + train_before)
-            reason = "no free parameter, and a smaller error" if better else "the error is not smaller"
+            reason = "no effect is added for it, and the error is smaller" if better else "the error is not smaller"
             numbers = {
                 "chi2_train_before": train_before,
                 "chi2_train_after": found.chi2,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from discovery import curves, stages
 from discovery.dataset import Dataset
+from discovery.errors import InputError
 from discovery.fit import Fit
 from discovery.io import atomic_write
 from discovery.loop import LoopResult
@@ -131,7 +132,12 @@ def run(
     arm = dataset.train[0].is_arm
     subject = fits.models["declared"] if arm else loop.after.specialised()
     checkpoint = out / "posterior_chains.h5"
-    posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+    try:
+        posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+    except InputError:
+        # The checkpoint is of another run of this folder, interrupted and now overtaken.
+        checkpoint.unlink(missing_ok=True)
+        posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
     elastica = stages.predicted(dataset, posterior, seed=seed, tell=tell)
 
     tell("saving results")

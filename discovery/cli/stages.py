@@ -172,8 +172,7 @@ def elastica(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.provenance import provenance, write_json
 
     dataset = load(rig, train, (), keep_third=False)
-    folder = results_folder(out)
-    saved = folder / "posterior.nc"
+    saved = out / "posterior.nc"
     with progress(quiet) as tell:
         found = stages.predicted(
             dataset, Posterior.from_netcdf(saved) if saved.exists() else None, seed=seed, tell=tell
@@ -182,6 +181,7 @@ def elastica(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
         raise InputError(
             f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file."
         )
+    folder = results_folder(out)
     write_json(folder / "elastica.json", {"provenance": provenance(dataset, seed=seed), **found})
     for row in found["prediction"]:
         click.echo(

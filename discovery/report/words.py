@@ -32,7 +32,7 @@ __all__ = [
 #: Base upgrades are no entries of the catalogue: what they mean.
 _GEOMETRY = {
     "radius_inertia": "The mass moves along the radius law (centrifugal, Coriolis, radial inertia), no free parameter",
-    "elastica_geometry": "The exact mechanics of the bending rod with its own mass, no free parameter",
+    "elastica_geometry": "The exact mechanics of the bending rod, whose mass may move within its stated uncertainty",
 }
 #: Where base upgrades come from.
 GEOMETRY_SOURCES = {
