@@ -48,6 +48,8 @@ class LoopSettings:
         fewer parameters is taken and the others are reported as ambiguous.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
+    pair_share : float
+        Share of the excess chi-square that two effects must remove together where neither passes alone.
     most_effects : int
         Largest number of effects added.
     """
@@ -60,7 +62,15 @@ class LoopSettings:
     least_share: float = 0.2
     tie: float = 0.05
     tie_pliable: float = 0.25
+    pair_share: float = 0.7
     most_effects: int = 4
+
+    def limit(self, first_rough: float) -> float:
+        """Return the systematic residual [noise sds] up to which a held-out residual counts as noise.
+
+        `first_rough` is what was there before any effect was added.
+        """
+        return max(self.floor, min(self.relative_floor * first_rough, self.ceiling))
 
 
 @dataclass(frozen=True)

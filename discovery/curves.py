@@ -75,7 +75,7 @@ def trajectories(
 
 def noise_free(experiment: Experiment) -> FloatArray | None:
     """Return the noise-free tip that a simulated recording brings along beside its file, for judging only."""
-    source = Path(experiment.recording.source.split(",")[0])
+    source = Path(experiment.recording.source.partition("[")[0])
     beside = source.with_name(f"{source.stem}_clean{source.suffix}")
     if not beside.exists() or experiment.recording.channels != ("tip_x", "tip_y"):
         return None

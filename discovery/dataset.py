@@ -111,7 +111,7 @@ def _refuse_twins(found: dict[str, list[Recording]]) -> None:
     seen: dict[tuple[str, str], str] = {}
     for role, listed in found.items():
         for r in listed:
-            key = (r.sha256, r.source.partition(",")[2])
+            key = (r.sha256, r.source.rpartition("[")[2] if r.source.endswith("]") else "")
             if key in seen:
                 raise InputError(
                     f"{r.source} is given twice, as {seen[key]} and as {role}: its samples would count twice, or judge "

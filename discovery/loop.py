@@ -193,7 +193,7 @@ def _is_noise(held: Sequence[FloatArray], first_rough: float, case: Case) -> tup
     """Return whether the held-out residual counts as noise, and the test as a sentence."""
     _, _, rough = case.judge.score(held)
     s = case.settings
-    limit = max(s.floor, min(s.relative_floor * first_rough, s.ceiling))
+    limit = s.limit(first_rough)
     noise = rough <= limit
     return noise, (
         "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "

@@ -16,9 +16,9 @@ from discovery.residual import correlation_length
 
 __all__ = ["Search"]
 
-#: So many candidates are weighed by a full refit before the search gives up or turns to pairs,
+#: So many candidates of equal merit are weighed by a full refit,
 _TRIED = 4
-#: and so many of them are paired with so many partners.
+#: and so many of the best are paired with so many partners.
 _PAIRED = 2
 
 
@@ -64,7 +64,7 @@ class Search:
         settings = self.case.settings
         while len(self.added) < settings.most_effects:
             rough = self.case.roughness(self.fit)
-            if rough <= settings.floor and self.held_rough <= settings.floor:
+            if rough <= settings.floor and self.held_rough <= settings.limit(self.first_rough):
                 reason = f"the training residual is noise: its systematic part is {rough:.2g} noise sds"
                 self.steps.append(Step("stop", "", True, reason))
                 break
@@ -102,21 +102,22 @@ class Search:
         """
         start = self.fit
         singles = self._refits()
-        ordered = self._order(singles)
-        for k, single in enumerate(ordered):
-            if self._try(start, (single,), singles if k == 0 else None):
+        for single in self._order(singles):
+            if self._try(start, (single,), singles):
                 return True
         if alone or len(self.added) + 2 > self.case.settings.most_effects:
             return False
         # Effects hide each other: one may help the held-out data only once the other is there.
         excess = max(start.chi2 - start.problem.bench.n_data, 0.0)
-        first = [r for r in ordered if start.chi2 - r.chi2 > self.case.settings.least_share * excess]
+        first = [r for r in singles if start.chi2 - r.chi2 > self.case.settings.least_share * excess]
         for single in first[:_PAIRED]:
             self.fit = self._refit(start.model.with_effect(single.effect), _values(single))
             seconds = self._refits()
             self.fit, partners = start, self._order(seconds)[:_PAIRED]
             for second in partners:
-                if self._try(start, (single, second), None):
+                if start.chi2 - second.chi2 < self.case.settings.pair_share * excess:
+                    break
+                if self._try(start, (single, second), singles):
                     return True
         return False
 
@@ -131,7 +132,7 @@ class Search:
         return refit(problem.model, minimum, problem, scored)
 
     def _order(self, refits: list[Refit]) -> list[Refit]:
-        """Return the refits worth a try: those as good as the best, simplest first, then the next best."""
+        """Return the refits that are as good as the best one, simplest first, then by the held-out error."""
         n = self.fit.problem.bench.n_data
         settings, best = self.case.settings, refits[0]
         share = settings.tie_pliable if _pliable(best) else settings.tie
@@ -139,10 +140,9 @@ class Search:
         tied = [r for r in refits if r.chi2 <= limit][:_TRIED]
         held = dict(zip((r.effect for r in tied), self._held_chi2(tied), strict=True))
         tied.sort(key=lambda r: (_pliable(r), len(r.problem.free), held[r.effect]))
-        rest = [r for r in refits if r.effect not in held]
-        return [*tied, *rest][:_TRIED]
+        return tied
 
-    def _try(self, start: Fit, chosen: tuple[Refit, ...], ranked: list[Refit] | None) -> bool:
+    def _try(self, start: Fit, chosen: tuple[Refit, ...], ranked: list[Refit]) -> bool:
         """Refit with one or two effects, what the rig knows free again, and keep them if they explain enough."""
         names = tuple(r.effect for r in chosen)
         self.case.tell(f"trying {' with '.join(names)}")
@@ -156,15 +156,18 @@ class Search:
                 "chi2": r.chi2,
                 "parameters": sum(not p.fixed for p in catalogue()[r.effect].parameters()),
             }
-            for r in ranked or ()
+            for r in ranked
+            if r.effect in self._scored
         )
         for name in names:
             self.steps.append(Step("add", name, verdict.accepted, verdict.reason, verdict.numbers, ranking))
         if not verdict.accepted:
             return False
-        tied = self._equals(ranked or [], chosen[0])
+        tied = self._equals(ranked, chosen[0])
+        others = [r.chi2 for r in ranked if r.effect not in names]
+        runner_up = {"runner_up_delta_chi2": start.chi2 - min(others, default=start.chi2)}
         for name in names:
-            self.evidence[name] = {**verdict.evidence, **self._standing(name)}
+            self.evidence[name] = {**verdict.evidence, **runner_up, **self._standing(name)}
             self.ambiguous[name] = tied if name == names[0] else ()
             self.added.append(name)
         self.fit, self.held_chi2 = trial, held

@@ -57,7 +57,7 @@ def mechanics_program(base: str, *rows: sp.Expr) -> Program:
 
 
 def reduced_equation() -> tuple[sp.Expr, dict[str, sp.Symbol]]:
-    """theta_t'' of PAPER h, from sympy's Lagrange equation of a point mass on rho = l (1 - delta^2 / 10)."""
+    """theta_t'' to third order, from sympy's Lagrange equation of a point mass on rho = l (1 - delta^2 / 10)."""
     time = sp.Symbol("time")
     theta, motor = sp.Function("theta")(time), sp.Function("motor")(time)
     names = {n: sp.Symbol(n, real=True) for n in ("xi", "alpha", "mu")}

@@ -1,4 +1,4 @@
-"""The exact arm: an inextensible rod with distributed mass in a few curvature modes (PAPER i)."""
+"""The exact arm: an inextensible rod with distributed mass in a few curvature modes."""
 
 from __future__ import annotations
 

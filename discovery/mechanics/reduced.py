@@ -1,4 +1,4 @@
-"""The mass on the radius law, third order, without a free parameter (PAPER h)."""
+"""The mass on the radius law, third order, without a free parameter."""
 
 from __future__ import annotations
 
