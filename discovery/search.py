@@ -140,6 +140,10 @@ class Search:
         tied = [r for r in refits if r.chi2 <= limit][:_TRIED]
         held = dict(zip((r.effect for r in tied), self._held_chi2(tied), strict=True))
         tied.sort(key=lambda r: (_pliable(r), len(r.problem.free), held[r.effect]))
+        if all(_pliable(r) for r in tied):
+            # What a pliable law imitates deserves a try of its own, if it explains nearly all.
+            enough = self.fit.chi2 - settings.pair_share * max(self.fit.chi2 - n, 0.0)
+            tied += [r for r in refits if not _pliable(r) and r.chi2 < enough][:1]
         return tied
 
     def _try(self, start: Fit, chosen: tuple[Refit, ...], ranked: list[Refit]) -> bool:
