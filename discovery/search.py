@@ -139,7 +139,9 @@ class Search:
         limit = best.chi2 + max(10.0, share * max(best.chi2 - n, 0.0))
         tied = [r for r in refits if r.chi2 <= limit][:_TRIED]
         held = dict(zip((r.effect for r in tied), self._held_chi2(tied), strict=True))
-        tied.sort(key=lambda r: (_pliable(r), len(r.problem.free), held[r.effect]))
+        # A thousandth of the held-out error is no difference; then a force is simpler than a faulty instrument.
+        least = 1.001 * min(held.values(), default=0.0)
+        tied.sort(key=lambda r: (_pliable(r), len(r.problem.free), max(held[r.effect], least), _is_sensor(r)))
         if all(_pliable(r) for r in tied):
             # What a pliable law imitates deserves a try of its own, if it explains nearly all.
             enough = self.fit.chi2 - settings.pair_share * max(self.fit.chi2 - n, 0.0)
@@ -265,6 +267,10 @@ def _values(refitted: Refit) -> dict[str, float]:
 
 def _pliable(refitted: Refit) -> bool:
     return catalogue()[refitted.effect].pliable
+
+
+def _is_sensor(refitted: Refit) -> bool:
+    return catalogue()[refitted.effect].kind == "sensor"
 
 
 def _determined(trial: Fit, name: str) -> bool:
