@@ -135,8 +135,7 @@ class Search:
         """Return the refits that are as good as the best one, simplest first, then by the held-out error."""
         n = self.fit.problem.bench.n_data
         settings, best = self.case.settings, refits[0]
-        share = settings.tie_pliable if _pliable(best) else settings.tie
-        limit = best.chi2 + max(10.0, share * max(best.chi2 - n, 0.0))
+        limit = self._tie_limit(best, settings.tie_pliable if _pliable(best) else settings.tie)
         tied = [r for r in refits if r.chi2 <= limit][:_TRIED]
         held = dict(zip((r.effect for r in tied), self._held_chi2(tied), strict=True))
         # A thousandth of the held-out error is no difference; then a force is simpler than a faulty instrument.
@@ -153,7 +152,7 @@ class Search:
         names = tuple(r.effect for r in chosen)
         self.case.tell(f"trying {' with '.join(names)}")
         trial = self._refit(start.model.with_effect(*names), _values(chosen[-1]))
-        (held,) = self._held_chi2([Refit(names[-1], trial.problem, trial.minimum)])
+        held, _, held_rough = self.case.judge.score(self.case.held(trial))
         verdict = self._weigh(start, trial, held, names)
         ranking = tuple(
             {
@@ -176,14 +175,16 @@ class Search:
             self.evidence[name] = {**verdict.evidence, **runner_up, **self._standing(name)}
             self.ambiguous[name] = tied if name == names[0] else ()
             self.added.append(name)
-        self.fit, self.held_chi2 = trial, held
-        self.held_rough = self.case.judge.score(self.case.held(trial))[2]
+        self.fit, self.held_chi2, self.held_rough = trial, held, held_rough
         return True
+
+    def _tie_limit(self, best: Refit, share: float) -> float:
+        """Return the chi-square up to which a refit is as good as `best`: a share more of what that one leaves."""
+        return best.chi2 + max(10.0, share * max(best.chi2 - self.fit.problem.bench.n_data, 0.0))
 
     def _equals(self, ranked: list[Refit], chosen: Refit) -> tuple[str, ...]:
         """Return the effects that explain the training recordings as well as the chosen one."""
-        n = self.fit.problem.bench.n_data
-        limit = chosen.chi2 + max(10.0, self.case.settings.tie * max(chosen.chi2 - n, 0.0))
+        limit = self._tie_limit(chosen, self.case.settings.tie)
         return tuple(r.effect for r in ranked if r.effect != chosen.effect and r.chi2 <= limit)
 
     def _standing(self, name: str) -> dict[str, float]:
