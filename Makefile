@@ -17,7 +17,8 @@ SEED ?= 1
 
 # What results are made from, and what only their pages are made from.
 PAGE := $(sort $(shell find discovery/report -type f ! -name '*.pyc'))
-CODE := $(sort $(filter-out discovery/report/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
+PAPER := $(sort $(shell find discovery/reproduction -type f ! -name '*.pyc'))
+CODE := $(sort $(filter-out discovery/report/% discovery/reproduction/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
 	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml)) requirements.lock
 TWIN := Simulated: no recording of a very flexible arm was ever published. A geometrically exact beam stands in for the rig.
 
@@ -26,7 +27,7 @@ MEASURED := $(shell for d in "$(DISCOVERY_DATA)" "$${XDG_CACHE_HOME:-$$HOME/.cac
 	[ -f "$$d/silverbox/SNLS80mV.mat" ] && { echo silverbox; break; }; done)
 
 HIDDEN := arm_coulomb arm_delay arm_tilt
-PAGES := reports/arm/report.html $(if $(MEASURED),reports/silverbox/report.html)
+PAGES := reports/arm/report.html reports/paper/report.html $(if $(MEASURED),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/loop.json)
 
 .PHONY: help reproduce test test-long lint bench datasets docs lock clean distclean setup
@@ -64,6 +65,15 @@ $(LOOPS): reports/%/loop.json: datasets/%/rig.toml datasets/%/train_paper.csv da
 	@echo "$*: the closed loop"
 	@$(BIN)/discovery loop $< --train datasets/$*/train_paper.csv --train datasets/$*/train_large.csv \
 		--holdout datasets/$*/holdout_inside.csv --seed $(SEED) --out $(@D)
+
+# A study is not repeated while the code that it depends on is the same.
+reports/paper/studies.json: $(CODE) $(PAPER) | $(READY)
+	@echo "the source paper: every equation, figure and claim"
+	@$(BIN)/python -m discovery.reproduction $(@D)
+
+reports/paper/report.html: reports/paper/studies.json $(PAGE) $(PAPER)
+	@[ -z "$$(find $^ -newer $@ 2>&1)" ] || $(BIN)/python -m discovery.reproduction $(@D)
+	@touch $@
 
 reports/index.html: $(PAGES) $(LOOPS) $(PAGE)
 	@$(if $(MEASURED),:,echo "the Silverbox is left out: its recording is not here. Set DISCOVERY_DATA to the folder that holds silverbox/SNLS80mV.mat (or: $(BIN)/discovery data fetch silverbox/SNLS80mV.mat) and make again")

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from discovery.errors import NotConverged as NotConverged
     from discovery.errors import NotIdentifiable as NotIdentifiable
     from discovery.errors import SimulationFailure as SimulationFailure
+    from discovery.export import FittedModel as FittedModel
+    from discovery.export import from_json as from_json
+    from discovery.export import to_json as to_json
+    from discovery.export import to_latex as to_latex
+    from discovery.export import to_numpy as to_numpy
+    from discovery.export import to_sympy as to_sympy
     from discovery.fit import Fit as Fit
     from discovery.fit import declared_model as declared_model
     from discovery.fit import fit as fit_model
@@ -47,6 +53,7 @@ _HOMES = {
     "DiscoveryError": "discovery.errors:DiscoveryError",
     "Effect": "discovery.effect:Effect",
     "Fit": "discovery.fit:Fit",
+    "FittedModel": "discovery.export:FittedModel",
     "InputError": "discovery.errors:InputError",
     "LoopResult": "discovery.loop:LoopResult",
     "LoopSettings": "discovery.case:LoopSettings",
@@ -64,6 +71,7 @@ _HOMES = {
     "declared_model": "discovery.fit:declared_model",
     "discover": "discovery.stages:discover",
     "fit_model": "discovery.fit:fit",
+    "from_json": "discovery.export:from_json",
     "get_effect": "discovery.registry:get_effect",
     "load_dataset": "discovery.dataset:load_dataset",
     "predict_elastica": "discovery.prediction:predict",
@@ -72,6 +80,10 @@ _HOMES = {
     "read_rig": "discovery.rig_file:read_rig",
     "run": "discovery.pipeline:run",
     "sample": "discovery.posterior:sample",
+    "to_json": "discovery.export:to_json",
+    "to_latex": "discovery.export:to_latex",
+    "to_numpy": "discovery.export:to_numpy",
+    "to_sympy": "discovery.export:to_sympy",
 }
 
 __all__ = [
@@ -80,6 +92,7 @@ __all__ = [
     "DiscoveryError",
     "Effect",
     "Fit",
+    "FittedModel",
     "InputError",
     "LoopResult",
     "LoopSettings",
@@ -97,6 +110,7 @@ __all__ = [
     "declared_model",
     "discover",
     "fit_model",
+    "from_json",
     "get_effect",
     "load_dataset",
     "predict_elastica",
@@ -105,6 +119,10 @@ __all__ = [
     "read_rig",
     "run",
     "sample",
+    "to_json",
+    "to_latex",
+    "to_numpy",
+    "to_sympy",
 ]
 
 

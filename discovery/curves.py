@@ -91,7 +91,7 @@ def laws(posterior, delta_max: float, gamma_names: tuple[str, str, str] = ("alph
     The spring is the torque on the deflection per unit of linear stiffness: for the paper's model
     delta + (beta/alpha) delta^3, for the elastica rho F_n / 3, and F_n / 3 for the force alone.
     """
-    from discovery.static_law import radius_law, spring_law, torque_law
+    from discovery.elastica.static_law import radius_law, spring_law, torque_law
 
     delta = np.linspace(0.0, 1.15 * delta_max, 120)
     variables: dict[str, Any] = {

@@ -103,9 +103,18 @@ class Dissipation(Expressed):
 
 
 class Load(Expressed):
-    """A load given by its power P, linear in the channel rates, per unit inertia [q^2 s^-3]."""
+    """A load given by its power P, linear in the channel rates, per unit inertia [q^2 s^-3].
+
+    A force that itself depends on rates names the channel rate `on` which it acts: its expression is then the force
+    [q s^-2], and its power is the force times that rate.
+    """
 
     kind = "load"
+    on: ClassVar[sp.Symbol | None] = None
+
+    def power(self) -> sp.Expr:
+        """Return P."""
+        return self.expression() if self.on is None else self.expression() * self.on
 
 
 class Closure(Expressed):

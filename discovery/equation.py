@@ -1,57 +1,165 @@
-"""The equation of motion of a base with one coordinate, as sympy writes it."""
+"""The equation of motion of a base with one coordinate, term by term, as sympy writes it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import ARM
+from discovery.effect import ARM, Dissipation, Effect, Kinetic, Load, Memory, Potential
 from discovery.errors import InputError
-from discovery.program import RECORDED, build_program
+from discovery.mechanics import get_base
+from discovery.registry import get_effect
 
 if TYPE_CHECKING:
+    from discovery.mechanics.base import Mechanics
     from discovery.model import Model
 
-__all__ = ["equation_of_motion"]
+__all__ = ["EquationTerms", "equation_of_motion", "equation_terms", "motion_symbols"]
 
 
-def equation_of_motion(model: Model) -> sp.Eq:
-    """Return acceleration + ... = 0 (or = the drive) of a model.
+@dataclass(frozen=True)
+class EquationTerms:
+    """Inertia times acceleration, plus the terms, equals the drive.
 
-    Symbols: theta_t, its rates theta_t' and theta_t'', delta, delta', theta_m, theta_m', theta_m'' for an arm; q, q',
-    q'' and u for an oscillator; parameters by name.
+    Parameters
+    ----------
+    inertia : sympy.Expr
+        Factor of the acceleration [1].
+    acceleration : sympy.Symbol
+        theta_t'' of an arm, q'' of an oscillator.
+    terms : tuple of (str, sympy.Expr)
+        What the base (under its name) and each effect (under its id) add to the left-hand side [q s^-2].
+    drive : sympy.Expr
+        The right-hand side [q s^-2].
+    memory : tuple of (sympy.Symbol, sympy.Expr)
+        States of memory effects with their time derivatives.
+    """
+
+    inertia: sp.Expr
+    acceleration: sp.Symbol
+    terms: tuple[tuple[str, sp.Expr], ...]
+    drive: sp.Expr
+    memory: tuple[tuple[sp.Symbol, sp.Expr], ...]
+
+
+def motion_symbols(system: str) -> tuple[sp.Symbol, sp.Symbol, sp.Symbol]:
+    """Return the symbols of coordinate, rate and acceleration: theta_t, theta_t', theta_t'', or q, q', q''."""
+    name = "theta_t" if system == ARM else "q"
+    return sp.symbols(f"{name} {name}' {name}''", real=True)
+
+
+class _Lagrange:
+    """Lagrange's equation of one coordinate: what each kind of effect adds to its left-hand side."""
+
+    def __init__(self, mechanics: Mechanics) -> None:
+        self.channels = mechanics.channels
+        self.bending = mechanics.bending[0]
+        self.q, self.rate = mechanics.coordinates[0], mechanics.rates[0]
+        self.meaning = {symbol: sp.sympify(channel.value) for symbol, channel in self.channels.items()}
+
+    def gradient(self, expression: sp.Expr, channels: Sequence[sp.Symbol]) -> sp.Expr:
+        """Return the derivative along the coordinate (or its rate) through the channels."""
+        parts = [(c, sp.diff(expression, c)) for c in channels]
+        return sp.Add(*[p.xreplace(self.meaning) * self.channels[c].jacobian[0] for c, p in parts if p != 0])
+
+    def kinetic(self, effect: Kinetic) -> tuple[sp.Expr, sp.Expr]:
+        """Return the inertia and the rest of d/dt dT/dq' - dT/dq."""
+        energy = effect.expression().xreplace(self.meaning)
+        momentum = sp.diff(energy, self.rate)
+        moves = ((self.q, self.rate), (s.theta_m, s.omega_m), (s.omega_m, s.alpha_m))
+        rest = sp.Add(*[sp.diff(momentum, a) * b for a, b in moves]) - sp.diff(energy, self.q)
+        return sp.diff(momentum, self.rate), rest
+
+    def memory(self, effect: Memory) -> tuple[sp.Expr, list[tuple[sp.Symbol, sp.Expr]]]:
+        """Return the term of a memory effect, and its states with their slopes."""
+        value, rate, jacobian = self.bending
+        states = effect.states()
+        here = {z: sp.Symbol(f"{z.name}_0", real=True) for z in states} | {s.bend: value, s.bend_dot: rate}
+        pull = sp.diff(effect.expression(), s.bend_dot).xreplace(here) * jacobian[0]
+        return -pull, [(here[z], slope.xreplace(here)) for z, slope in states.items()]
+
+    def push(self, effect: Effect) -> sp.Expr:
+        """Return dV/dq, dD/dq', or the load with its sign turned; zero for what moves nothing."""
+        if isinstance(effect, Potential):
+            return self.gradient(effect.expression(), s.POSITION_CHANNELS)
+        if isinstance(effect, Dissipation):
+            return self.gradient(effect.expression(), s.RATE_CHANNELS)
+        if isinstance(effect, Load) and effect.on is not None:
+            return -effect.expression().xreplace(self.meaning) * self.channels[effect.on].jacobian[0]
+        return -self.gradient(effect.expression(), s.RATE_CHANNELS) if isinstance(effect, Load) else sp.Integer(0)
+
+
+def _collected(expression: sp.Expr, motion: Sequence[sp.Symbol]) -> sp.Expr:
+    """Return a polynomial in rates with each coefficient in its shortest form."""
+    polynomial = sp.Poly(sp.expand(expression), *motion)
+    return sp.Add(
+        *[sp.trigsimp(c) * sp.prod(m**k for m, k in zip(motion, p, strict=True)) for p, c in polynomial.terms()]
+    )
+
+
+def equation_terms(model: Model) -> EquationTerms:
+    """Return the equation of motion term by term: Lagrange's equation, (15) of the source paper and its extensions.
+
+    Symbols: theta_t, its rates theta_t' and theta_t'', delta, delta', theta_m'' for an arm; q, q', q'' and u for an
+    oscillator; parameters by name. theta_m is what the arm receives, u what the oscillator does.
 
     Raises
     ------
     InputError
-        For a base with several coordinates, or a model with memory.
+        For a base with several coordinates, or one whose mechanics has no closed form.
     """
-    program = build_program(model.base, model.effects)
-    if program.n_coordinates != 1 or len(program.states) != 2:
-        raise InputError(f"The equations of base {model.base!r} with these effects have no readable closed form.")
-    arm = model.mechanics.system == ARM
-    force, inertia = program.slopes[1].as_numer_denom()
-    for symbol, expression in reversed(program.derivative):
-        force, inertia = force.subs(symbol, expression), inertia.subs(symbol, expression)
-    for symbol, expression in reversed(program.drive):
-        if expression not in RECORDED:
-            force = force.subs(symbol, expression)
-    position, rate = program.states
-    names = ("theta_t", "theta_t'", "theta_t''") if arm else ("q", "q'", "q''")
-    here, moving, accelerating = sp.symbols(names, real=True)
-    names_of = {position: here, rate: moving}
-    if arm:
-        delta, delta_rate = sp.symbols("delta delta'", real=True)
-        relative = {s.theta_m: position - delta, s.omega_m: rate - delta_rate}
-        force = sp.simplify(force.subs(relative, simultaneous=True))
-        inertia = sp.simplify(inertia.subs(relative, simultaneous=True))
-        # Whatever still needs the motor's own motion keeps it.
-        motor = sp.symbols("theta_m theta_m' theta_m''", real=True)
-        names_of.update(zip((s.theta_m, s.omega_m, s.alpha_m), motor, strict=True))
-    left = inertia.subs(names_of) * accelerating - sp.expand(force.subs(names_of))
-    driven = left.coeff(s.u) if not arm else sp.Integer(0)
-    if driven != 0:
-        return sp.Eq(sp.expand(left - driven * s.u), -driven * s.u)
-    return sp.Eq(left, 0)
+    return _terms(model.base, model.effects)
+
+
+@lru_cache(maxsize=64)
+def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
+    base = get_base(base_name)
+    mechanics = base.mechanics()
+    if base.n_coordinates != 1 or mechanics.assignments:
+        raise InputError(f"The equations of base {base_name!r} have no readable closed form; export them as a program.")
+    lagrange = _Lagrange(mechanics)
+    here, moving, accelerating = motion_symbols(base.system)
+    delta, delta_rate, motor_acceleration = sp.symbols("delta delta' theta_m''", real=True)
+    names = {lagrange.q: here, lagrange.rate: moving, s.alpha_m: motor_acceleration}
+    if base.system == ARM:
+        # The motor's angle and rate are told by the deflection and its rate.
+        names |= {s.theta_m: here - delta, s.omega_m: moving - delta_rate}
+
+    def told(expression: sp.Expr) -> sp.Expr:
+        return sp.factor_terms(sp.sympify(expression).xreplace(names))
+
+    inertia = mechanics.mass[0][0]
+    bare = sp.expand(-mechanics.force[0].xreplace(names))
+    drive = -bare.coeff(s.u) * s.u
+    terms = [(base_name, _collected(bare + drive, (moving, delta_rate, motor_acceleration)))]
+    memory: list[tuple[sp.Symbol, sp.Expr]] = []
+    for name in effect_ids:
+        effect = get_effect(name)
+        if isinstance(effect, Kinetic):
+            more, term = lagrange.kinetic(effect)
+            inertia = inertia + more
+        elif isinstance(effect, Memory):
+            term, states = lagrange.memory(effect)
+            memory += [(state, told(slope)) for state, slope in states]
+        else:
+            term = lagrange.push(effect)
+        terms.append((name, told(term)))
+    return EquationTerms(told(inertia), accelerating, tuple((n, t) for n, t in terms if t != 0), drive, tuple(memory))
+
+
+def equation_of_motion(model: Model) -> sp.Eq:
+    """Return acceleration + ... = 0 (or = the drive) of a model, see `equation_terms`.
+
+    Raises
+    ------
+    InputError
+        For a base with several coordinates, or one whose mechanics has no closed form.
+    """
+    found = equation_terms(model)
+    left = found.inertia * found.acceleration + sp.Add(*[term for _, term in found.terms])
+    return sp.Eq(left, found.drive)

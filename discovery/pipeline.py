@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from discovery import curves, stages
 from discovery.dataset import Dataset
 from discovery.errors import InputError
+from discovery.export import FittedModel
 from discovery.fit import Fit
 from discovery.io import atomic_write
 from discovery.loop import LoopResult
@@ -92,11 +93,21 @@ def _to_clean(dataset: Dataset, predictions: dict[str, list[FloatArray]]) -> dic
     return found or None
 
 
-def write_loop(out: Path, result: LoopResult) -> dict[str, Any]:
-    """Write loop.json and return its content."""
-    summary = result.summary()
-    write_json(out / "loop.json", summary)
-    return summary
+def _models(result: LoopResult) -> dict[str, Any]:
+    """Return the models before and after the loop with all that an export needs, see `discovery.export`."""
+    return {
+        "before": FittedModel.from_fit(result.before).to_dict(),
+        "after": FittedModel.from_fit(result.after).to_dict(),
+    }
+
+
+def write_loop(out: Path, result: LoopResult, *, alone: bool = True) -> dict[str, Any]:
+    """Write loop.json and return its content; where it stands alone, its models are in it, ready to be exported."""
+    content = result.summary()
+    if alone and isinstance(result, LoopResult):
+        content["models"] = _models(result)
+    write_json(out / "loop.json", content)
+    return content
 
 
 def run(
@@ -160,13 +171,14 @@ def run(
         "elastica": elastica,
         "loop": loop.summary(),
         "clean": _to_clean(dataset, predictions),
+        "models": _models(loop),
     }
     # Results of one run belong together: they are written beside and moved in place when all are there.
     with TemporaryDirectory(dir=out, prefix=".saving-") as folder:
         beside = Path(folder)
         posterior.to_netcdf(beside / "posterior.nc")
         _save_curves(beside, dataset, predictions, posterior, discovered, elastica, seed)
-        write_loop(beside, loop)
+        write_loop(beside, loop, alone=False)
         write_json(beside / "results.json", content)
         for name in RESULTS:
             if (beside / name).exists():

@@ -22,8 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.dynamic_reduction import DYNAMIC_REDUCTION
+from discovery.elastica.static_law import SMALL_DEFLECTION, StaticLaw, fitted_law, usable_deflections
 from discovery.errors import InputError
-from discovery.static_law import SMALL_DEFLECTION, StaticLaw, fitted_law, usable_deflections
 
 if TYPE_CHECKING:
     from discovery.rig import Quantity, Rig
@@ -130,7 +130,11 @@ class Prediction:
             (mean, sd), (predicted, spread) = _moments(measured[name]), _moments(values)
             difference = mean - predicted
             scale = float(np.hypot(sd, spread))
-            discrepancy = difference / scale if scale else np.copysign(np.inf, difference) if difference else 0.0
+            rounding = 8 * np.finfo(float).eps * max(abs(mean), abs(predicted))
+            if scale > rounding:
+                discrepancy = difference / scale
+            else:
+                discrepancy = np.copysign(np.inf, difference) if abs(difference) > rounding else 0.0
             row = (mean, sd, predicted, spread, difference, float(discrepancy))
             rows.append(Comparison(mass, law, name, UNITS.get(name, "1"), *row))
         if not rows:
@@ -163,7 +167,8 @@ def predict(
     rng : numpy.random.Generator
         Source of the draws.
     delta_max, deflection : optional
-        As in :func:`discovery.static_law.static_law`; the law ``static_least_squares`` is left out if neither is given.
+        As in :func:`discovery.elastica.static_law.static_law`; without either, the law ``static_least_squares`` is
+        left out.
     draws : int
         Number of draws, n.
 

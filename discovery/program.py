@@ -80,6 +80,8 @@ def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
     """Return the force of one effect on each channel: -dV/dc, -dD/dc', +dP/dc'."""
     if not isinstance(effect, Potential | Dissipation | Load):
         return {}
+    if isinstance(effect, Load) and effect.on is not None:
+        return {effect.on: effect.expression()}
     wanted = s.POSITION_CHANNELS if isinstance(effect, Potential) else s.RATE_CHANNELS
     sign = 1 if isinstance(effect, Load) else -1
     expression = effect.expression()

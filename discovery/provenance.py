@@ -19,7 +19,7 @@ import numpy as np
 from discovery.dataset import Dataset
 from discovery.io import atomic_write
 
-__all__ = ["plain", "provenance", "write_json"]
+__all__ = ["plain", "provenance", "surroundings", "write_json"]
 
 _PACKAGES = ("discovery", "numpy", "scipy", "sympy", "numba", "pysindy", "emcee", "pandas", "xarray", "matplotlib")
 
@@ -39,21 +39,9 @@ def _git_revision() -> str | None:
 
 def provenance(dataset: Dataset, *, seed: int, command: Sequence[str] | None = None) -> dict[str, Any]:
     """Return a record of data hashes, seed, versions, revision and command."""
-    versions = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "not installed"
-    parts = list(command) if command is not None else sys.argv
-    shown = [Path(parts[0]).name, *(os.path.relpath(p) if os.path.isabs(p) else p for p in parts[1:])] if parts else []
     return {
-        "command": " ".join(shown),
+        **surroundings(command),
         "seed": seed,
-        "git_revision": _git_revision(),
-        "versions": versions,
-        "platform": f"{platform.system()} {platform.machine()}",
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "rig_sha256": dataset.rig.sha256,
         "data": [
             {
@@ -64,6 +52,25 @@ def provenance(dataset: Dataset, *, seed: int, command: Sequence[str] | None = N
             }
             for role, e in dataset.everything
         ],
+    }
+
+
+def surroundings(command: Sequence[str] | None = None) -> dict[str, Any]:
+    """Return a record of versions, revision, platform, time and command."""
+    versions = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "not installed"
+    parts = list(command) if command is not None else sys.argv
+    shown = [Path(parts[0]).name, *(os.path.relpath(p) if os.path.isabs(p) else p for p in parts[1:])] if parts else []
+    return {
+        "command": " ".join(shown),
+        "git_revision": _git_revision(),
+        "versions": versions,
+        "platform": f"{platform.system()} {platform.machine()}",
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 

@@ -19,6 +19,7 @@ __all__ = [
     "bend_dot",
     "delta",
     "delta_dot",
+    "h",
     "length",
     "omega",
     "omega_m",
@@ -61,6 +62,9 @@ w2 = sp.Symbol("w2", real=True, nonnegative=True)
 #: One component of the bending and its rate [q], [q/s]: the elastic energy is alpha/2 times the sum of the components'
 #: squares (for a linear spring the only one is delta). What is written for one acts on each.
 bend, bend_dot = sp.symbols("bend bend_dot", real=True)
+#: Angular momentum of the arm about its hub, over effective mass and length squared [1/s]; an oscillator's momentum.
+#: Nothing pushes on it: with the external torques it gives what the arm asks of its motor.
+h = sp.Symbol("h", real=True)
 #: Distance of the tip from the hub, in lengths of the arm [-].
 rho = sp.Symbol("rho", real=True)
 #: Elastic energy of the base per unit of linear stiffness [q^2]; delta^2/2 for a linear spring.

@@ -142,6 +142,38 @@ def test_prediction_starts_at_rest_and_follows_the_arm(looped: tuple[Said, Path]
     assert distance["after"] < 0.5 * distance["before"]
 
 
+def test_export_writes_the_models_of_a_loop(
+    looped: tuple[Said, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = json.loads((looped[1] / "loop.json").read_text())
+    said = call(capsys, "export", looped[1], "--out", tmp_path / "after")
+    assert said.status == 0, said.err
+    files = ["model_sympy.py", "model.tex", "model.py", "model.json"]
+    assert said.out.splitlines() == [str(tmp_path / "after" / name) for name in files]
+    for when, chosen in (("after", "json"), ("before", "json,latex")):
+        out = tmp_path / f"{when}_chosen"
+        said = call(capsys, "export", looped[1], "--out", out, "--what", when, "--format", chosen)
+        assert said.status == 0, said.err
+        assert len(said.out.splitlines()) == len(list(out.iterdir())) == len(chosen.split(","))
+        content = json.loads((out / "model.json").read_text())
+        assert content["model"] == result["model"][when]["model"]
+        for row in content["parameters"]:
+            if row["fitted"]:
+                assert row["value"] == result["model"][when]["parameters"][row["name"]]["value"]
+    assert content["provenance"]["data"][0]["source"] == "train.csv"
+
+
+def test_export_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "export", tmp_path, "--out", tmp_path / "out")
+    assert said.status == 2
+    assert "holds no results.json and no loop.json" in said.err
+    (tmp_path / "loop.json").write_text('{"model": {}}')
+    said = call(capsys, "export", tmp_path, "--out", tmp_path / "out")
+    assert said.status == 2
+    assert "Make it again" in said.err
+    assert not (tmp_path / "out").exists()
+
+
 def alike(one: Any, other: Any) -> None:
     """Compare results to the digits that a kernel keeps which is compiled here and loaded from disk there."""
     if isinstance(one, dict):

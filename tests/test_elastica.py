@@ -7,10 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp, solve_ivp
 
-from discovery.elastica import DEFLECTION_MAX, perpendicular_law, shape_under_load, tip_under_load
-from discovery.elastica_integrals import FORCE_MAX
-from discovery.errors import ComputationError, InputError
-from discovery.force_map import load_at_tip
+from discovery.elastica.beam import DEFLECTION_MAX, perpendicular_law, shape_under_load, tip_under_load
+from discovery.elastica.integrals import FORCE_MAX
+from discovery.elastica.series import elastica_series
+from discovery.elastica.small_deflection import small_deflection_shape, small_deflection_tip
+from discovery.errors import InputError
 
 # Mattiasson, Int. J. Numer. Methods Eng. 17 (1981) 145, cantilever under a vertical tip load: P l^2 / EI, w / l, u / l.
 MATTIASSON = [
@@ -40,7 +41,10 @@ def test_published_cantilever_table(load: float, across: float, shortening: floa
     assert 1.0 - tip.x == pytest.approx(shortening, abs=5.1e-6)
 
 
-@pytest.mark.parametrize(("load", "direction"), [(0.5, 1.0), (3.0, np.pi / 2), (4.0, 2.6), (2.0, -2.0), (8.0, 0.4)])
+@pytest.mark.parametrize(
+    ("load", "direction"),
+    [(0.5, 1.0), (3.0, np.pi / 2), (4.0, 2.6), (2.0, -2.0), (8.0, 0.4), (20.0, 1.2), (6.0, np.pi - 0.01), (40.0, -2.5)],
+)
 def test_boundary_value_solver(load: float, direction: float) -> None:
     def equation(s: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.vstack([y[1], load * np.sin(y[0] - direction), np.cos(y[0]), np.sin(y[0])])
@@ -49,8 +53,9 @@ def test_boundary_value_solver(load: float, direction: float) -> None:
         return np.array([a[0], b[1], a[2], a[3]])
 
     s = np.linspace(0.0, 1.0, 41)
-    bend = np.sign(direction) * (2.0 * s - s**2)
-    guess = np.vstack([bend, np.sign(direction) * 2.0 * (1.0 - s), s, np.zeros_like(s)])
+    # From the shape under another load: the solver has eq. (5) and both ends.
+    start = shape_under_load(0.8 * load, 0.95 * direction, s)
+    guess = np.vstack([start.slope, np.gradient(start.slope, s), start.x, start.y])
     reference = solve_bvp(equation, ends, s, guess, tol=1e-10, max_nodes=20_000)
     assert reference.success
     shape = shape_under_load(load, direction, s)
@@ -58,6 +63,8 @@ def test_boundary_value_solver(load: float, direction: float) -> None:
     assert np.max(np.abs(shape.slope - slope)) < 1e-8
     assert np.max(np.abs(shape.x - x)) < 1e-8
     assert np.max(np.abs(shape.y - y)) < 1e-8
+    tip = tip_under_load(load, direction)
+    np.testing.assert_allclose([tip.slope, tip.x, tip.y], [slope[-1], x[-1], y[-1]], atol=1e-8)
 
 
 @settings(deadline=None, max_examples=60)
@@ -104,6 +111,36 @@ def test_small_deflection_limit() -> None:
     assert np.all(np.abs(tip.slope / (load / 2.0) - 1.0) < load**2 + 1e-14)
     assert tip_under_load(0.0, 1.0).x == 1.0
     assert abs(tip_under_load(0.0, 1.0).y) < 1e-15
+
+
+def test_elastica_tends_to_the_linear_beam() -> None:
+    load = np.array([0.4, 0.2, 0.1, 0.05])
+    beam, line = shape_under_load(load, np.pi / 2), small_deflection_shape(load)
+    np.testing.assert_array_equal(line.arc, beam.arc)
+    np.testing.assert_allclose(line.y[:, -1], small_deflection_tip(load), rtol=1e-15)
+    # EI y'' = M of eq. (2): the second difference of a cubic is exact.
+    step = line.arc[1]
+    np.testing.assert_allclose(
+        np.diff(line.y, 2, axis=-1) / step**2, load[:, None] * (1.0 - line.arc[1:-1]), atol=1e-11
+    )
+    np.testing.assert_allclose(np.gradient(line.y, step, axis=-1)[:, 1:-1], line.slope[:, 1:-1], atol=load[0] * step**2)
+    assert np.all((line.y[:, 0] == 0.0) & (line.slope[:, 0] == 0.0))
+    for error in (np.max(np.abs(beam.y - line.y), axis=-1), np.max(np.abs(beam.slope - line.slope), axis=-1)):
+        np.testing.assert_allclose(np.log2(error[:-1] / error[1:]), 3.0, atol=0.05)
+    along = np.max(np.abs(beam.x - line.x), axis=-1)
+    np.testing.assert_allclose(np.log2(along[:-1] / along[1:]), 2.0, atol=0.05)
+
+
+@pytest.mark.parametrize("direction", [1e-5, 0.3, np.pi / 2, 2.5, np.pi - 1e-5])
+def test_digits_survive_a_vanishing_force(direction: float) -> None:
+    load = 10.0 ** np.arange(-10.0, -3.0)
+    tip = tip_under_load(load, direction)
+    across = load * np.sin(direction)
+    np.testing.assert_allclose(tip.y, across / 3.0, rtol=2e-3 * load[-1] / 1e-4)
+    np.testing.assert_allclose(tip.y[:3], across[:3] / 3.0, rtol=2e-8)
+    # (1 - rho) / delta^2 = 1 / 10, to the rounding that is left over the force.
+    ratio = tip.shortening / tip.angle**2
+    assert np.all(np.abs(ratio / 0.1 - 1.0) < load + 3e-14 / load)
 
 
 def test_pull_leaves_the_beam_straight() -> None:
@@ -180,6 +217,10 @@ def test_perpendicular_law_series() -> None:
     delta = next(iter(force.free_symbols))
     assert force == 3 * delta + sp.Rational(13, 70) * delta**3
     assert radius == 1 - delta**2 / 10
+    # Derived another way, order by order in the frame of the radius.
+    derived = elastica_series(3, 0)
+    assert derived.tangential.subs(derived.delta, delta) == force
+    assert derived.radius.coeff(derived.delta, 2) == radius.coeff(delta, 2)
     angle = np.array([0.01, 0.02, 0.04])
     numeric_force, numeric_radius = perpendicular_law(angle)
     # What the series leaves falls with the next even or odd power: 32 and 16 for each doubling.
@@ -200,25 +241,6 @@ def test_perpendicular_law_against_the_loaded_beam(delta: float) -> None:
     assert opposite_rho == rho
 
 
-def test_force_map_inverts_the_loaded_beam() -> None:
-    rng = np.random.default_rng(2)
-    force, direction = 10.0 ** rng.uniform(-1.0, 1.7, 500), rng.uniform(-np.pi, np.pi, 500)
-    tip = tip_under_load(force, direction)
-    bent = (np.abs(tip.angle) > 0.05) & (np.abs(tip.angle) < DEFLECTION_MAX)
-    assert np.sum(bent) > 200
-    magnitude, orientation = load_at_tip(tip.radius[bent], tip.angle[bent])
-    np.testing.assert_allclose(magnitude, force[bent], rtol=1e-6)
-    np.testing.assert_allclose(orientation, direction[bent], atol=1e-6)
-    law_force, law_rho = perpendicular_law(0.8)
-    assert load_at_tip(law_rho, 0.8) == (pytest.approx(law_force), pytest.approx(0.8 + np.pi / 2))
-
-
-@pytest.mark.parametrize(("rho", "delta"), [(0.5, 0.1), (1.0 - 1e-9, 1.2), (0.01, 1.0)])
-def test_force_map_says_when_no_force_is_found(rho: float, delta: float) -> None:
-    with pytest.raises(ComputationError, match="No tip force"):
-        load_at_tip(rho, delta)
-
-
 def test_work_of_the_force_is_the_bending_energy() -> None:
     delta = np.linspace(0.0, 1.4, 2001)
     force, rho = perpendicular_law(delta)
@@ -235,8 +257,7 @@ def test_refusals() -> None:
     for force, direction in ((np.nan, 0.0), (np.inf, 0.0), (2 * FORCE_MAX, 0.0), (1.0, np.nan)):
         with pytest.raises(InputError, match="must be finite"):
             tip_under_load(force, direction)
-    for rho, delta in ((1.0, 0.1), (1.1, 0.5), (0.9, 0.0), (0.9, 2.0), (np.nan, 0.3)):
-        with pytest.raises(InputError, match="radii between 0 and 1"):
-            load_at_tip(rho, delta)
     with pytest.raises(InputError, match="from 0"):
         shape_under_load(1.0, 1.0, [0.0, 1.1])
+    with pytest.raises(InputError, match="from 0"):
+        small_deflection_shape(1.0, [-0.1, 1.0])

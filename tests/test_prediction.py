@@ -10,12 +10,12 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 
 from discovery.dynamic_reduction import DYNAMIC_REDUCTION
-from discovery.elastica import DEFLECTION_MAX
+from discovery.elastica.beam import DEFLECTION_MAX
+from discovery.elastica.static_law import radius_law, spring_law, static_law, torque_law
 from discovery.errors import InputError
 from discovery.prediction import LAWS, MASSES, Prediction, predict
 from discovery.rig import Quantity, Rig
 from discovery.rig_file import read_rig
-from discovery.static_law import radius_law, spring_law, static_law, torque_law
 
 PAPER_RIG = Rig(
     name="paper",

@@ -11,7 +11,8 @@ __all__ = ["Base", "base_names", "get_base"]
 def _bases() -> dict[str, Base]:
     from discovery.mechanics import constant_radius, elastica, oscillator, reduced
 
-    bases = (constant_radius.BASE, reduced.BASE, elastica.BASE, elastica.TWO_MODES, oscillator.BASE)
+    rods = (elastica.BASE, elastica.TWO_MODES, elastica.ONE_MODE)
+    bases = (constant_radius.BASE, reduced.BASE, *rods, oscillator.BASE)
     return {base.name: base for base in bases}
 
 

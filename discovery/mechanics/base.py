@@ -21,7 +21,11 @@ from discovery.parameters import Normal, Parameter
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = ["ArmBase", "Base", "Channel", "Mechanics", "lagrangian_mechanics"]
+__all__ = ["SHORTENING_RADIUS", "ArmBase", "Base", "Channel", "Mechanics", "lagrangian_mechanics"]
+
+
+#: What a radius that shortens as the arm bends does to the motion: part of every base whose tip moves on that radius.
+SHORTENING_RADIUS = frozenset({"centrifugal_stiffening", "coriolis_coupling", "radial_inertia"})
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,7 @@ def lagrangian_mechanics(
     q, qd : sympy.Symbol
         Coordinate and rate.
     kinetic : sympy.Expr
-        Kinetic energy per unit inertia [q^2 s^-2].
+        Kinetic energy per unit inertia [q^2 s^-2], with all of the motor's rate in it that moves mass.
     theta, delta : sympy.Expr
         Tip angle and deflection.
     tip : tuple of sympy.Expr
@@ -197,5 +201,8 @@ def lagrangian_mechanics(
     channels[s.w2] = Channel(bending.value**2, (2 * bending.value * bending.jacobian[0],))
     channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
     channels[s.rho] = Channel(radius, (sp.Integer(0),))
+    # A turn of the whole arm changes q and theta_m alike.
+    turning = momentum + sp.diff(kinetic, s.omega_m)
+    channels[s.h] = Channel(turning, (sp.diff(turning, qd),), _total_derivative(turning, [q], [qd]))
     only = (channels[s.delta].value, bending.value, bending.jacobian)
     return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),), (only,))

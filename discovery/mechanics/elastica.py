@@ -11,7 +11,7 @@ import sympy as sp
 from scipy.linalg import eigh
 
 from discovery import symbols as s
-from discovery.mechanics.base import ArmBase, Channel, Mechanics
+from discovery.mechanics.base import SHORTENING_RADIUS, ArmBase, Channel, Mechanics
 from discovery.mechanics.rod_shapes import (
     bending_matrix,
     mass_matrix,
@@ -22,7 +22,7 @@ from discovery.mechanics.rod_shapes import (
 )
 from discovery.parameters import HalfNormal, Normal, Parameter
 
-__all__ = ["BASE", "TWO_MODES", "Elastica", "ElasticaTwoModes"]
+__all__ = ["BASE", "ONE_MODE", "TWO_MODES", "Elastica", "ElasticaOneMode", "ElasticaTwoModes"]
 
 
 class Elastica(ArmBase):
@@ -40,7 +40,7 @@ class Elastica(ArmBase):
     n_coordinates = 3
     nodes = 6
     lanes = 8
-    provides = frozenset({"cubic_stiffness", "quintic_stiffness", "radius_law", "distributed_mass"})
+    provides = frozenset({"cubic_stiffness", "quintic_stiffness", "radius_law", "distributed_mass", *SHORTENING_RADIUS})
 
     mu = Parameter("1", "rod mass over tip mass", (0.005, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
 
@@ -50,7 +50,7 @@ class Elastica(ArmBase):
 
     @cached_property
     def _weights(self) -> np.ndarray:
-        return reduced_shapes(self.n_coordinates)
+        return reduced_shapes(max(2, self.n_coordinates))[: self.n_coordinates]
 
     @cached_property
     def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -126,6 +126,14 @@ class Elastica(ArmBase):
         channels[s.y_g] = Channel(
             sn * moment_x + c * moment_y, tuple(sn * a + c * b for a, b in zip(lever_x, lever_y, strict=True))
         )
+        # Angular momentum, the sum of p x v; its rate is that of p x a.
+        speed_x = [-s.omega_m * path_y[a] + sum(px[k][a] * qd[k] for k in range(n)) for a in points]
+        speed_y = [s.omega_m * path_x[a] + sum(py[k][a] * qd[k] for k in range(n)) for a in points]
+
+        def moment(ux, uy) -> sp.Expr:
+            return tip_share * sum(share[a] * (path_x[a] * uy[a] - path_y[a] * ux[a]) for a in points)
+
+        channels[s.h] = Channel(moment(speed_x, speed_y), tuple(moment(px[k], py[k]) for k in range(n)), moment(ax, ay))
         # U = |L^T q|^2 / 2 with L L^T the bending matrix: its components relax, each by itself.
         root = np.linalg.cholesky(stiffness)
         components = tuple(
@@ -208,4 +216,11 @@ class ElasticaTwoModes(Elastica):
     n_coordinates = 2
 
 
-BASE, TWO_MODES = Elastica(), ElasticaTwoModes()
+class ElasticaOneMode(Elastica):
+    """The exact arm in the static shape of a small force alone: one coordinate, no ringing, all of its inertia."""
+
+    name = "elastica_1"
+    n_coordinates = 1
+
+
+BASE, TWO_MODES, ONE_MODE = Elastica(), ElasticaTwoModes(), ElasticaOneMode()

@@ -61,7 +61,8 @@ def effect_formula(effect: Effect, system: str) -> str:
 
     name = _coordinate(system)
     if effect.kind in _LETTERS:
-        lines = [_equal(symbol(_LETTERS[effect.kind]), expression(effect.expression(), name))]  # type: ignore[attr-defined]
+        letter = "F" if getattr(effect, "on", None) is not None else _LETTERS[effect.kind]
+        lines = [_equal(symbol(letter), expression(effect.expression(), name))]  # type: ignore[attr-defined]
         if effect.kind == "memory":
             for state, rate in effect.states().items():  # type: ignore[attr-defined]
                 lines.append(_equal(symbol(state.name, 1), expression(rate, name)))
@@ -98,6 +99,8 @@ def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
         momentum = sp.diff(declared, s.omega)
         pairs = ((s.theta_m, s.omega_m), (s.omega_m, s.alpha_m), (s.theta, s.omega))
         return sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(declared, s.theta)
+    if getattr(effect, "on", None) is not None:
+        return -declared * _lever(effect.on, mechanics)  # type: ignore[attr-defined]
     channels = s.POSITION_CHANNELS if effect.kind == "potential" else s.RATE_CHANNELS
     sign = -1 if effect.kind == "load" else 1
     added = sp.Integer(0)

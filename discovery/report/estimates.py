@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from importlib.resources import files
 from typing import Any
 
 from markupsafe import Markup
@@ -12,6 +10,7 @@ from markupsafe import Markup
 from discovery.mechanics import get_base
 from discovery.registry import catalogue, get_effect
 from discovery.report.numbers import MISSING, interval, significant, uncertain, unit_text
+from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import LAWS, MASSES
@@ -23,8 +22,7 @@ _ORDER = ("alpha", "beta", "beta/alpha", "gamma")
 
 def published(run: Run) -> Mapping[str, Any]:
     """Return the source paper's numbers where the run's rig is the paper's, else nothing."""
-    text = files("discovery.report").joinpath("templates/published.toml").read_text(encoding="utf-8")
-    paper = tomllib.loads(text)
+    paper = paper_numbers()
     quantities = run.results["rig"].get("quantities", {})
     same = run.is_arm and all(
         name in quantities and abs(quantities[name]["value"] - value) < 1e-3 * value

@@ -34,7 +34,8 @@ def build_index(folder: Path) -> Path:
     Parameters
     ----------
     folder : Path
-        Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop.
+        Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
+        ``studies.json`` holds the source paper's reproduction.
 
     Returns
     -------
@@ -50,7 +51,8 @@ def build_index(folder: Path) -> Path:
     loops = [p.parent for p in sorted(folder.glob("*/loop.json")) if not (p.parent / "results.json").exists()]
     if not whole and not loops:
         raise InputError(f"{folder} holds no finished run; make one with `discovery run ... --out {folder}/NAME`.")
-    context = {"runs": [_section(run) for run in whole], "loops": [_row(p) for p in loops]}
+    paper = next(iter(sorted(folder.glob("*/studies.json"))), None)
+    context = {"paper": paper.parent.name if paper else "", "runs": [_section(run) for run in whole], "loops": [_row(p) for p in loops]}
     path = folder / "index.html"
     with atomic_write(path) as temporary:
         temporary.write_text(environment().get_template("index.html.j2").render(context), encoding="utf-8")

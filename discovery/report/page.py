@@ -35,7 +35,7 @@ from discovery.report.words import clause, effect_name, effect_title, headline, 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["added_effects", "build_report", "environment", "found_terms", "regression_equation", "three_terms"]
+__all__ = ["added_effects", "build_report", "embed", "environment", "found_terms", "regression_equation", "three_terms"]
 
 
 def build_report(run_dir: str | os.PathLike[str]) -> Path:
@@ -64,7 +64,7 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     figures: dict[str, list[dict[str, Any]]] = {}
     with styled():
         for section, pictures in draw_all(run).items():
-            figures[section] = [_embed(run.folder, picture) for picture in pictures]
+            figures[section] = [embed(run.folder, picture) for picture in pictures]
     for table in tables.values():
         with atomic_write(run.folder / "tables" / f"{table.name}.csv") as temporary:
             temporary.write_text(table.csv(), encoding="utf-8")
@@ -75,7 +75,7 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     return path
 
 
-def _embed(folder: Path, picture: Picture) -> dict[str, Any]:
+def embed(folder: Path, picture: Picture) -> dict[str, Any]:
     """Write a figure's own file, and return it as the page embeds it."""
     suffix, content = render(picture)
     with atomic_write(folder / "figures" / f"{picture.name}{suffix}") as temporary:
@@ -93,12 +93,12 @@ def _embed(folder: Path, picture: Picture) -> dict[str, Any]:
     }
 
 
-def environment() -> Environment:
-    """Return the templates of the report with their filters."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def environment(*packages: str) -> Environment:
+    """Return the templates of the report, and of other packages beside them, with their filters."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     made = Environment(
-        loader=PackageLoader("discovery.report"),
+        loader=ChoiceLoader([PackageLoader(package) for package in (*packages, "discovery.report")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -12,7 +12,7 @@ import numpy as np
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import ARM, OSCILLATOR, Drive, Effect, Memory, Sensor
+from discovery.effect import ARM, OSCILLATOR, Drive, Effect, Load, Memory, Sensor
 from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.model import Model
@@ -75,7 +75,8 @@ def expressions(effect: Effect, system: str) -> Iterator[tuple[sp.Expr, str, Map
         own = dict.fromkeys(states, "q")
         for slope in states.values():
             yield slope, "q s^-1", own
-    yield effect.expression(), _KIND_UNITS[effect.kind], own  # type: ignore[attr-defined]
+    stated = effect.power() if isinstance(effect, Load) else effect.expression()  # type: ignore[attr-defined]
+    yield stated, _KIND_UNITS[effect.kind], own
 
 
 class DeclarationContract:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from discovery import symbols as s
 from discovery.compile import numpy_derivative
-from discovery.effect import Effect, Memory
+from discovery.effect import Effect, Load, Memory
 from discovery.mechanics import get_base
 from discovery.program import Program
 from discovery.testing.states import Sample, whole
@@ -112,6 +112,8 @@ def memory_states(effect: Memory, base_name: str) -> dict[sp.Symbol, sp.Expr]:
 
 def energy(effect: Effect, base_name: str) -> sp.Expr:
     """Return the energy or power of an effect on a base, in channels and states."""
+    if isinstance(effect, Load):
+        return effect.power()
     expression = effect.expression()  # type: ignore[attr-defined]
     if not isinstance(effect, Memory):
         return expression

@@ -13,7 +13,7 @@ from scipy.interpolate import BPoly
 from discovery import symbols as s
 from discovery.compile import compile_kernel
 from discovery.drive import Drive
-from discovery.effect import Memory
+from discovery.effect import Load, Memory
 from discovery.mechanics import get_base
 from discovery.program import RECORDED
 from discovery.registry import get_effect
@@ -120,6 +120,12 @@ class MechanicsContract:
             "kinetic": lambda i: push(i, sample) - momentum_rate(i),
         }
         row = rows.get(instance.kind, lambda i: push(n + i, sample))
+        if isinstance(instance, Load) and (on := instance.on) is not None:
+            force = bare_base(base, sample).of(instance.expression())
+
+            def row(i: int) -> FloatArray:
+                return force * derivative(lambda by: bare_base(base, sample.moved(n + i, by)).of(on))
+
         assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
         expected = np.array([row(i) for i in range(n)])
         np.testing.assert_allclose(added, expected, rtol=1e-5, atol=1e-7 * np.abs(added).max())

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from discovery.elastica import DEFLECTION_MAX, perpendicular_law
+from discovery.elastica.beam import DEFLECTION_MAX, perpendicular_law
 from discovery.errors import InputError
 
 __all__ = [
@@ -82,7 +82,7 @@ def spring_law(delta: npt.ArrayLike) -> FloatArray:
     Parameters
     ----------
     delta : array_like
-        Deflection [rad], within the domain of :func:`discovery.elastica.perpendicular_law`.
+        Deflection [rad], within the domain of :func:`discovery.elastica.beam.perpendicular_law`.
 
     Returns
     -------

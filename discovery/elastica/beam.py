@@ -5,7 +5,7 @@ The normalised equation is eq. (5) of the paper,
 .. math:: \theta'' = F_n \sin(\theta - \varphi), \quad \theta(0) = 0, \quad \theta'(1) = 0, \quad F_n = F l^2 / EI,
 
 for a force of any magnitude and of any direction :math:`\varphi`, on the branch without inflection (the stable one).
-`discovery.elastica_integrals` solves it; here are the tip, the shape and the law of a perpendicular force.
+`discovery.elastica.integrals` solves it; here are the tip, the shape and the law of a perpendicular force.
 """
 
 from __future__ import annotations
@@ -15,18 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from discovery.elastica_integrals import (
-    TINY,
-    Load,
-    bend,
-    clamp_parameter,
-    clamp_slope,
-    fold,
-    half_angle,
-    increasing_root,
-    integrals,
-    modulus,
-)
+from discovery.elastica.integrals import TINY, bend, blockwise, clamp_parameter, fold, increasing_root
 from discovery.errors import InputError
 
 __all__ = [
@@ -58,6 +47,8 @@ class TipState:
         Distance from the clamp, ``rho_t / l`` [-].
     angle : ndarray
         Polar angle ``delta = theta_t - theta_m`` [rad].
+    shortening : ndarray
+        ``1 - radius`` [-], with the digits that the radius of a nearly straight beam has lost.
     """
 
     x: FloatArray
@@ -65,6 +56,7 @@ class TipState:
     slope: FloatArray
     radius: FloatArray
     angle: FloatArray
+    shortening: FloatArray
 
 
 @dataclass(frozen=True)
@@ -90,6 +82,10 @@ class BeamShape:
 def tip_under_load(force: npt.ArrayLike, direction: npt.ArrayLike) -> TipState:
     """Tip of the elastica under a tip force (the map behind eq. (6) of the paper).
 
+    Smooth in the components of the force, except where compression along the undeflected beam reaches the Euler load.
+    The angle keeps its relative precision however straight the beam; the shortening too, under a finite force along the
+    beam, and to about ``1e-14 / F_n`` under a force that vanishes.
+
     Parameters
     ----------
     force : array_like
@@ -108,10 +104,14 @@ def tip_under_load(force: npt.ArrayLike, direction: npt.ArrayLike) -> TipState:
     InputError
         If a load is not finite or its magnitude exceeds ``FORCE_MAX``.
     """
-    load = fold(force, direction)
-    z = clamp_parameter(load)
-    x, y, slope = bend(load, z, np.zeros_like(z))
-    return TipState(x, y, slope, np.hypot(x, y), np.arctan2(y, x))
+
+    def tip(force: FloatArray, direction: FloatArray) -> tuple[FloatArray, ...]:
+        load = fold(force, direction)
+        b = bend(load.w, load.c, clamp_parameter(load))
+        x, y = 1.0 - b.shortening, load.sign * b.y
+        return x, y, load.sign * b.turn, np.hypot(x, y), np.arctan2(y, x), b.radial_shortening
+
+    return TipState(*blockwise(tip, np.asarray(force, np.float64), np.asarray(direction, np.float64)))
 
 
 def shape_under_load(force: npt.ArrayLike, direction: npt.ArrayLike, arc: npt.ArrayLike | None = None) -> BeamShape:
@@ -139,19 +139,31 @@ def shape_under_load(force: npt.ArrayLike, direction: npt.ArrayLike, arc: npt.Ar
         raise InputError("The arc lengths of an elastica must be a vector of numbers from 0 (clamp) to 1 (tip).")
     load = fold(np.asarray(force)[..., None], np.asarray(direction)[..., None])
     z = clamp_parameter(load)
-    tension = np.sqrt(load.force)
+    whole, tension = bend(load.w, load.c, z), np.sqrt(load.force)
+    p = np.sqrt(whole.p2)
 
-    def equation(fall: FloatArray) -> tuple[FloatArray, FloatArray]:
-        c = half_angle(load, z, fall)[1]
-        return tension * (1.0 - s) - integrals(load, z, z - fall, c)[0], 1.0 / np.maximum(c, load.c)
+    def half_angle(fall: FloatArray, w: FloatArray, c: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        # Without cancellation near w = 1.
+        c2 = c**2 + (w / np.cosh(z)) ** 2 * np.sinh(fall) * np.sinh(2.0 * z - fall)
+        return w * np.cosh(z - fall) / np.cosh(z), np.sqrt(c2)
+
+    def equation(fall: FloatArray, *parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        *clamp, rest = parameters
+        w, c = half_angle(fall, *clamp)
+        return rest - bend(w, c, clamp[2] - fall).t, 1.0 / c
 
     # 1 / p <= dT/dz <= 1 / c bounds the fall of z from the clamp to s.
-    low = np.minimum(load.c * tension * s, z)
-    high = np.minimum(modulus(load, z) * tension * s, z)
-    fall = increasing_root(equation, low, high, 0.5 * (low + high))
-    whole_x, whole_y, whole_slope = bend(load, z, np.zeros_like(z))
-    rest_x, rest_y, rest_slope = bend(load, z, fall)
-    return BeamShape(s, whole_slope - rest_slope, whole_x - rest_x, whole_y - rest_y)
+    low, high = np.minimum(load.c * tension * s, z), np.minimum(p * tension * s, z)
+    fall = increasing_root(equation, low, high, 0.5 * (low + high), load.w, load.c, z, tension * (1.0 - s))
+    rest = bend(*half_angle(fall, load.w, load.c, z), z - fall)
+    slope = whole.turn - rest.turn
+    x, y = 1.0 - rest.shortening, rest.y
+    return BeamShape(
+        s,
+        load.sign * slope,
+        1.0 - whole.shortening - (1.0 - s) * (np.cos(slope) * x - np.sin(slope) * y),
+        load.sign * (whole.y - (1.0 - s) * (np.sin(slope) * x + np.cos(slope) * y)),
+    )
 
 
 def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -185,16 +197,15 @@ def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         )
     size = np.maximum(np.abs(angle), TINY)
     phi = size + np.pi / 2
-    load = Load(size, phi, np.sign(angle), np.sin(phi / 2), np.cos(phi / 2))
+    w, c = np.sin(phi / 2), np.cos(phi / 2)
 
-    def equation(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        t, d = integrals(load, z, z, load.c)
-        q2 = (load.w / np.cosh(z)) ** 2
-        slope = clamp_slope(load, z, d)
-        return (load.w * np.tanh(z)) ** 2 - d / t - 0.5 * np.sin(size), q2 * np.tanh(z) + d * slope / t**2
+    def equation(z: FloatArray, w: FloatArray, c: FloatArray, half_sine: FloatArray) -> tuple[FloatArray, FloatArray]:
+        b = bend(w, c, z)
+        along = (b.w * b.tau) ** 2 - b.d / b.t - half_sine
+        return along, b.q2 * b.tau + b.d * b.t_z / b.t**2
 
     # sqrt(1.5 delta) is the root's small-deflection limit and 0.3 % off at pi / 2.
     guess = np.sqrt(1.5 * size)
-    z = increasing_root(equation, 0.8 * guess, 1.25 * guess, guess)
-    t = integrals(load, z, z, load.c)[0]
-    return load.sign * t**2, 2.0 * load.w * np.tanh(z) / t
+    z = increasing_root(equation, 0.8 * guess, 1.25 * guess, guess, w, c, 0.5 * np.sin(size))
+    b = bend(w, c, z)
+    return np.sign(angle) * b.t**2, 2.0 * w * b.tau / b.t

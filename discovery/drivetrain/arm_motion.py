@@ -1,0 +1,174 @@
+"""Motion of the arm with its coupling torque, under a prescribed motor or as it was fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import count, pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.drivetrain.coupling import Arm, effective_inertia
+from discovery.errors import InputError, SimulationFailure
+from discovery.simulate import DriveLike
+
+if TYPE_CHECKING:
+    from discovery.fit import Fit
+
+__all__ = ["ArmMotion", "fitted_coupling", "integrate", "move_arm"]
+
+FloatArray = NDArray[np.float64]
+
+_TOLERANCE = 1e-9
+#: States beyond this size, or so many evaluations within one stretch, count as blown up.
+_LIMIT, _EVALUATIONS = 1e9, 1_000_000
+
+
+@dataclass(frozen=True)
+class ArmMotion:
+    """A motion of the arm under a prescribed motor, shapes (k,).
+
+    Attributes
+    ----------
+    time : ndarray
+        Times [s].
+    theta_m, theta_t : ndarray
+        Angle of the motor and polar angle of the tip [rad].
+    x, y : ndarray
+        Position of the tip [m].
+    coupling_torque : ndarray
+        Gamma_c of eq. (10) [N m].
+    states : ndarray, shape (n, k)
+        Coordinates, rates and memory of the model.
+    """
+
+    time: FloatArray
+    theta_m: FloatArray
+    theta_t: FloatArray
+    x: FloatArray
+    y: FloatArray
+    coupling_torque: FloatArray
+    states: FloatArray
+
+
+def integrate(
+    slopes: Callable[[float, FloatArray, bool], FloatArray],
+    start: FloatArray,
+    time: FloatArray,
+    kinks: FloatArray,
+    *,
+    tolerance: float = _TOLERANCE,
+) -> FloatArray:
+    """Integrate with LSODA, restarted at every kink, and return the states (n, k) at `time`.
+
+    Parameters
+    ----------
+    slopes : callable
+        Of time, state and whether the limit from the left is meant (at the end of a stretch).
+    start : ndarray, shape (n,)
+        State at the first time.
+    time : ndarray, shape (k,)
+        Increasing times [s].
+    kinks : ndarray
+        Times at which slopes jump [s].
+    tolerance : float
+        Relative tolerance of LSODA; the absolute one is a tenth of it.
+
+    Raises
+    ------
+    SimulationFailure
+        If the motion blows up or the integrator gives up.
+    """
+    from scipy.integrate import solve_ivp
+
+    states = np.empty((start.size, time.size))
+    states[:, 0] = state = start
+    inner = kinks[(kinks > time[0]) & (kinks < time[-1])]
+    for begin, end in pairwise(np.unique([time[0], *inner, time[-1]])):
+        inside = (time > begin) & (time <= end)
+        left = count(_EVALUATIONS, -1)
+
+        def checked(t: float, y: FloatArray, stop: float = end, left: Iterator[int] = left) -> FloatArray:
+            if not np.all(np.abs(y) < _LIMIT) or not next(left):
+                raise SimulationFailure({}, t, "the motion is not finite any more, or too fast to follow.")
+            return slopes(t, y, t >= stop)
+
+        path = solve_ivp(
+            checked,
+            (begin, end),
+            state,
+            "LSODA",
+            t_eval=np.unique([*time[inside], end]),
+            rtol=tolerance,
+            atol=0.1 * tolerance,
+        )
+        if not path.success:
+            raise SimulationFailure({}, float(path.t[-1]) if path.t.size else float(begin), str(path.message))
+        states[:, inside] = path.y[:, : int(inside.sum())]
+        state = path.y[:, -1]
+    return states
+
+
+def move_arm(
+    arm: Arm,
+    drive: DriveLike,
+    time: FloatArray,
+    *,
+    deflection: float = 0.0,
+    rate: float = 0.0,
+) -> ArmMotion:
+    """Simulate the arm under a prescribed motion of its motor, with the coupling torque.
+
+    Parameters
+    ----------
+    arm : Arm
+        The model with its numbers.
+    drive : DriveLike
+        Motion of the motor.
+    time : ndarray, shape (k,)
+        Increasing times [s].
+    deflection, rate : float
+        At the first time [rad], [rad/s].
+
+    Raises
+    ------
+    SimulationFailure
+        If the motion blows up.
+    """
+    size = len(arm.program.states)
+
+    def slopes(t: float, state: FloatArray, left: bool) -> FloatArray:
+        motor = drive.evaluate(t, side="left" if left else "right")[:, 0]
+        return np.array(arm.rows(t, motor.tolist(), state.tolist())[:size], float)
+
+    motor = drive.evaluate(time)
+    states = integrate(slopes, arm.start(deflection, rate, motor[:2, 0]), time, np.asarray(drive.kinks, float))
+    rows = [np.broadcast_to(np.asarray(row, float), time.shape) for row in arm.rows(time, motor, states)[size:]]
+    return ArmMotion(time, motor[0], rows[1], rows[2], rows[3], arm.inertia * rows[0], states)
+
+
+def fitted_coupling(fit: Fit, inertia: float | None = None) -> list[ArmMotion]:
+    """Return the motion of a fitted model with its coupling torque, on each of its recordings.
+
+    Parameters
+    ----------
+    fit : Fit
+        A fit on recordings of an arm.
+    inertia : float, optional
+        m_eff l^2 [kg m^2]; that of the rig file otherwise.
+
+    Raises
+    ------
+    InputError
+        For an oscillator, or if the masses are not known.
+    """
+    motions = []
+    for experiment in fit.problem.bench.experiments:
+        if experiment.drive is None:
+            raise InputError(f"The recording {experiment.recording.name} has no motor.")
+        arm = Arm(fit.model, fit.values, effective_inertia(experiment.rig) if inertia is None else inertia)
+        first = [fit.values[f"{n}[{experiment.recording.name}]"] for n in ("delta_0_init", "rate_0_init")]
+        motions.append(move_arm(arm, experiment.drive, experiment.recording.time, deflection=first[0], rate=first[1]))
+    return motions

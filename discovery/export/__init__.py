@@ -1,0 +1,25 @@
+"""A discovered model to take along: as sympy, LaTeX, a Python file that needs numpy alone, and JSON."""
+
+from __future__ import annotations
+
+from discovery.export.files import FORMATS, export_model, read_fitted
+from discovery.export.fitted import FittedModel
+from discovery.export.json_file import from_json, to_json
+from discovery.export.latex import to_latex
+from discovery.export.source import to_numpy
+from discovery.export.symbolic import SymbolicModel, to_sympy
+from discovery.export.sympy_file import to_sympy_file
+
+__all__ = [
+    "FORMATS",
+    "FittedModel",
+    "SymbolicModel",
+    "export_model",
+    "from_json",
+    "read_fitted",
+    "to_json",
+    "to_latex",
+    "to_numpy",
+    "to_sympy",
+    "to_sympy_file",
+]

@@ -1,0 +1,91 @@
+"""From the folder of a finished run to the files that a user takes along."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from discovery.errors import InputError
+from discovery.export.fitted import FittedModel
+from discovery.export.json_file import to_json
+from discovery.export.latex import to_latex
+from discovery.export.source import to_numpy
+from discovery.export.sympy_file import to_sympy_file
+from discovery.io import atomic_write
+
+__all__ = ["FORMATS", "export_model", "read_fitted"]
+
+#: File and writer of each format.
+FORMATS: dict[str, tuple[str, Callable[[FittedModel], str]]] = {
+    "sympy": ("model_sympy.py", to_sympy_file),
+    "latex": ("model.tex", to_latex),
+    "numpy": ("model.py", to_numpy),
+    "json": ("model.json", to_json),
+}
+
+
+def read_fitted(folder: Path, what: str = "after") -> FittedModel:
+    """Return the model of a finished run or loop.
+
+    Parameters
+    ----------
+    folder : Path
+        With results.json or loop.json in it.
+    what : str
+        "before": the declared model refitted; "after": what the loop ended with.
+
+    Raises
+    ------
+    InputError
+        If the folder holds neither file, or one that does not hold its models.
+    """
+    path = next((folder / n for n in ("results.json", "loop.json") if (folder / n).exists()), None)
+    if path is None:
+        raise InputError(
+            f"{folder} holds no results.json and no loop.json; make one with `discovery run` or `discovery loop`."
+        )
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        described = content.get("models")
+        if described is None:
+            raise InputError(f"{path} does not hold its models: it was written by an earlier version. Make it again.")
+        found = FittedModel.from_dict(described[what])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path} cannot be read ({error!r}). Run it again.") from None
+    revision = content.get("provenance", {}).get("git_revision")
+    return replace(found, provenance={**found.provenance, "git_revision": revision}) if revision else found
+
+
+def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(FORMATS)) -> list[Path]:
+    """Write a model in some formats, each file beside its place first.
+
+    Parameters
+    ----------
+    found : FittedModel
+        What to write.
+    out : Path
+        Folder, made if need be.
+    formats : sequence of str
+        Of "sympy", "latex", "numpy", "json".
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    InputError
+        For an unknown format.
+    """
+    unknown = [f for f in formats if f not in FORMATS]
+    if unknown:
+        raise InputError(f"There is no format {', '.join(unknown)}; there are {', '.join(FORMATS)}.")
+    # All texts before the first file: a model that one format refuses leaves nothing behind.
+    texts = [(out / FORMATS[f][0], FORMATS[f][1](found)) for f in dict.fromkeys(formats)]
+    out.mkdir(parents=True, exist_ok=True)
+    for path, text in texts:
+        with atomic_write(path) as temporary:
+            Path(temporary).write_text(text, encoding="utf-8")
+    return [path for path, _ in texts]

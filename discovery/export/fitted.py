@@ -1,0 +1,184 @@
+"""A model with its numbers, detached from the recordings on which it was fitted."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.effect import ARM
+from discovery.errors import InputError
+from discovery.model import Model
+
+if TYPE_CHECKING:
+    from discovery.fit import Fit
+
+__all__ = ["FittedModel", "fitted_model", "reader_unit"]
+
+FloatArray = NDArray[np.float64]
+
+
+def reader_unit(unit: str, system: str) -> str:
+    """Return a unit as it is read outside: q is rad for an arm, and the unit of the output otherwise."""
+    return re.sub(r"\bq\b", "rad", unit) if system == ARM else unit
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A model with the value of every parameter.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    values : mapping of str to float
+        Every parameter of the model, fitted or not [SI, radians].
+    fitted : tuple of str
+        What was fitted, in the order of `covariance`; initial states are called ``delta_0_init[RECORDING]`` and
+        ``rate_0_init[RECORDING]``.
+    covariance : ndarray, shape (p, p)
+        Of the estimates; NaN rows where an interval is missing.
+    reasons : mapping of str to str
+        Why an interval is missing.
+    initial : mapping of str to (float, float)
+        Deflection [q] and rate [q/s] at the first sample, by recording.
+    step : float
+        Longest integration step of the fit [s].
+    provenance : mapping
+        Where the numbers come from: version, rig file and recordings with their hashes.
+
+    Raises
+    ------
+    InputError
+        If a parameter has no finite value.
+    """
+
+    model: Model
+    values: Mapping[str, float]
+    fitted: tuple[str, ...] = ()
+    covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)), compare=False)
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    initial: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    step: float = math.nan
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        missing = [n for n in self.model.parameters if not math.isfinite(self.values.get(n, math.nan))]
+        if missing:
+            raise InputError(f"The model has no value of {', '.join(missing)}; give a number for each.")
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviations of what was fitted; NaN where `reasons` says why."""
+        with np.errstate(invalid="ignore"):
+            return dict(zip(self.fitted, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @classmethod
+    def from_fit(cls, fit: Fit) -> FittedModel:
+        """Return what a fit found, the parameters that it held included."""
+        bench = fit.problem.bench
+        parameters, initial = fit.problem.expand(fit.minimum.x[:, None])
+        everything = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
+        recordings = [e.recording for e in bench.experiments]
+        rig = bench.experiments[0].rig
+        return cls(
+            model=fit.model,
+            values={n: everything[n] for n in fit.model.parameters},
+            fitted=fit.problem.names,
+            covariance=fit.covariance,
+            reasons=dict(fit.reasons),
+            initial={r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :, 0], strict=True)},
+            step=bench.step,
+            provenance={
+                "discovery": version("discovery"),
+                "rig": {"name": rig.name, "sha256": rig.sha256},
+                "data": [{"name": r.name, "source": Path(r.source).name, "sha256": r.sha256} for r in recordings],
+            },
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a JSON-ready description; numbers that are missing are null."""
+        system = self.model.mechanics.system
+        sd = self.sd
+        rows = []
+        for name, parameter in self.model.parameters.items():
+            rows.append(
+                {
+                    "name": name,
+                    "value": self.values[name],
+                    "sd": _null(sd.get(name, math.nan)),
+                    "unit": reader_unit(parameter.unit, system),
+                    "meaning": parameter.meaning,
+                    "fitted": name in self.fitted,
+                }
+            )
+        return {
+            "model": self.model.to_dict(),
+            "parameters": rows,
+            "covariance": {
+                "names": list(self.fitted),
+                "matrix": [[_null(v) for v in row] for row in self.covariance.tolist()],
+            },
+            "reasons": dict(self.reasons),
+            "initial": {n: list(state) for n, state in self.initial.items()},
+            "step_s": _null(self.step),
+            "provenance": dict(self.provenance),
+        }
+
+    @classmethod
+    def from_dict(cls, description: Mapping[str, Any]) -> FittedModel:
+        """Return the model that `to_dict` described."""
+        names = description["covariance"]["names"]
+        matrix = [[_number(v) for v in row] for row in description["covariance"]["matrix"]]
+        return cls(
+            model=Model.from_dict(description["model"]),
+            values={row["name"]: _number(row["value"]) for row in description["parameters"]},
+            fitted=tuple(names),
+            covariance=np.array(matrix, float).reshape(len(names), len(names)),
+            reasons=dict(description["reasons"]),
+            initial={n: (float(a), float(b)) for n, (a, b) in description["initial"].items()},
+            step=_number(description["step_s"]),
+            provenance=dict(description["provenance"]),
+        )
+
+
+def _null(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> FittedModel:
+    """Return a model with its numbers from whatever a caller has.
+
+    Parameters
+    ----------
+    source : FittedModel, Fit or Model
+        A bare model takes its numbers from `values`, then from what it knows.
+    values : mapping of str to float, optional
+        Numbers that replace those of `source` [SI, radians].
+
+    Raises
+    ------
+    InputError
+        For a name that is not a parameter of the model, or a parameter without a value.
+    """
+    given = dict(values or {})
+    model = source if isinstance(source, Model) else source.model
+    strangers = sorted(given.keys() - model.parameters.keys())
+    if strangers:
+        raise InputError(f"The model has no parameter {', '.join(strangers)}; it has {', '.join(model.parameters)}.")
+    if isinstance(source, Model):
+        known = {n: v for n, v in model.known.items() if n in model.parameters}
+        return FittedModel(model, {**known, **given})
+    found = source if isinstance(source, FittedModel) else FittedModel.from_fit(source)
+    return replace(found, values={**found.values, **given}) if given else found

@@ -1,0 +1,76 @@
+"""A model with its numbers as JSON, and back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from discovery.errors import InputError
+from discovery.export.fitted import FittedModel, fitted_model
+from discovery.export.latex import latex_lines
+from discovery.export.symbolic import equation_text
+
+if TYPE_CHECKING:
+    from discovery.fit import Fit
+    from discovery.model import Model
+
+__all__ = ["SCHEMA_VERSION", "from_json", "to_json"]
+
+#: Version of the layout in docs/EXPORT.md; it grows when a field changes its meaning or goes.
+SCHEMA_VERSION = 1
+_SCHEMA = "discovery-model"
+
+
+def to_json(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> str:
+    """Return a model as JSON text, laid out as docs/EXPORT.md says; `from_json` reads it.
+
+    Parameters
+    ----------
+    source : FittedModel, Fit or Model
+        What to export.
+    values : mapping of str to float, optional
+        Numbers that replace those of `source`.
+
+    Raises
+    ------
+    InputError
+        If a parameter has no value.
+    """
+    found = fitted_model(source, values)
+    content = {
+        "schema": _SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "system": found.model.mechanics.system,
+        **found.to_dict(),
+        "equation": {
+            "text": list(equation_text(found.model)),
+            "latex": [line.latex for line in latex_lines(found.model)],
+        },
+    }
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def from_json(text: str) -> FittedModel:
+    """Return the model that `to_json` wrote.
+
+    Raises
+    ------
+    InputError
+        If the text is not such JSON, or of a newer layout.
+    """
+    try:
+        content = json.loads(text)
+        if content["schema"] != _SCHEMA:
+            raise InputError(
+                f"The JSON is a {content['schema']!r}, not a {_SCHEMA!r}. Write it with `discovery export`."
+            )
+        if content["schema_version"] > SCHEMA_VERSION:
+            raise InputError(
+                f"The model has layout {content['schema_version']}, newer than {SCHEMA_VERSION}. Update discovery."
+            )
+        return FittedModel.from_dict(content)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"The text is not a model as `discovery export` writes it ({error!r}). Export it again."
+        ) from None

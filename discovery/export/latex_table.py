@@ -1,0 +1,63 @@
+"""The parameters of a model as a LaTeX table."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import sympy as sp
+
+from discovery.export.fitted import FittedModel, reader_unit
+
+__all__ = ["parameter_table", "words_in_text"]
+
+
+def _number(value: float, sd: float) -> str:
+    """Return a value with its standard deviation, as many digits as that warrants."""
+    if value == 0 and not math.isfinite(sd):
+        return "0"
+    size = max(abs(value), sd if math.isfinite(sd) else 0.0)
+    power = math.floor(math.log10(size)) if size > 0 else 0
+    power = power if not -4 <= power < 6 else 0
+    if math.isfinite(sd) and sd > 0:
+        places = max(0, 1 - math.floor(math.log10(sd)) + power)
+        body = f"{value / 10.0**power:.{places}f} \\pm {sd / 10.0**power:.{places}f}"
+    else:
+        body = f"{value / 10.0**power:.6g}"
+    if power == 0:
+        return body
+    return f"({body}) \\times 10^{{{power}}}" if "pm" in body else f"{body} \\times 10^{{{power}}}"
+
+
+def _unit(unit: str) -> str:
+    """Return a unit in upright letters."""
+    factors = [f.partition("^") for f in unit.split() if f != "1"]
+    return r"\,".join(rf"\mathrm{{{u}}}" + (f"^{{{p}}}" if p else "") for u, _, p in factors) or "1"
+
+
+def words_in_text(text: str) -> str:
+    """Return plain words with the characters escaped that LaTeX reads as commands."""
+    return re.sub(r"([&%#_$])", r"\\\1", text)
+
+
+def parameter_table(found: FittedModel, write: Callable[[sp.Expr], str]) -> list[str]:
+    """Return the lines of a tabular environment: value with one standard deviation, unit and meaning of each parameter.
+
+    Parameters
+    ----------
+    found : FittedModel
+        The model with its numbers.
+    write : callable
+        Returns the LaTeX of a symbol.
+    """
+    lines = [r"\begin{tabular}{llll}", r"parameter & value & unit & meaning \\ \hline"]
+    for name, parameter in found.model.parameters.items():
+        unit = _unit(reader_unit(parameter.unit, found.model.mechanics.system))
+        value = _number(found.values[name], found.sd.get(name, math.nan))
+        letter = write(sp.Symbol(name, real=True))
+        note = parameter.meaning + (
+            f", {found.reasons[name]}" if name in found.reasons else "" if name in found.fitted else ", held"
+        )
+        lines.append(f"${letter}$ & ${value}$ & ${unit}$ & {words_in_text(note)} \\\\")
+    return [*lines, r"\end{tabular}"]

@@ -1,0 +1,204 @@
+"""A model as sympy: the equation of motion where it has a closed form, and the exact program for every base."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+
+from discovery import symbols as s
+from discovery.equation import EquationTerms, equation_of_motion, equation_terms, motion_symbols
+from discovery.errors import InputError
+from discovery.export.fitted import FittedModel
+from discovery.model import Model
+from discovery.program import RECORDED, build_program
+
+if TYPE_CHECKING:
+    from discovery.fit import Fit
+
+__all__ = ["Assignments", "SymbolicModel", "closed_form", "equation_text", "program_of", "to_sympy"]
+
+Assignments = tuple[tuple[sp.Symbol, sp.Expr], ...]
+#: Initial deflection [q] and rate [q/s] in `SymbolicModel.initial`.
+DEFLECTION, RATE = sp.symbols("deflection rate", real=True)
+
+
+@dataclass(frozen=True)
+class SymbolicModel:
+    """A model in sympy: evaluate `drive`, `assignments` and `slopes` in this order.
+
+    Parameters
+    ----------
+    parameters : tuple of sympy.Symbol
+        Parameters that are still symbols.
+    recorded : tuple of sympy.Symbol
+        The recorded motor angle and its two derivatives, or the recorded input of an oscillator.
+    states : tuple of sympy.Symbol
+        Coordinates, their rates, states of memory effects; theta_t of an arm or q of an oscillator where there is a
+        closed form.
+    n_coordinates : int
+        Number of coordinates.
+    drive : tuple of (sympy.Symbol, sympy.Expr)
+        What the system receives (theta_m, theta_m', theta_m'', or u) in terms of `recorded` and t.
+    assignments : tuple of (sympy.Symbol, sympy.Expr)
+        Intermediate values in order.
+    slopes : tuple of sympy.Expr
+        Time derivative of each state.
+    reading : tuple of sympy.Expr
+        What the instrument reports: tip x, y [m], or the output.
+    lateness : sympy.Expr
+        Age of what it reports [s].
+    initial : tuple of sympy.Expr
+        The initial state for an initial `deflection` and `rate` and the motor's recorded angle and rate.
+    equation : sympy.Eq or None
+        The equation of motion, see `discovery.equation.equation_terms`; None where there is no closed form.
+    memory : tuple of sympy.Eq
+        The equations of the states of memory effects that `equation` needs.
+    """
+
+    parameters: tuple[sp.Symbol, ...]
+    recorded: tuple[sp.Symbol, ...]
+    states: tuple[sp.Symbol, ...]
+    n_coordinates: int
+    drive: Assignments
+    assignments: Assignments
+    slopes: tuple[sp.Expr, ...]
+    reading: tuple[sp.Expr, ...]
+    lateness: sp.Expr
+    initial: tuple[sp.Expr, ...]
+    equation: sp.Eq | None
+    memory: tuple[sp.Eq, ...]
+
+
+def closed_form(model: Model) -> EquationTerms | None:
+    """Return the equation term by term, or None where the base has no closed form."""
+    try:
+        return equation_terms(model)
+    except InputError:
+        return None
+
+
+def _needed(assignments: Sequence[tuple[sp.Symbol, sp.Expr]], results: Iterable[sp.Expr]) -> Assignments:
+    """Return the assignments on which the results depend."""
+    wanted = set().union(*[e.free_symbols for e in results])
+    kept = []
+    for symbol, expression in reversed(assignments):
+        if symbol in wanted:
+            kept.append((symbol, expression))
+            wanted |= expression.free_symbols
+    return tuple(reversed(kept))
+
+
+def _initial(model: Model, n_states: int) -> tuple[sp.Expr, ...]:
+    """Return the initial state as expressions: the base's own arithmetic, carried out on symbols."""
+
+    def array(*symbols: sp.Expr) -> np.ndarray:
+        return np.array(symbols, dtype=object)
+
+    start = array(*RECORDED[:2])[:, None]
+    q, rate = model.mechanics.initial_coordinates(array(DEFLECTION), array(RATE), start)
+    found = [sp.sympify(e) for e in (*q[:, 0], *rate[:, 0])]
+    return (*found, *[sp.Integer(0)] * (n_states - len(found)))
+
+
+def program_of(model: Model) -> SymbolicModel:
+    """Return a model with all of its parameters as symbols, states named as the program names them."""
+    program = build_program(model.base, model.effects)
+    terms = closed_form(model)
+    results = (*program.slopes, *program.reading, program.lateness)
+    arm = len(program.drive) > 1
+    return SymbolicModel(
+        parameters=tuple(sp.Symbol(n, real=True) for n in program.parameters),
+        recorded=RECORDED if arm else RECORDED[:1],
+        states=program.states,
+        n_coordinates=program.n_coordinates,
+        drive=program.drive,
+        assignments=_needed(program.derivative, results),
+        slopes=program.slopes,
+        reading=program.reading,
+        lateness=sp.sympify(program.lateness),
+        initial=_initial(model, len(program.states)),
+        equation=None if terms is None else equation_of_motion(model),
+        memory=() if terms is None else tuple(sp.Eq(sp.Symbol(f"{z.name}'", real=True), e) for z, e in terms.memory),
+    )
+
+
+def _substituted(found: SymbolicModel, names: Mapping[sp.Symbol, sp.Expr]) -> SymbolicModel:
+    """Return the model with symbols replaced throughout, all at once."""
+
+    def told(expression: sp.Expr) -> sp.Expr:
+        return sp.sympify(expression).xreplace(names)
+
+    def each(assignments: Assignments) -> Assignments:
+        return tuple((names.get(a, a), told(e)) for a, e in assignments)
+
+    return replace(
+        found,
+        parameters=tuple(p for p in found.parameters if p not in names),
+        states=tuple(names.get(y, y) for y in found.states),
+        drive=each(found.drive),
+        assignments=each(found.assignments),
+        slopes=tuple(map(told, found.slopes)),
+        reading=tuple(map(told, found.reading)),
+        lateness=told(found.lateness),
+        initial=tuple(map(told, found.initial)),
+        equation=None if found.equation is None else told(found.equation),
+        memory=tuple(map(told, found.memory)),
+    )
+
+
+def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> SymbolicModel:
+    """Return a model as sympy.
+
+    Parameters
+    ----------
+    source : FittedModel, Fit or Model
+        What to export; parameters stay symbols.
+    values : mapping of str to float, optional
+        Parameters to replace by numbers [SI, radians], for example ``fit.values``.
+
+    Returns
+    -------
+    SymbolicModel
+        Lagrange's equations (source paper, equations (7) to (16), or the exact arm); sensors and drive included.
+
+    Raises
+    ------
+    InputError
+        If an effect needs the linear stiffness and nothing declares it.
+    """
+    model = source if isinstance(source, Model) else source.model
+    found = program_of(model)
+    names = {s.delta_dot: "delta'", s.omega_m: "theta_m'", s.alpha_m: "theta_m''"}
+    written = {symbol: sp.Symbol(name, real=True) for symbol, name in names.items()}
+    if found.equation is not None:
+        written |= dict(zip(found.states[:2], motion_symbols(model.mechanics.system)[:2], strict=True))
+    found = _substituted(found, written)
+    numbers = {sp.Symbol(n, real=True): sp.Float(v) for n, v in (values or {}).items() if n in model.parameters}
+    return _substituted(found, numbers) if numbers else found
+
+
+#: Letters of the energies, and of the power of a load or a memory.
+LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+
+
+def equation_text(model: Model) -> tuple[str, ...]:
+    """Return the equations of motion as plain text, one a line; of a rod, Lagrange's with each effect's energy."""
+    received, from_recorded = build_program(model.base, model.effects).drive[0]
+    drive = () if from_recorded in RECORDED else (f"{received} = {from_recorded}, r_0 being what is recorded",)
+    terms = closed_form(model)
+    if terms is not None:
+        equation = equation_of_motion(model)
+        return (f"{equation.lhs} = {equation.rhs}", *(f"{z}' = {e}" for z, e in terms.memory), *drive)
+    lines = [
+        "theta(s, t) = theta_m(t) + sum_k q_k(t) phi_k(s)",
+        "d/dt dT/dq_k' - dT/dq_k + dV/dq_k + dD/dq_k' - dP/dq_k' = 0",
+    ]
+    for effect in model.terms:
+        if effect.kind in LETTERS:
+            letter = LETTERS[effect.kind] if getattr(effect, "on", None) is None else "F"
+            lines.append(f"{effect.id()}: {letter} = {effect.expression()}")  # type: ignore[attr-defined]
+    return (*lines, *drive)

@@ -1,0 +1,617 @@
+"""Exports: what leaves the package computes what the compiled kernel computes."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.mathtext import MathTextParser
+
+from discovery import registry, symbols
+from discovery.compile import numpy_derivative
+from discovery.drive import Drive
+from discovery.effect import ARM, Kinetic
+from discovery.effect import Drive as DriveEffect
+from discovery.equation import equation_terms
+from discovery.errors import InputError
+from discovery.experiment import make_experiment
+from discovery.export import (
+    FORMATS,
+    FittedModel,
+    export_model,
+    from_json,
+    read_fitted,
+    to_json,
+    to_latex,
+    to_numpy,
+    to_sympy,
+    to_sympy_file,
+)
+from discovery.fit import declared_model, fit
+from discovery.mechanics import get_base
+from discovery.model import Model
+from discovery.parameters import Parameter
+from discovery.program import build_program
+from discovery.recording import read_recording
+from discovery.registry import catalogue
+from discovery.rig_file import read_rig
+from discovery.simulate import Simulator
+from discovery.testing.states import every_effect
+
+ROOT = Path(__file__).parents[1]
+BASES = ("constant_radius", "reduced", "oscillator", "elastica_2", "elastica")
+CLOSED = ("constant_radius", "reduced", "oscillator")
+TIME = np.linspace(0.0, 0.48, 121)
+STEP = 0.002
+SINGLY = [(b, e) for b in CLOSED for e in every_effect(b)]
+TYPICAL = {"alpha": 8.8, "length": 0.9, "mu": 0.28, "tau_r": 1e-4, "xi": 0.05, "g": 1.3}
+
+
+class Sine:
+    """A smooth input."""
+
+    kinks = np.empty(0)
+
+    def evaluate(self, time, side="right"):
+        phase = 2.0 * np.atleast_1d(time)
+        return 0.5 * np.array([np.sin(phase), 2 * np.cos(phase), -4 * np.sin(phase)])
+
+
+DRIVE = Sine()
+
+
+def some_values(model: Model) -> dict[str, float]:
+    """Return a number for every parameter, at which its effect is felt."""
+    return {
+        n: TYPICAL.get(n, p.default if p.shape else float(np.clip(p.prior.width, *p.bounds)))
+        for n, p in model.parameters.items()
+    }
+
+
+def with_stiffness(base: str, *effects: str) -> Model:
+    return Model(base, tuple(dict.fromkeys(("linear_stiffness", *effects))))
+
+
+def module(source: str) -> dict[str, Any]:
+    """Run an exported source that may import one library only."""
+    assert set(re.findall(r"^(?:import|from) (\w+)", source, re.MULTILINE)) <= {"numpy"}
+    namespace: dict[str, Any] = {}
+    exec(compile(source, "model.py", "exec"), namespace)
+    return namespace
+
+
+def recorded(model: Model, time: np.ndarray) -> tuple[Any, ...]:
+    if model.mechanics.system == ARM:
+        return tuple(DRIVE.evaluate(time))
+    return (lambda at: DRIVE.evaluate(at)[0],)
+
+
+def kernel(
+    model: Model, values: dict[str, float], start: tuple[float, float], step: float = STEP, drive: Any = DRIVE
+) -> np.ndarray:
+    """Return the readings of the kernel that knows every effect of the base, those beyond the model's absent."""
+    whole = Model(model.base, every_effect(model.base))
+    simulator = Simulator(whole.base, whole.effects, TIME, drive, step=step)
+    parameters = np.array([[values.get(n, whole.parameters[n].default)] for n in simulator.names])
+    return simulator(parameters, *[np.array([v]) for v in start])[:, :, 0].T
+
+
+# numpy.
+
+
+def exported(model: Model, values: dict[str, float], start: tuple[float, float], step: float = STEP) -> np.ndarray:
+    simulate = module(to_numpy(model, values))["simulate"]
+    return simulate(TIME, *recorded(model, TIME), deflection=start[0], rate=start[1], step=step)
+
+
+@pytest.mark.parametrize(("base", "effect"), SINGLY, ids=["-".join(pair) for pair in SINGLY])
+def test_the_numpy_file_follows_the_kernel_with_each_effect(base: str, effect: str) -> None:
+    model = with_stiffness(base, effect)
+    values = some_values(model)
+    got = exported(model, values, (0.2, -0.3))
+    np.testing.assert_allclose(got, kernel(model, values, (0.2, -0.3)), rtol=0, atol=1e-9)
+    bare = with_stiffness(base)
+    if model != bare:
+        assert np.abs(got - kernel(bare, some_values(bare), (0.2, -0.3))).max() > 1e-6, "the effect is not felt"
+
+
+def test_every_effect_was_tried() -> None:
+    assert {e for _, e in SINGLY} == set(catalogue())
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_the_numpy_file_follows_the_kernel_with_all_effects(base: str) -> None:
+    model = Model(base, every_effect(base))
+    values = some_values(model)
+    np.testing.assert_allclose(
+        exported(model, values, (0.2, -0.3)), kernel(model, values, (0.2, -0.3)), rtol=0, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("base", ["constant_radius", "oscillator"])
+def test_a_sensor_that_runs_ahead_reads_beyond_the_last_step(base: str) -> None:
+    model = with_stiffness(base, "sensor_delay")
+    values = {**some_values(model), "tau": -0.05}
+    np.testing.assert_allclose(
+        exported(model, values, (0.2, 0.1)), kernel(model, values, (0.2, 0.1)), rtol=0, atol=1e-9
+    )
+
+
+def test_the_exported_integrator_is_of_order_four() -> None:
+    model = with_stiffness("constant_radius", "cubic_stiffness")
+    values = some_values(model)
+    fine = exported(model, values, (0.4, 0.0), 2.5e-4)
+    time, motor = TIME[::30], DRIVE.evaluate(TIME[::30])
+    assert np.diff(time)[0] == pytest.approx(0.12)
+    simulate = module(to_numpy(model, values))["simulate"]
+    error = [np.abs(simulate(TIME, *DRIVE.evaluate(TIME), deflection=0.4, step=h) - fine).max() for h in (0.004, 0.002)]
+    assert error[0] / error[1] == pytest.approx(16, rel=0.1)
+    # A coarse record of a smooth motor is joined to sixth order.
+    coarse = simulate(time, *motor, deflection=0.4, step=2.5e-4)
+    np.testing.assert_allclose(coarse, fine[:, ::30], atol=2e-7)
+
+
+def test_a_jump_of_the_acceleration_is_given_twice() -> None:
+    """The motor starts to turn with constant acceleration: the kernel is told by a kink, the file by a double time."""
+    kink, a = 0.2005, 3.0
+    rest = np.array([[0.0, 0.5 * a], [0.0, 0.0], [0.0, 0.0]])
+    drive = Drive(np.array([0.0, kink, 1.0]), rest, np.array([kink]))
+    model = with_stiffness("constant_radius", "viscous_damping", "sensor_delay")
+    values = {**some_values(model), "tau": 0.013}
+    expected = kernel(model, values, (0.0, 0.0), 5e-4, drive)
+    first = int(np.searchsorted(TIME, kink))
+    time = np.insert(TIME, first, [kink, kink])
+    motor = np.concatenate([drive.evaluate(time[: first + 1], side="left"), drive.evaluate(time[first + 1 :])], axis=1)
+    got = module(to_numpy(model, values))["simulate"](time, *motor, step=5e-4)
+    np.testing.assert_allclose(np.delete(got, [first, first + 1], axis=1), expected, rtol=0, atol=1e-9)
+    assert np.ptp(expected) > 0.1
+
+
+def test_parameter_sets_run_side_by_side() -> None:
+    model = with_stiffness("reduced", "coulomb_friction", "sensor_delay", "viscoelastic_relaxation")
+    values = some_values(model)
+    namespace = module(to_numpy(model, values))
+    alpha, tau, deflection = np.array([8.0, 9.0, 10.0]), np.array([0.0, 0.01, -0.02]), np.array([0.1, 0.2, 0.3])
+    motor = DRIVE.evaluate(TIME)
+    sets = {**namespace["PARAMETERS"], "alpha": alpha, "tau": tau}
+    together = namespace["simulate"](TIME, *motor, deflection=deflection, parameters=sets, step=STEP)
+    assert together.shape == (2, TIME.size, 3)
+    for k in range(3):
+        one = {**values, "alpha": alpha[k], "tau": tau[k]}
+        alone = namespace["simulate"](TIME, *motor, deflection=deflection[k], parameters=one, step=STEP)
+        np.testing.assert_allclose(together[..., k], alone, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("time", [[0.0], [0.0, 0.0], [0.0, 1.0, 0.5], [[0.0, 1.0]]])
+def test_times_that_make_no_record_are_refused(time: list) -> None:
+    model = with_stiffness("oscillator")
+    with pytest.raises(ValueError, match="never decreases"):
+        module(to_numpy(model, some_values(model)))["simulate"](time, 0.0)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_slopes_are_those_of_the_program_over_many_samples(base: str) -> None:
+    model = Model(base, every_effect(base))
+    values = some_values(model)
+    rng = np.random.default_rng(1)
+    program = build_program(model.base, model.effects)
+    state, motor = rng.uniform(-0.4, 0.4, (len(program.states), 40)), rng.uniform(-1, 1, (3, 40))
+    namespace = module(to_numpy(model, values))
+    inputs = motor if model.mechanics.system == ARM else motor[:1]
+    expected = numpy_derivative(program)(0.7, motor, state, [values[n] for n in program.parameters])
+    np.testing.assert_allclose(namespace["derivative"](0.7, state, *inputs), np.array(expected), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_the_initial_state_is_the_bases(base: str) -> None:
+    model = with_stiffness(base, "viscoelastic_relaxation")
+    deflection, rate, motor = np.array([0.1, -0.7]), np.array([0.3, 0.2]), np.array([0.4, -0.5])
+    arm = model.mechanics.system == ARM
+    state = module(to_numpy(model, some_values(model)))["initial_state"](deflection, rate, *(motor if arm else ()))
+    q, qd = get_base(base).initial_coordinates(deflection, rate, motor)
+    n = len(q)
+    np.testing.assert_allclose(state[: 2 * n], np.concatenate([q, qd]), rtol=1e-13, atol=1e-15)
+    assert (state[2 * n :] == 0).all()
+
+
+class EncoderRipple(DriveEffect):
+    """The encoder reads with a ripple, a gain and a drift."""
+
+    e_r = Parameter("q", "ripple", latex="e_r")
+    e_t = Parameter("q s^-1", "drift", latex="e_t")
+
+    def expression(self):
+        return 1.1 * symbols.theta_m + self.e_r * sp.sin(4 * symbols.theta_m) + self.e_t * symbols.t
+
+
+class AddedInertia(Kinetic):
+    """More mass at the tip, and an inertia that depends on the position."""
+
+    m_a = Parameter("1", "added mass", latex="m_a")
+
+    def expression(self):
+        s = symbols
+        return self.m_a * ((s.v_x**2 + s.v_y**2) / 2 + (1 + s.x * s.delta) * s.omega * s.delta_dot)
+
+
+@pytest.fixture
+def planted(monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
+    """Return effects of kinds that the catalogue does not have, known for one test."""
+    effects = {e.id(): e for e in (EncoderRipple(), AddedInertia())}
+    monkeypatch.setattr(registry, "catalogue", lambda: {**catalogue(), **effects})
+    return tuple(effects)
+
+
+@pytest.mark.parametrize("base", ["constant_radius", "reduced", "elastica_2"])
+def test_drive_and_kinetic_effects_are_exported(base: str, planted: tuple[str, ...]) -> None:
+    law = ("radius_law",) if base == "constant_radius" else ()
+    model = with_stiffness(base, *planted, *law)
+    values = {**some_values(model), "e_r": 0.02, "e_t": 0.3, "m_a": 0.4}
+    program = build_program(model.base, model.effects)
+    rng = np.random.default_rng(3)
+    time, state, motor = 0.7, rng.uniform(-0.4, 0.4, (len(program.states), 9)), rng.uniform(-1, 1, (3, 9))
+    namespace = module(to_numpy(model, values))
+    expected = numpy_derivative(program)(time, motor, state, [values[n] for n in program.parameters])
+    slopes = namespace["derivative"](time, state, *motor)
+    np.testing.assert_allclose(slopes, np.array(expected), rtol=1e-12, atol=1e-12)
+    # The instrument sees the arm where the motor really is.
+    received = 1.1 * motor[0] + 0.02 * np.sin(4 * motor[0]) + 0.3 * time
+    bare = with_stiffness(base, *law)
+    plain = module(to_numpy(bare, {n: values[n] for n in bare.parameters}))["reading"](time, state, received)
+    np.testing.assert_allclose(namespace["reading"](time, state, motor[0]), plain, rtol=1e-13)
+    assert r"\theta_m = " in to_latex(model, values)
+    found = to_sympy(model)
+    if found.equation is None:
+        return
+    rate = motor[1] * (1.1 + 0.08 * np.cos(4 * motor[0])) + 0.3
+    bend = motor[2] * (1.1 + 0.08 * np.cos(4 * motor[0])) - 0.32 * np.sin(4 * motor[0]) * motor[1] ** 2
+    meaning = {
+        **values, "theta_t": state[0], "theta_t'": state[1], "theta_t''": slopes[1], "delta": state[0] - received,
+        "delta'": state[1] - rate, "theta_m''": bend,
+    }  # fmt: skip
+    left = found.equation.lhs
+    names = sorted(left.free_symbols, key=str)
+    np.testing.assert_allclose(sp.lambdify(names, left)(*[meaning[x.name] for x in names]), 0.0, atol=1e-12)
+
+
+# sympy.
+
+
+@cache
+def evaluator(base: str):
+    model = Model(base, every_effect(base))
+    found = to_sympy(model)
+    time = sp.Symbol("t", real=True)
+    arguments = [time, *found.recorded, *found.states, *found.parameters]
+    # One assignment after the other, as the documentation says.
+    steps, known = [], list(arguments)
+    for symbol, expression in (*found.drive, *found.assignments):
+        steps.append(sp.lambdify(known, expression))
+        known.append(symbol)
+    last = sp.lambdify(known, [*found.slopes, *found.reading])
+
+    def evaluate(*values: float) -> list[float]:
+        numbers = list(values)
+        for step in steps:
+            numbers.append(step(*numbers))
+        return last(*numbers)
+
+    return model, found, evaluate
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_the_sympy_program_is_the_kernels(base: str) -> None:
+    model, found, evaluate = evaluator(base)
+    program = build_program(model.base, model.effects)
+    values = some_values(model)
+    rng = np.random.default_rng(2)
+    numbers = [values[n] for n in program.parameters]
+    assert [p.name for p in found.parameters] == list(program.parameters)
+    state, motor = rng.uniform(-0.4, 0.4, len(program.states)), rng.uniform(-1, 1, 3)
+    got = evaluate(0.3, *motor[: len(found.recorded)], *state, *numbers)
+    expected = numpy_derivative(program)(0.3, motor, state, numbers)
+    np.testing.assert_allclose(got[: len(expected)], expected, rtol=1e-12, atol=1e-12)
+    lateness = float(found.lateness.subs("tau", values["tau"])) if found.lateness.is_number else values["tau"]
+    assert lateness == values["tau"]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.sampled_from(CLOSED), st.lists(st.floats(-0.6, 0.6), min_size=7, max_size=7))
+def test_the_equation_of_motion_holds_for_the_kernels_acceleration(base: str, numbers: list[float]) -> None:
+    """Lagrange's equation, derived from energies, against the program's forces and mass."""
+    model, found, _ = evaluator(base)
+    angle, rate, strain, *motor, time = numbers
+    # Away from the kink of drag.
+    rate += 1.0
+    values = some_values(model)
+    program = build_program(model.base, model.effects)
+    slopes = numpy_derivative(program)(time, motor, [angle, rate, strain], [values[n] for n in program.parameters])
+    arm = model.mechanics.system == ARM
+    deflection, turn = (angle - motor[0], rate - motor[1]) if arm else (angle, rate)
+    meaning = {
+        **values, "theta_t": angle, "theta_t'": rate, "theta_t''": slopes[1], "q": angle, "q'": rate, "q''": slopes[1],
+        "delta": deflection, "delta'": turn, "theta_m''": motor[2], "u": motor[0], "t": time, "e_v_0": strain,
+        "e_v_0'": slopes[2],
+    }  # fmt: skip
+    for equation in (found.equation, *found.memory):
+        left = equation.lhs - equation.rhs
+        names = sorted(left.free_symbols, key=str)
+        assert abs(_lambdified(left, tuple(names))(*[meaning[x.name] for x in names])) < 1e-10
+
+
+@cache
+def _lambdified(expression: sp.Expr, names: tuple[sp.Symbol, ...]):
+    return sp.lambdify(names, expression)
+
+
+def test_numbers_are_substituted_on_request() -> None:
+    model = Model("reduced", ("viscous_damping", "linear_stiffness", "viscoelastic_relaxation"))
+    found = to_sympy(model, {"alpha": 8.5, "mu": 0.0})
+    assert {p.name for p in found.parameters} == {"length", "xi", "v", "tau_v"}
+    everything = (found.equation, *found.memory, *found.slopes, *found.reading)
+    names = {x.name for e in everything if e is not None for x in e.free_symbols}
+    assert names.isdisjoint({"alpha", "mu"})
+    assert names >= {"xi", "v"}
+    slope = found.equation.lhs.diff(sp.Symbol("delta", real=True)).subs("delta", 0)  # type: ignore[union-attr]
+    still = dict.fromkeys(slope.free_symbols, 0)
+    assert float(slope.xreplace(still)) == pytest.approx(8.5)
+
+
+def test_the_reduced_equation_expands_to_the_papers_third_order() -> None:
+    """Finding h: c1 = 1/5, c2 = -2/5, c3 = 1/25, beta = 0.122 alpha, and -1/25 delta^2 theta_m''."""
+    terms = equation_terms(Model("reduced", ("linear_stiffness",), {"mu": 0.0}))
+    delta, rate, turn, motor, small = sp.symbols("delta theta_t' delta' theta_m'' epsilon", real=True)
+    whole = sp.Add(*[t for _, t in terms.terms]) / terms.inertia
+    scaled = whole.subs({x: small * x for x in (delta, rate, turn, motor)}, simultaneous=True).subs("mu", 0)
+    third = sp.series(scaled.subs(sp.Symbol("mu", real=True), 0), small, 0, 4).removeO().coeff(small, 3)
+    alpha = sp.Symbol("alpha", real=True)
+    beta = sp.Rational(13, 210) - sp.Rational(1, 10) + sp.Rational(1, 5) - sp.Rational(1, 25)
+    expected = alpha * beta * delta**3 + delta * rate**2 / 5 - 2 * delta * turn * rate / 5 + delta * turn**2 / 25
+    assert sp.expand(third - (expected - delta**2 * motor / 25)) == 0
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_the_sympy_file_rebuilds_the_expressions(base: str) -> None:
+    model, found, _ = evaluator(base)
+    values = some_values(model)
+    source = to_sympy_file(model, values)
+    assert set(re.findall(r"^(?:import|from) (\w+)", source, re.MULTILINE)) == {"sympy"}
+    names = re.findall(r"^(\w+) = Symbol", source, re.MULTILINE)
+    assert len(names) == len(set(names))
+    namespace: dict[str, Any] = {}
+    exec(source, namespace)
+    numbers = {x: sp.Float(0.1 + 0.03 * i) for i, x in enumerate(sorted({
+        x for e in (*found.slopes, *found.reading, *found.initial, *(e for _, e in found.assignments))
+        for x in e.free_symbols}, key=str))}  # fmt: skip
+
+    def close(one: sp.Expr, other: sp.Expr) -> None:
+        assert float(sp.sympify(one).xreplace(numbers)) == pytest.approx(float(other.xreplace(numbers)), rel=1e-13)
+
+    assert [a for a, _ in namespace["assignments"]] == [a for a, _ in found.assignments]
+    for (_, one), (_, other) in zip(namespace["assignments"], found.assignments, strict=True):
+        close(one, other)
+    for key in ("slopes", "reading", "initial"):
+        for one, other in zip(namespace[key], getattr(found, key), strict=True):
+            close(one, other)
+    assert namespace["drive"] == list(found.drive)
+    assert namespace["lateness"] == found.lateness
+    assert (namespace["equation"] is None) == (base not in CLOSED)
+    assert {x.name: v for x, v in namespace["PARAMETERS"].items()}.items() <= values.items()
+    if base in CLOSED:
+        assert found.equation is not None
+        difference = namespace["equation"].lhs - namespace["equation"].rhs - found.equation.lhs + found.equation.rhs
+        assert sp.expand(difference) == 0
+
+
+# LaTeX.
+
+
+def mathematics(text: str) -> list[str]:
+    """Return the formulas of an exported text, the table's included."""
+    body = text.partition(r"\begin{align*}")[2].partition(r"\end{align*}")[0]
+    rows = [row.split("&&")[0].replace("&", "").strip() for row in re.split(r"\\\\\n", body)]
+    return [*rows, *re.findall(r"(?<!\\)\$(.+?)(?<!\\)\$", text)]
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_the_latex_is_balanced_and_renders(base: str) -> None:
+    model = Model(base, every_effect(base))
+    text = to_latex(model, some_values(model))
+    plain = re.sub(r"\\[{}]", "", text)
+    depth = np.cumsum([{"{": 1, "}": -1}.get(c, 0) for c in plain])
+    assert depth.min() >= 0
+    assert depth[-1] == 0
+    assert re.findall(r"\\begin\{(.+?)\}", text) == re.findall(r"\\end\{(.+?)\}", text) == ["align*", "tabular"]
+    assert text.count(r"\left") == text.count(r"\right")
+    formulas = mathematics(text)
+    assert len(formulas) > 2 * len(model.parameters)
+    parser = MathTextParser("path")
+    for formula in formulas:
+        # What a reader without the macros of amsmath knows of its own accord.
+        shown = formula.replace(r"\arg", r"\mathrm{arg}")
+        parser.parse(f"${shown}$")
+    table = text.partition(r"\begin{tabular}")[2]
+    for parameter in model.parameters.values():
+        assert parameter.meaning.replace("%", r"\%") in table
+    for effect in model.effects:
+        shown = effect.replace("_", " ") in text
+        assert shown or catalogue()[effect].kind == "sensor", effect
+
+
+def test_the_latex_has_the_papers_equations() -> None:
+    model = Model("constant_radius", ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"))
+    text = to_latex(model)
+    for part in (r"\ddot{\theta}_t", r"+ \xi \dot{\theta}_t", r"+ \alpha \delta", r"+ \beta \delta^{3} = 0"):
+        assert part in text
+    assert r"\rho_t = l \cos{\left(\delta \gamma \right)}" in text
+    assert "tabular" not in text
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "shown"),
+    [
+        (8.093003, 2.8e-5, r"8.093003 \pm 0.000028"),
+        (736758.49, 110.47, r"736758 \pm 110"),
+        (1.4799e-5, 3.6e-7, r"(1.480 \pm 0.036) \times 10^{-5}"),
+        (0.0, float("nan"), "0"),
+        (2e-5, float("nan"), r"2 \times 10^{-5}"),
+        (-0.5, 0.0, "-0.5"),
+    ],
+)
+def test_values_are_written_with_at_least_two_digits_of_their_deviation(value: float, sd: float, shown: str) -> None:
+    model = with_stiffness("oscillator")
+    covariance = np.array([[sd**2]])
+    found = FittedModel(model, {"alpha": value, "g": 1.0}, ("alpha",), covariance)
+    row = next(line for line in to_latex(found).splitlines() if line.startswith(r"$\alpha$ & "))
+    assert row.split("&")[1].strip() == f"${shown}$"
+
+
+# JSON, and a model from a fit.
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    folder = ROOT / "datasets" / "arm_coulomb"
+    rig = read_rig(folder / "rig.toml")
+    experiment = make_experiment(read_recording(folder / "train_large.csv", rig), rig, fitted_samples=600)
+    model = declared_model(experiment).with_effect("coulomb_friction", "sensor_delay")
+    return fit(model, [experiment])
+
+
+def test_json_gives_back_model_and_numbers(fitted) -> None:
+    text = to_json(fitted)
+    found, expected = from_json(text), FittedModel.from_fit(fitted)
+    assert found == expected
+    assert found.model == fitted.model
+    np.testing.assert_array_equal(found.covariance, fitted.covariance)
+    assert found.sd == pytest.approx(fitted.sd, rel=1e-15, nan_ok=True)
+    content = json.loads(text)
+    documented = (ROOT / "docs" / "EXPORT.md").read_text(encoding="utf-8")
+    assert all(f"`{key}`" in documented for key in content)
+    assert content["equation"]["text"][0] == "{0.lhs} = {0.rhs}".format(fitted.model.equation())
+    assert to_json(found) == text
+
+
+def test_what_the_fit_held_is_exported(fitted) -> None:
+    found = FittedModel.from_fit(fitted)
+    assert found.values["length"] == 1.0
+    # The creep speed is declared in natural units; the fit used it in SI.
+    declared = fitted.model.parameters["v_c"]
+    assert found.values["v_c"] == pytest.approx(declared.default * fitted.problem.units.scale(declared), rel=1e-15)
+    assert found.values["v_c"] != declared.default
+    assert found.provenance["data"][0]["sha256"] == fitted.problem.bench.experiments[0].recording.sha256
+    assert found.initial["train_large"] == tuple(fitted.minimum.x[-2:])
+
+
+def test_the_numpy_file_reads_what_the_instrument_read(fitted) -> None:
+    """On the recording itself, its smooth drive given at samples and joints."""
+    (experiment,) = fitted.problem.bench.experiments
+    drive, sampled = experiment.drive, experiment.recording.time
+    stop = 4.0
+    joints = drive.breakpoints[(drive.breakpoints > sampled[0]) & (drive.breakpoints < stop)]
+    smooth = np.union1d(sampled[sampled <= stop], joints)
+    kinks = drive.kinks[(drive.kinks > sampled[0]) & (drive.kinks < stop)]
+    time = np.sort(np.concatenate([smooth, kinks]))
+    motor = drive.evaluate(time)
+    before = np.flatnonzero(np.diff(time, append=np.inf) == 0)
+    motor[:, before] = drive.evaluate(time[before], side="left")
+    namespace = module(to_numpy(fitted))
+    deflection, rate = FittedModel.from_fit(fitted).initial["train_large"]
+    got = namespace["simulate"](time, *motor, deflection=deflection, rate=rate, step=fitted.problem.bench.step / 4)
+    wanted = sampled <= stop
+    ours = got[:, np.searchsorted(time, sampled[wanted], side="right") - 1]
+    np.testing.assert_allclose(ours, fitted.predict()[0][wanted].T, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c.update(schema="other"), "not a 'discovery-model'"),
+        (lambda c: c.update(schema_version=99), "newer than 1. Update"),
+        (lambda c: c.pop("model"), "Export it again"),
+        (lambda c: c["parameters"].pop(), "no value of"),
+        (lambda c: c["model"].update(base="circle"), "no base called 'circle'"),
+    ],
+)
+def test_json_that_is_no_model_is_refused(change, message: str) -> None:
+    model = with_stiffness("oscillator")
+    content = json.loads(to_json(model, some_values(model)))
+    change(content)
+    with pytest.raises(InputError, match=message):
+        from_json(json.dumps(content))
+    with pytest.raises(InputError, match="Export it again"):
+        from_json("[1, 2")
+
+
+def test_numbers_are_asked_for() -> None:
+    model = with_stiffness("constant_radius")
+    with pytest.raises(InputError, match="no value of length"):
+        to_numpy(model, {"alpha": 8.0})
+    with pytest.raises(InputError, match="no parameter alfa"):
+        to_json(model, {"alfa": 8.0})
+    known = Model(model.base, model.effects, {"length": 0.5})
+    assert module(to_numpy(known, {"alpha": 8.0}))["PARAMETERS"] == {"length": 0.5, "alpha": 8.0}
+
+
+# Files.
+
+
+def stored(folder: Path, name: str = "loop.json") -> FittedModel:
+    model = Model("oscillator", ("linear_stiffness", "cubic_stiffness"), {"g": 0.0})
+    found = FittedModel(model, some_values(model), ("alpha",), np.array([[0.25]]), initial={"a": (0.1, 0.0)}, step=1e-3)
+    linear = model.without(["cubic_stiffness"])
+    models = {"after": found.to_dict(), "before": FittedModel(linear, some_values(linear)).to_dict()}
+    (folder / name).write_text(json.dumps({"models": models, "provenance": {"git_revision": "abc123"}}))
+    return found
+
+
+def test_a_folder_is_exported_in_every_format(tmp_path: Path) -> None:
+    stored(tmp_path)
+    found = read_fitted(tmp_path)
+    out = tmp_path / "new" / "files"
+    assert (
+        {p.name for p in export_model(found, out)}
+        == {p.name for p in out.iterdir()}
+        == {f for f, _ in FORMATS.values()}
+    )
+    assert from_json((out / "model.json").read_text()) == found
+    assert found.provenance["git_revision"] == "abc123"
+    assert read_fitted(tmp_path, "before").model.effects == ("linear_stiffness",)
+    code = (
+        "import sys, model; x = model.simulate([0.0, 0.5, 1.0], 0.0, deflection=0.1); "
+        "assert x.shape == (1, 3); assert 'sympy' not in sys.modules; assert 'discovery' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=out, check=True)
+
+
+def test_unusable_folders_and_formats_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"holds no results\.json and no loop\.json"):
+        read_fitted(tmp_path)
+    (tmp_path / "loop.json").write_text("{}")
+    with pytest.raises(InputError, match="earlier version"):
+        read_fitted(tmp_path)
+    (tmp_path / "loop.json").write_text("{")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_fitted(tmp_path)
+    found = stored(tmp_path)
+    with pytest.raises(InputError, match="no format word; there are sympy, latex"):
+        export_model(found, tmp_path / "out", ["json", "word"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_page_is_true(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    results = doctest.testfile(str(ROOT / "docs" / "EXPORT.md"), module_relative=False)
+    assert results.attempted >= 10
+    assert results.failed == 0
