@@ -52,7 +52,11 @@ def build_index(folder: Path) -> Path:
     if not whole and not loops:
         raise InputError(f"{folder} holds no finished run; make one with `discovery run ... --out {folder}/NAME`.")
     paper = next(iter(sorted(folder.glob("*/studies.json"))), None)
-    context = {"paper": paper.parent.name if paper else "", "runs": [_section(run) for run in whole], "loops": [_row(p) for p in loops]}
+    context = {
+        "runs": [_section(run) for run in whole],
+        "loops": [_row(p) for p in loops],
+        "paper": paper.parent.name if paper else "",
+    }
     path = folder / "index.html"
     with atomic_write(path) as temporary:
         temporary.write_text(environment().get_template("index.html.j2").render(context), encoding="utf-8")

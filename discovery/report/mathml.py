@@ -15,7 +15,8 @@ __all__ = ["GREEK", "block", "expression", "inline", "number", "power", "row", "
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
     "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "varphi": "φ", "psi": "ψ",
-    "omega": "ω", "Omega": "Ω", "Delta": "Δ", "Phi": "Φ", "Gamma": "Γ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "chi": "χ",
+    "omega": "ω", "Omega": "Ω", "Delta": "Δ", "Phi": "Φ",
+    "Gamma": "Γ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "chi": "χ",
 }  # fmt: skip
 
 

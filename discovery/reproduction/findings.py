@@ -20,10 +20,10 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 def finding_items(results: Mapping[str, Any]) -> list[Item]:
     """Return the rows of findings a to i, and of the misprints found beside them."""
-    rows = {
-        key: Item("", e["where"], *(typeset(e[n]) for n in ("printed", "right")), MISSING, typeset(e["sentence"]))
-        for key, e in results["misprints"].items()
-    }
+    rows = {}
+    for key, e in results["misprints"].items():
+        printed, right, sentence = (typeset(e[n]) for n in ("printed", "right", "sentence"))
+        rows[key] = Item("", e["where"], printed, right, MISSING, sentence)
     listed = [replace(row, key=f"erratum {key}") for key, row in rows.items() if key in _LISTED]
     others = [replace(row, key="misprint") for key, row in rows.items() if key not in _LISTED]
     return [*listed, *_statics(results["statics"]), *_steps(results["steps"]), *others]

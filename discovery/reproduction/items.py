@@ -218,7 +218,7 @@ def _claims(results: Mapping[str, Any]) -> list[Item]:
         ),
         Item(
             "P17", "friction linear in the tip’s velocity", "claimed",
-            f"dry friction on the exact arm: f_c = {significant(none['value'], 1)} s⁻² where there is none, "
+            f"dry friction on the exact arm: {significant(none['value'], 1)} s⁻² where there is none, "
             f"{significant(dry['value'], 3)} where {significant(friction['dry_truth'], 3)} is hidden",
             MISSING,
             "the twin’s friction is linear by construction, so only the test can be shown: it would see dry friction of "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from discovery.report.mathml import GREEK
 from discovery.report.numbers import significant, uncertain, unit_text
 from discovery.report.tables import Table
 from discovery.report.words import effect_name
@@ -28,7 +29,7 @@ def ladder_table(steps: Mapping[str, Any]) -> Table:
     for r in steps["ladder"]:
         e = [1e3 * r["errors"][n][k] for n in ("trained", "inside", "beyond") for k in ("mean", "peak")]
         how = "rig file, ξ fitted" if r["how"] == "rig" else "fitted"
-        fitted = ", ".join(f"{n} {uncertain(r['values'][n], s)}" for n, s in r["sd"].items())
+        fitted = ", ".join(f"{GREEK[n]} {uncertain(r['values'][n], s)}" for n, s in r["sd"].items())
         rows.append((r["model"], how, *(significant(v, 3) for v in e), fitted))
         raw.append((r["model"], r["how"], *e, fitted))
     reach = {n: significant(deflection[n], 2) for n in deflection}
@@ -67,10 +68,11 @@ def freed_table(steps: Mapping[str, Any]) -> Table:
 
 
 _SENSITIVITY = (
-    ("deflection", "δ max [rad]", 1.0), ("xi", "ξ [s⁻¹]", 1.0), ("omega2", "ω² [s⁻²]", 1.0), ("alpha", "α [s⁻²]", 1.0),
-    ("beta", "β [s⁻²]", 1.0), ("gamma", "γ", 1.0), ("angle_linear", "angle, linear [mrad]", 1e3),
-    ("angle_cubic", "angle, cubic [mrad]", 1e3), ("position_linear", "position, linear [mm]", 1e3),
-    ("position_cubic", "cubic [mm]", 1e3), ("position_with_radius", "with law [mm]", 1e3),
+    ("deflection", "δ max [rad]", 1.0, 3), ("xi", "ξ [s⁻¹]", 1.0, 3), ("omega2", "ω² [s⁻²]", 1.0, 4),
+    ("alpha", "α [s⁻²]", 1.0, 4), ("beta", "β [s⁻²]", 1.0, 3), ("gamma", "γ", 1.0, 4),
+    ("angle_linear", "angle, linear [mrad]", 1e3, 3), ("angle_cubic", "angle, cubic [mrad]", 1e3, 3),
+    ("position_linear", "position, linear [mm]", 1e3, 3), ("position_cubic", "cubic [mm]", 1e3, 3),
+    ("position_with_radius", "with law [mm]", 1e3, 3),
 )  # fmt: skip
 _VARIED = {"speed": ("speed", "rad/s", 1.0), "duration": ("record", "s", 1.0), "rod_mass": ("rod", "g", 1e3)}
 
@@ -80,12 +82,17 @@ def sensitivity_table(sensitivity: Mapping[str, Any]) -> Table:
     rows, raw = [], []
     for name, (words, unit, factor) in _VARIED.items():
         for r in sensitivity[name]:
-            numbers = [f * r[key] for key, _, f in _SENSITIVITY]
-            rows.append((f"{words} {r[name] * factor:g} {unit}", *(significant(v, 3 if v < 5 else 4) for v in numbers)))
+            numbers = [f * r[key] for key, _, f, _ in _SENSITIVITY]
+            rows.append(
+                (
+                    f"{words} {r[name] * factor:g} {unit}",
+                    *(significant(v, d) for v, (*_, d) in zip(numbers, _SENSITIVITY, strict=True)),
+                )
+            )
             raw.append((f"{name}={r[name]:g}", *numbers))
-    head = ("", *(words for _, words, _ in _SENSITIVITY))
+    head = ("", *(words for _, words, *_ in _SENSITIVITY))
     caption = "The paper’s numbers on the twin, one thing changed at a time: otherwise 1.4 rad/s, 30 s, rod of 12.45 g. Mean errors."
-    return Table("sensitivity", caption, head, rows, ("changed", *(k for k, _, _ in _SENSITIVITY)), raw)
+    return Table("sensitivity", caption, head, rows, ("changed", *(k for k, *_ in _SENSITIVITY)), raw)
 
 
 def similar_table(normalisation: Mapping[str, Any]) -> Table:
@@ -139,7 +146,7 @@ def friction_table(friction: Mapping[str, Any]) -> Table:
     caption = (
         "Is friction linear? Residuals in standard deviations of the camera, both axes, from rest. The twin’s friction is "
         f"linear but in the last three rows, which hide {1e3 * friction['dry_force']:.1f} mN of dry friction "
-        f"(f_c = {significant(friction['dry_truth'], 4)} s⁻²)."
+        f"(f = {significant(friction['dry_truth'], 4)} s⁻²)."
     )
     keys = ("on", "law", "value", "sd", "xi", "misfit_before", "misfit_after")
     return Table("friction", caption, head, rows, keys, raw, (0, 1))
