@@ -13,7 +13,7 @@ from pathlib import Path
 WIDTH, LEFT, BOX, STEP, TALL = 860, 20, 560, 74, 58
 #: Layers from top to bottom: colour, title, modules, and what a run has at that level.
 LAYERS = [
-    ("#f6e8d5", "cli, report, export, reproduction", "commands; pages; a model taken along; the source paper", "report.html"),
+    ("#f6e8d5", "cli, report, export, reproduction", "commands, pages, exports; the source paper", "report.html"),
     ("#f6e8d5", "pipeline, stages, curves", "every stage in order, each saved as it is done", "results.json, *.nc"),
     ("#dbe9f4", "loop, attribution, residual", "what is missing: screen, refit, decide on the hold-out", "loop.json"),
     ("#dbe9f4", "sindy, fit, posterior, elastica", "discover, estimate, sample, check", "equation, estimates"),
