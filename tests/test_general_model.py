@@ -194,12 +194,29 @@ def test_the_path_converges_with_the_step(move: str, limits: tuple[float, float]
         assert distance(motion, fine) < limit
 
 
-def test_the_path_converges_with_the_retardation() -> None:
-    drive = exact_drive(MOVES["minimum_jerk"])
-    two, one, half = (simulate_general(ARM, drive, TIME, step=0.005, retardation=r) for r in (2e-3, 1e-3, 5e-4))
+@pytest.mark.parametrize("move", [minimum_jerk(1.0, 1.0), trapezoid(1.0, 1.0)])
+def test_the_path_converges_with_the_retardation(move: Manoeuvre) -> None:
+    drive = exact_drive(move)
+    two, one, half = (simulate_general(ARM, drive, TIME, step=0.005, retardation=r) for r in (0.02, 0.01, 0.005))
     steps = distance(two, one), distance(one, half)
-    assert steps[1] < 4e-5
+    assert steps[1] < 2e-5
     assert steps[0] / steps[1] == pytest.approx(2.0, rel=0.25)
+
+
+def test_hard_ramps_leave_ringing_that_is_bounded() -> None:
+    """The ringing depends on the retardation, the tip by little; without any the radial force leaves its domain."""
+    drive = exact_drive(MOVES["trapezoid"])
+    with pytest.raises(SimulationFailure, match="a longer retardation calms"):
+        simulate_general(ARM, drive, TIME, retardation=0.0)
+    path = [simulate_general(ARM, drive, TIME, retardation=r) for r in (0.02, 0.01, 0.005, 0.0025)]
+    assert max(distance(a, b) for a, b in zip(path[:-1], path[1:], strict=True)) < 1e-4
+    assert max(motion.radial.max() for motion in path) < 0.45
+
+
+@pytest.mark.parametrize(("speed", "largest"), [(1.6, 0.85), (2.2, 0.90)])
+def test_the_default_passes_harder_ramps(speed: float, largest: float) -> None:
+    motion = simulate_general(ARM, exact_drive(trapezoid(1.0, speed)), TIME)
+    assert np.abs(motion.theta_t - motion.theta_m).max() == pytest.approx(largest, abs=0.01)
 
 
 def test_energy_is_conserved_without_friction_and_retardation() -> None:
@@ -217,7 +234,7 @@ def test_energy_with_retardation_only_falls_and_hardly() -> None:
     motion = simulate_general(FREE, None, np.linspace(0.0, 8.0, 801), deflection=0.3)
     energy = motion.kinetic_energy + motion.bending_energy
     assert np.diff(energy / energy[0]).max() < 2e-9
-    assert -1e-5 < energy[-1] / energy[0] - 1.0 < 0.0
+    assert -2e-5 < energy[-1] / energy[0] - 1.0 < 0.0
 
 
 def test_friction_takes_its_power() -> None:
@@ -321,7 +338,7 @@ def test_an_impossible_arm_is_refused(wrong: dict[str, float]) -> None:
 def test_impossible_simulations_are_refused() -> None:
     with pytest.raises(InputError, match="increasing order"):
         simulate_general(ARM, None, TIME[::-1])
-    for wrong in ({"deflection": 1.5}, {"step": 0.0}, {"retardation": -1.0}):
+    for wrong in ({"deflection": 1.5}, {"step": 0.0}, {"retardation": -1.0}, {"rate": np.nan}):
         with pytest.raises(InputError, match="needs a positive step"):
             simulate_general(ARM, None, TIME, **wrong)
 

@@ -137,7 +137,7 @@ def _dynamics() -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         "twin": rows,
         "exact": rows,
         "paper_rig": {"mean": 0.0045, "peak": 0.0089},
-        "largest": {"tangential": 0.31, "radial": 0.52},
+        "largest_tangential": 0.31,
     }
     return numbers, motion
 
@@ -149,6 +149,7 @@ def _motor() -> tuple[dict[str, Any], dict[str, dict[str, np.ndarray]]]:
     study = {
         "gear_ratio": list(gears),
         "inertia_ratio": [1.4e-4 * n**2 for n in gears],
+        "stiffness_ratio": [0.06 * n**2 for n in gears],
         "hub_peak": [0.8, 0.1, 0.0043],
         "hub_predicted": [10.8 / n**2 for n in gears],
         "bias_command": [-0.99, -0.14, -0.006],

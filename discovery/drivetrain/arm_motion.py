@@ -17,7 +17,7 @@ from discovery.simulate import DriveLike
 if TYPE_CHECKING:
     from discovery.fit import Fit
 
-__all__ = ["ArmMotion", "fitted_coupling", "integrate", "move_arm"]
+__all__ = ["ArmMotion", "check_start", "fitted_coupling", "integrate", "move_arm"]
 
 FloatArray = NDArray[np.float64]
 
@@ -111,6 +111,26 @@ def integrate(
     return states
 
 
+def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: float) -> FloatArray:
+    """Return the times as an array, once everything can be used.
+
+    Raises
+    ------
+    InputError
+        If there is no drive, the times are not finite and increasing, or the initial state is not finite.
+    """
+    if drive is None:
+        raise InputError("An arm moves with its hub: pass a drive, for a hub at rest one that is constant.")
+    t = np.asarray(time, np.float64)
+    if t.ndim != 1 or t.size < 2 or not np.isfinite(t).all() or not np.all(np.diff(t) > 0.0):
+        raise InputError("A motion needs at least two finite times in increasing order; sort them, without repeats.")
+    if not np.isfinite([deflection, rate]).all():
+        raise InputError(
+            f"A motion needs a finite initial deflection and rate, not {deflection:g} rad and {rate:g} rad/s."
+        )
+    return t
+
+
 def move_arm(
     arm: Arm,
     drive: DriveLike,
@@ -119,7 +139,7 @@ def move_arm(
     deflection: float = 0.0,
     rate: float = 0.0,
 ) -> ArmMotion:
-    """Simulate the arm under a prescribed motion of its motor, with the coupling torque.
+    """Simulate the arm under a prescribed motion of its motor, with the coupling torque Gamma_c of (10), (11).
 
     Parameters
     ----------
@@ -134,9 +154,12 @@ def move_arm(
 
     Raises
     ------
+    InputError
+        If there is no drive, or times or initial state cannot be used.
     SimulationFailure
         If the motion blows up.
     """
+    time = check_start(drive, time, deflection, rate)
     size = len(arm.program.states)
 
     def slopes(t: float, state: FloatArray, left: bool) -> FloatArray:
@@ -150,7 +173,7 @@ def move_arm(
 
 
 def fitted_coupling(fit: Fit, inertia: float | None = None) -> list[ArmMotion]:
-    """Return the motion of a fitted model with its coupling torque, on each of its recordings.
+    """Return the motion of a fitted model with its coupling torque (10), on each of its recordings.
 
     Parameters
     ----------

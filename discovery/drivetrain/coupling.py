@@ -67,7 +67,8 @@ def _program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     stand_in = sorted(SHORTENING_RADIUS.intersection(effect_ids))
     if stand_in:
         raise InputError(
-            f"{', '.join(stand_in)} imitate the inertia of a shortening radius, without a reaction on the hub; "
+            f"{', '.join(stand_in)} {'imitates' if len(stand_in) == 1 else 'imitate'} the inertia of a shortening "
+            "radius, without a reaction on the hub; "
             "take the base 'reduced' or 'elastica', where it is part of the mechanics."
         )
     program, channels, n = build_program(base_name, effect_ids), base.mechanics().channels, base.n_coordinates

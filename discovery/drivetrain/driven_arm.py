@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.drivetrain.arm_motion import integrate
+from discovery.drivetrain.arm_motion import check_start, integrate
 from discovery.drivetrain.coupling import Arm
 from discovery.drivetrain.motor import Motor, PositionController
 from discovery.simulate import DriveLike
@@ -64,7 +64,7 @@ def drive_arm(
     deflection: float = 0.0,
     rate: float = 0.0,
 ) -> DrivenMotion:
-    """Simulate motor, controller and arm together; the hub starts as the reference does.
+    """Simulate motor, controller and arm together, eq. (10); the hub starts as the reference does.
 
     The arm's equations and its coupling torque are linear in the hub's acceleration, so that (10) gives it at once.
 
@@ -86,10 +86,11 @@ def drive_arm(
     Raises
     ------
     InputError
-        As `discovery.drivetrain.coupling.Arm`.
+        If there is no reference, or times or initial state cannot be used.
     SimulationFailure
         If the motion blows up.
     """
+    time = check_start(reference, time, deflection, rate)
     size, feed = len(arm.program.states), arm.inertia * coupled
     limit, inertia, constant = motor.current_limit, motor.hub_inertia, motor.hub_constant
 

@@ -12,6 +12,7 @@ coupling torque moves the hub, slowly enough, by
 
 so that it falls with the gear ratio squared. Gamma_c is about -alpha delta m l^2: the controller is a spring in series
 with the rod, and a fit that takes the command as input finds both, ``alpha (1 - alpha m l^2 / (J n^2 omega_b^2))``.
+What counts is therefore the controller's stiffness beside the arm's, not the ratio of the inertias alone.
 It fits well all the same: the residual does not warn.
 """
 
@@ -28,6 +29,7 @@ from discovery.drivetrain.arm_motion import move_arm
 from discovery.drivetrain.coupling import Arm
 from discovery.drivetrain.driven_arm import DrivenMotion, drive_arm
 from discovery.drivetrain.motor import ASSUMED_MOTOR, Motor, PositionController
+from discovery.errors import InputError
 from discovery.experiment import Experiment, make_experiment
 from discovery.fit import fit
 from discovery.model import Model
@@ -62,7 +64,17 @@ def trapezoid_command(angle: float, speed: float, *, start: float = 0.5, ramp: f
         Beginning of the move [s].
     ramp : float
         Duration of each ramp over that of the move, up to 0.5.
+
+    Raises
+    ------
+    InputError
+        If angle or speed is not positive, or the ramp not in (0, 0.5].
     """
+    if not (angle > 0 and speed > 0 and 0 < ramp <= 0.5):
+        raise InputError(
+            f"A move needs a positive angle and speed and a ramp in (0, 0.5]; got {angle:g} rad, {speed:g} rad/s and "
+            f"{ramp:g}."
+        )
     duration = angle / speed / (1 - ramp)
     rise = ramp * duration
     half = speed / rise / 2
@@ -80,6 +92,8 @@ class EncoderStudy:
     ----------
     gear_ratio, inertia_ratio : ndarray
         n, and J n^2 / (m_eff l^2) [-].
+    stiffness_ratio : ndarray
+        Stiffness of the controller over that of the arm, J n^2 omega_b^2 / (alpha m_eff l^2) [-].
     hub_rms, hub_peak : ndarray
         Deviation of the hub that the arm causes: coupling on minus coupling off [rad].
     hub_predicted : ndarray
@@ -97,6 +111,7 @@ class EncoderStudy:
 
     gear_ratio: FloatArray
     inertia_ratio: FloatArray
+    stiffness_ratio: FloatArray
     hub_rms: FloatArray
     hub_peak: FloatArray
     hub_predicted: FloatArray
@@ -161,9 +176,13 @@ def encoder_as_input(
 
     Raises
     ------
+    InputError
+        If there is no gear ratio.
     SimulationFailure, ComputationError
         If a motion or a fit fails.
     """
+    if not len(gear_ratios):
+        raise InputError("The study needs at least one gear ratio.")
     command = trapezoid_command(1.0, 1.0) if command is None else command
     time = np.linspace(0.0, 10.0, 1001) if time is None else time
     length = float(arm.parameters[arm.program.parameters.index("length")])
@@ -184,6 +203,7 @@ def encoder_as_input(
             (
                 ratio,
                 geared.hub_inertia / arm.inertia,
+                geared.hub_inertia * controller.bandwidth**2 / (arm.values["alpha"] * arm.inertia),
                 np.sqrt(np.mean(moved**2)),
                 np.abs(moved).max(),
                 expected,

@@ -2,15 +2,16 @@
 
 from discovery.effect import ARM, Load
 from discovery.parameters import Normal, Parameter
-from discovery.symbols import delta, delta_dot, omega
+from discovery.symbols import alpha_m, delta, delta_dot, omega
 
 
 class RadialInertia(Load):
     r"""Moving the tip inwards and outwards takes force as well.
 
-    .. math:: F_\theta = -c_3\, \delta\, \dot\delta^2
+    .. math:: F_\theta = -c_3\, \delta\, (\dot\delta^2 - \delta\, \ddot\theta_m)
 
-    First principles give :math:`c_3 = 1/25` to third order.
+    Both terms come from the kinetic energy :math:`c_3 (\delta \dot\delta)^2 / 2` of the radial motion; first principles
+    give :math:`c_3 = 1/25` to third order.
     """
 
     systems = frozenset({ARM})
@@ -22,4 +23,4 @@ class RadialInertia(Load):
 
     def expression(self):
         """Return the force on theta_t."""
-        return -self.c_rad * delta * delta_dot**2
+        return -self.c_rad * delta * (delta_dot**2 - delta * alpha_m)

@@ -77,8 +77,10 @@ def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(F
     Raises
     ------
     InputError
-        For an unknown format.
+        For an unknown format, or none.
     """
+    if not formats:
+        raise InputError(f"No format is named; name some of {', '.join(FORMATS)}.")
     unknown = [f for f in formats if f not in FORMATS]
     if unknown:
         raise InputError(f"There is no format {', '.join(unknown)}; there are {', '.join(FORMATS)}.")

@@ -20,9 +20,12 @@ from discovery.model import Model
 if TYPE_CHECKING:
     from discovery.fit import Fit
 
-__all__ = ["FittedModel", "fitted_model", "reader_unit"]
+__all__ = ["FittedModel", "fitted_model", "given_numbers", "reader_unit"]
 
 FloatArray = NDArray[np.float64]
+
+#: Initial states, as a fit names them beside its parameters.
+_INITIAL = re.compile(r"(?:delta|rate)_0_init\[.*\]", re.DOTALL)
 
 
 def reader_unit(unit: str, system: str) -> str:
@@ -57,7 +60,7 @@ class FittedModel:
     Raises
     ------
     InputError
-        If a parameter has no finite value.
+        If a parameter has no finite value, or a value is not a number.
     """
 
     model: Model
@@ -70,6 +73,8 @@ class FittedModel:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        # Plain numbers, whatever kind of float was given: they are written with `repr`.
+        object.__setattr__(self, "values", {n: _plain(n, v) for n, v in self.values.items()})
         missing = [n for n in self.model.parameters if not math.isfinite(self.values.get(n, math.nan))]
         if missing:
             raise InputError(f"The model has no value of {', '.join(missing)}; give a number for each.")
@@ -83,21 +88,26 @@ class FittedModel:
     @classmethod
     def from_fit(cls, fit: Fit) -> FittedModel:
         """Return what a fit found, the parameters that it held included."""
+        from discovery.provenance import surroundings
+
         bench = fit.problem.bench
         parameters, initial = fit.problem.expand(fit.minimum.x[:, None])
         everything = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
         recordings = [e.recording for e in bench.experiments]
         rig = bench.experiments[0].rig
+        fitted = fit.problem.names
+        known = {n: v for n, v in fit.model.known.items() if n not in fitted}
         return cls(
-            model=fit.model,
+            model=Model(fit.model.base, fit.model.effects, known),
             values={n: everything[n] for n in fit.model.parameters},
-            fitted=fit.problem.names,
+            fitted=fitted,
             covariance=fit.covariance,
             reasons=dict(fit.reasons),
             initial={r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :, 0], strict=True)},
             step=bench.step,
             provenance={
                 "discovery": version("discovery"),
+                "git_revision": surroundings()["git_revision"],
                 "rig": {"name": rig.name, "sha256": rig.sha256},
                 "data": [{"name": r.name, "source": Path(r.source).name, "sha256": r.sha256} for r in recordings],
             },
@@ -127,8 +137,8 @@ class FittedModel:
                 "matrix": [[_null(v) for v in row] for row in self.covariance.tolist()],
             },
             "reasons": dict(self.reasons),
-            "initial": {n: list(state) for n, state in self.initial.items()},
-            "step_s": _null(self.step),
+            "initial": {n: [float(v) for v in state] for n, state in self.initial.items()},
+            "step_s": _null(float(self.step)),
             "provenance": dict(self.provenance),
         }
 
@@ -153,8 +163,33 @@ def _null(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def _plain(name: str, value: float) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"The value of {name} is {value!r}; give a number.") from None
+
+
 def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
+
+
+def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the numbers that a caller gives for parameters of a model; initial states among them are passed over.
+
+    Raises
+    ------
+    InputError
+        For a name that is not a parameter of the model, or a value that is not a finite number.
+    """
+    given = {n: _plain(n, v) for n, v in (values or {}).items() if not _INITIAL.fullmatch(n)}
+    strangers = sorted(given.keys() - model.parameters.keys())
+    if strangers:
+        raise InputError(f"The model has no parameter {', '.join(strangers)}; it has {', '.join(model.parameters)}.")
+    bad = [n for n, v in given.items() if not math.isfinite(v)]
+    if bad:
+        raise InputError(f"The value of {', '.join(bad)} is not finite; give a number.")
+    return given
 
 
 def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> FittedModel:
@@ -170,13 +205,10 @@ def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] 
     Raises
     ------
     InputError
-        For a name that is not a parameter of the model, or a parameter without a value.
+        For a name that is not a parameter of the model, or a parameter without a finite value.
     """
-    given = dict(values or {})
     model = source if isinstance(source, Model) else source.model
-    strangers = sorted(given.keys() - model.parameters.keys())
-    if strangers:
-        raise InputError(f"The model has no parameter {', '.join(strangers)}; it has {', '.join(model.parameters)}.")
+    given = given_numbers(model, values)
     if isinstance(source, Model):
         known = {n: v for n, v in model.known.items() if n in model.parameters}
         return FittedModel(model, {**known, **given})

@@ -13,8 +13,8 @@ from discovery import symbols as s
 from discovery.effect import ARM, Effect, Sensor
 from discovery.equation import EquationTerms, motion_symbols
 from discovery.export.fitted import FittedModel, fitted_model
+from discovery.export.header import origin
 from discovery.export.latex_table import parameter_table, words_in_text
-from discovery.export.source import origin
 from discovery.export.symbolic import LETTERS, closed_form, to_sympy
 from discovery.mechanics.elastica import Elastica
 from discovery.mechanics.rod_shapes import reduced_shapes
@@ -128,7 +128,7 @@ def _rod(base: Elastica) -> list[LatexLine]:
         factors[powers] += (powers + 1) * row
         factors[powers + 1] -= powers * row
         body = " ".join(
-            f"{'-' if c < 0 else '+'} {abs(c):.9g} s" + (f"^{{{p}}}" if p > 1 else "")
+            f"{'-' if c < 0 else '+'} {f'{abs(c):.9g} '.removeprefix('1 ')}s" + (f"^{{{p}}}" if p > 1 else "")
             for p, c in enumerate(factors)
             if abs(c) > 1e-12
         )

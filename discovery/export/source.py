@@ -13,13 +13,14 @@ from sympy.printing.numpy import NumPyPrinter
 
 from discovery.effect import ARM
 from discovery.export.fitted import FittedModel, fitted_model, reader_unit
+from discovery.export.header import docstring, origin
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, program_of
 from discovery.model import Model
 
 if TYPE_CHECKING:
     from discovery.fit import Fit
 
-__all__ = ["origin", "to_numpy"]
+__all__ = ["to_numpy"]
 
 _TEMPLATE = Path(__file__).with_name("model_template.txt")
 #: Arguments of the exported functions for what was recorded, by whether the system is an arm.
@@ -122,33 +123,19 @@ def _body(
     return "\n".join(f"    {line}" for line in lines)
 
 
-def origin(found: FittedModel) -> list[str]:
-    """Return lines that say where the numbers come from: version, rig file, recordings, hashes."""
-    p = found.provenance
-    lines = []
-    if "discovery" in p:
-        revision = f", revision {p['git_revision']}" if p.get("git_revision") else ""
-        lines.append(f"Written by discovery {p['discovery']}{revision}.")
-    if "rig" in p:
-        lines.append(f"Rig: {p['rig']['name']} (sha256 {p['rig']['sha256'][:16]}).")
-    lines += [f"Fitted to {d['source']} (sha256 {d['sha256'][:16]})." for d in p.get("data", ())]
-    return lines
-
-
 def _text(found: FittedModel, arm: bool) -> str:
     """Return the docstring of the module."""
     effects = [f"{e.id()}: {e.title()}." for e in found.model.terms]
     unit = "q is the unit of the output" if not arm else "deflection = theta_t - theta_m"
     use = "x, y = simulate(time, theta_m, theta_m_dot, theta_m_ddot)" if arm else "(output,) = simulate(time, u)"
     starts = [f"{n}: deflection {d:.9g}, rate {r:.9g}" for n, (d, r) in found.initial.items()]
-    parts = [
-        *(["\n".join(effects)] if effects else []),
+    return docstring(
+        "\n".join(effects),
         "\n".join(equation_text(found.model)),
         f"SI units, radians; {unit}. Needs numpy alone:\n\n    {use}",
-        *(["Initial states of the recordings:\n" + "\n".join(starts)] if starts else []),
-        *(["\n".join(origin(found))] if found.provenance else []),
-    ]
-    return "\n\n".join(parts).replace("\\", "\\\\").replace('"""', "'''")
+        "\n".join(["Initial states of the recordings:", *starts]) if starts else "",
+        "\n".join(origin(found)),
+    )
 
 
 def _parameters(found: FittedModel) -> str:
@@ -198,7 +185,6 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     n = program.n_coordinates
     fields = {
         "TITLE": f"Equations of motion: base {found.model.base} with {', '.join(found.model.effects) or 'no effects'}.",
-        "TEXT": _text(found, arm),
         "PARAMETERS": _parameters(found),
         "STEP": repr(_step(found)),
         "STATES": ", ".join(y.name for y in program.states),
@@ -215,6 +201,8 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     }
     used = ", ".join(sorted(printer.module_imports["numpy"]))
     fields["FUNCTIONS"] = f"from numpy import {used}\n" if used else ""
+    # Last: names from the rig file are no fields.
+    fields["TEXT"] = _text(found, arm)
     text = _TEMPLATE.read_text(encoding="utf-8")
     for key, value in fields.items():
         text = text.replace(f"@{key}@", value)

@@ -12,7 +12,7 @@ import sympy as sp
 from discovery import symbols as s
 from discovery.equation import EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.errors import InputError
-from discovery.export.fitted import FittedModel
+from discovery.export.fitted import FittedModel, given_numbers
 from discovery.model import Model
 from discovery.program import RECORDED, build_program
 
@@ -168,16 +168,18 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     Raises
     ------
     InputError
-        If an effect needs the linear stiffness and nothing declares it.
+        If an effect needs the linear stiffness and nothing declares it, for a name that is not a parameter of the model,
+        or a value that is not a finite number.
     """
     model = source if isinstance(source, Model) else source.model
+    given = given_numbers(model, values)
     found = program_of(model)
     names = {s.delta_dot: "delta'", s.omega_m: "theta_m'", s.alpha_m: "theta_m''"}
     written = {symbol: sp.Symbol(name, real=True) for symbol, name in names.items()}
     if found.equation is not None:
         written |= dict(zip(found.states[:2], motion_symbols(model.mechanics.system)[:2], strict=True))
     found = _substituted(found, written)
-    numbers = {sp.Symbol(n, real=True): sp.Float(v) for n, v in (values or {}).items() if n in model.parameters}
+    numbers = {sp.Symbol(n, real=True): sp.Float(v) for n, v in given.items()}
     return _substituted(found, numbers) if numbers else found
 
 

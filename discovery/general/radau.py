@@ -3,7 +3,7 @@ r"""Implicit integration of a point mass on the massless elastica, through the s
 In units of length, mass and :math:`T = \sqrt{m l^3 / EI}` the equations (7), (8) of the paper with viscous friction are
 
 .. math:: \theta_t' = L / \rho^2, \quad L' = -M - \xi L, \quad \rho' = v, \quad v' = L^2 / \rho^3 - F_r - \xi v,
-          \quad \rho = R(\delta, G), \quad M = W_\delta(\delta, G) - (F_r - G) R_\delta, \quad \tau_r G' = F_r - G
+          \quad \rho = R(\delta, G), \quad M = W_\delta(\delta, G) - (F_r - G) R_\delta, \quad \tau G' = F_r - G
 
 with angular momentum :math:`L`, moment of the tip force :math:`M = \rho F_t` and `discovery.general.potential`.
 
@@ -19,9 +19,11 @@ where it is not (Lubich, ZAMP 44 (1993) 724).
 like :math:`|\delta|^{-3/2}` until the rod buckles or is taut; only the motion without ringing passes smoothly. Every
 kink of the motor's acceleration excites some, if only 0.01 mm of radius; in a real rod its mass bounds the frequency.
 Here the rod is of Kelvin-Voigt material for changes of the radial load (Rayleigh's function
-:math:`\tau_r R_G G'^2 / 2`), which calms the ringing where :math:`|\delta| < 60 \tau_r / |\delta'|` and lets the slow
-motion pass. The tip computed is that of the slow motion and of the ringing that is left away from the straight arm; it
-nears its limit in proportion to :math:`\tau_r`.
+:math:`\tau R_G G'^2 / 2`), with a retardation time that is longest in the straight arm,
+:math:`\tau = \tau_r / (1 + \delta^2 / \delta_r^2)`, :math:`\delta_r = 0.15`. It calms the ringing at the rate
+:math:`88 \tau / \delta^2`, before it has grown, and costs the slow motion little, whose change of radius is of order
+:math:`\delta^2` there. The tip computed is that of the slow motion and of the ringing that is left away from the
+straight arm.
 """
 
 from __future__ import annotations
@@ -50,6 +52,7 @@ _A = np.array(
 _EACH = np.arange(3)
 _ITERATIONS = 20
 _RUNAWAY = 1e3
+_CALMED = 0.15  # delta_r [rad]
 # Newton's method converges quadratically: the error after a move is far below the move.
 _TOLERANCE = np.array([1e-8, 1e-8, 1e-8, 1e-4, 1e-4])[:, None]
 
@@ -97,7 +100,7 @@ def integrate_tip(hub: FloatArray, steps: FloatArray, start: FloatArray, xi: flo
     xi : float
         Friction over mass [1/T].
     tau_r : float
-        Retardation time of the rod under radial load [T].
+        Retardation time of the straight rod under radial load [T].
 
     Returns
     -------
@@ -166,7 +169,7 @@ def _equations(
     theta, momentum, speed, load, radial = z
     delta, excess = theta - hub, radial - load
     rho, rho_d, rho_f, moment, moment_d, rho_dd, rho_df = potential.tip(delta, load)
-    turning = momentum / rho**2
+    turning, quicker = momentum / rho**2, 1.0 + (delta / _CALMED) ** 2
     y = np.stack([theta, momentum, rho, speed, tau_r * load])
     slope = np.stack(
         [
@@ -174,7 +177,7 @@ def _equations(
             excess * rho_d - moment - xi * momentum,
             speed,
             momentum * turning / rho - radial - xi * speed,
-            excess,
+            excess * quicker,
         ]
     )
     y_z, slope_z = np.zeros((5, 5, 3)), np.zeros((5, 5, 3))
@@ -188,7 +191,7 @@ def _equations(
     by_rho = -3.0 * turning**2
     slope_z[3, 0], slope_z[3, 1] = by_rho * rho_d, 2.0 * turning / rho
     slope_z[3, 2], slope_z[3, 3], slope_z[3, 4] = -xi, by_rho * rho_f, -1.0
-    slope_z[4, 3], slope_z[4, 4] = -1.0, 1.0
+    slope_z[4, 0], slope_z[4, 3], slope_z[4, 4] = 2.0 * excess * delta / _CALMED**2, -quicker, quicker
     return y, slope, y_z, slope_z
 
 

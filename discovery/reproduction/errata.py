@@ -38,7 +38,7 @@ _ALPHA, _GAMMA, _REACHED, _CONSTANT, _LAW = 8.7907, 0.4462, 0.85, 17.6e-3, 1.8e-
 
 
 def errata(stand: Stand) -> tuple[Erratum, ...]:
-    """Return errata a to i in order, each computed: a, e and h on this recording of the paper's manoeuvre."""
+    """Return errata a to f and further misprints, each computed: a, e and (11) on this recording of the manoeuvre."""
     return (
         centripetal_term(stand),
         time_scale(),
@@ -131,7 +131,7 @@ def stiffness_unit(length: float = 2.0, deflection: float = 1e-3) -> Erratum:
         f"EI/l is in N m. An arm of {length:g} m has {ratios[0]:.4f} times the right and {ratios[1]:.4f} times "
         "the printed stiffness; l = 1 m hides the difference."
     )
-    return Erratum("c", "(12)", "3 EI/l theta_t'", "3 EI/l^2 theta_t'", numbers, sentence)
+    return Erratum("c", "(12)", "3 EI/l delta", "3 EI/l^2 delta", numbers, sentence)
 
 
 def rod_mass() -> Erratum:
@@ -152,7 +152,8 @@ def rod_mass() -> Erratum:
     sentence = (
         f"The tables give alpha = {numbers['alpha_massless']:.3f} 1/s^2, and {numbers['alpha_with_rod']:.2f} with "
         f"33/140 of the rod's {numbers['rod_mass_g']:.2f} g; the fit {_ALPHA:.3f} needs E = "
-        f"{numbers['modulus_needed_massless_GPa']:.2f} or {numbers['modulus_needed_with_rod_GPa']:.2f} GPa instead of "
+        f"{numbers['modulus_needed_massless_GPa']:.2f} GPa (massless) or "
+        f"{numbers['modulus_needed_with_rod_GPa']:.2f} GPa (with the rod) instead of "
         f"{1e-9 * _MODULUS:.2f}. At the printed E it needs a rod of {numbers['rod_mass_needed_g']:.1f} g."
     )
     return Erratum("d", "Tables I, II; (18)", "massless rod", "rod of 28 % of the tip's mass", numbers, sentence)

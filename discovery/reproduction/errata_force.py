@@ -36,7 +36,7 @@ def force_frame(hub: float = 0.7, force: float = 0.3, direction: float = 2.0) ->
         f"With the motor at {hub:g} rad the force of (4) points {off[0]:.2f} rad off the one that acts; rotated by "
         f"theta_m it is right to {off[1]:.0e} rad. Phi in (7) and (9) must be rotated by theta_m."
     )
-    return Erratum("g", "(7), (9)", "-Phi = m p''", "-R(theta_m) Phi = m p''", numbers, sentence)
+    return Erratum("misprint 1", "(7), (9)", "-Phi = m p''", "-R(theta_m) Phi = m p''", numbers, sentence)
 
 
 def coupling_torque_frame(stand: Stand) -> Erratum:
@@ -66,7 +66,7 @@ def coupling_torque_frame(stand: Stand) -> Erratum:
         f"rest being the rod's mass (correlation {right[1]:.3f}); with phi of (3), counted from the hub, the "
         f"correlation is {printed[1]:.2f}."
     )
-    return Erratum("h", "(11)", "phi as defined for (3)", "that phi plus theta_m", numbers, sentence)
+    return Erratum("misprint 2", "(11)", "phi as defined for (3)", "that phi plus theta_m", numbers, sentence)
 
 
 def motor_constant(gear_ratio: float = 50.0) -> Erratum:
@@ -84,4 +84,4 @@ def motor_constant(gear_ratio: float = 50.0) -> Erratum:
         f"(10) balances torques on the arm's side of the gear: Gamma_m is {required:.0f} times the rotor's torque. K "
         "is the motor's own constant times n."
     )
-    return Erratum("i", "(10)", "K of the motor", "K = n k_t", numbers, sentence)
+    return Erratum("misprint 3", "(10)", "K of the motor", "K = n k_t", numbers, sentence)

@@ -58,7 +58,7 @@ def time_scale(others: Sequence[tuple[float, float, float]] = OTHER_ARMS, *, dur
     numbers = {"largest_distance_right_lengths": max(right), "smallest_distance_printed_lengths": min(printed)}
     sentence = (
         f"Arms of other length, rigidity and mass trace one normalised path within {max(right):.1g} lengths in "
-        f"t sqrt(EI / (m l^3)), and part by {min(printed):.2f} to {max(printed):.2f} in t / sqrt(m). The motor's "
+        f"t sqrt(EI / (m l^3)), and part by {min(printed):.2f} to {max(printed):.2f} lengths in t / sqrt(m). The hub's "
         "motion, the friction and the mass ratio must keep their normalised form as well."
     )
     return Erratum("b", "(9)", "t_n = t / sqrt(m)", "t_n = t sqrt(EI / (m l^3))", numbers, sentence)

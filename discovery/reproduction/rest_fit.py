@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from discovery.elastica.static_law import SMALL_DEFLECTION
-from discovery.errors import NotConverged
+from discovery.errors import NotConverged, NotIdentifiable
 from discovery.model import Model
 from discovery.problem import Bench, known_values
 from discovery.reproduction.stand import Stand
@@ -27,6 +27,8 @@ FloatArray = NDArray[np.float64]
 ROD_SHARE = 33 / 140
 """Part of the rod's mass that counts at the tip."""
 _TRAJECTORY_ERROR = 1e-5
+#: Singular value of the Jacobian, relative to the largest, below which round-off of its differences decides.
+_ROUND_OFF = 1e-6
 #: Starts and typical sizes of what the rig file does not say.
 _START = {"xi": 0.05}
 _SIZE = {"xi": 0.05, "beta": 1.0, "gamma": 0.1}
@@ -98,6 +100,8 @@ def fit_from_rest(
     ------
     NotConverged
         If the minimisation gives up.
+    NotIdentifiable
+        If the recording leaves a combination of parameters undetermined.
     """
     experiment = stand.of_angle() if angle else stand.experiment
     rig = rig_values(stand)
@@ -122,8 +126,12 @@ def fit_from_rest(
         x = found.x
     if not found.success:
         raise NotConverged(f"The fit from rest on {experiment.recording.name} gave up: {found.message}")
-    variance = 2 * found.cost / (measured.size - x.size)
     jacobian = np.asarray(found.jac)
+    _, singular, rows = np.linalg.svd(jacobian * size, full_matrices=False)
+    if singular[-1] <= _ROUND_OFF * singular[0]:
+        direction = dict(zip(names, rows[-1].tolist(), strict=True))
+        raise NotIdentifiable([direction], f"{experiment.recording.name} does not determine all parameters.")
+    variance = 2 * found.cost / (measured.size - x.size)
     sd = np.sqrt(np.diag(variance * np.linalg.inv(jacobian.T @ jacobian)))
     return RestFit(model, dict(zip(names, x.tolist(), strict=True)), dict(zip(names, sd.tolist(), strict=True)), step)
 

@@ -61,7 +61,7 @@ class Stand:
     def shortened(self, duration: float) -> Stand:
         """Return the first seconds of the recording alone."""
         r = self.experiment.recording
-        stop = int(np.searchsorted(r.time, duration + 0.5 / RATE))
+        stop = int(np.searchsorted(r.time, duration * (1 + 1e-9), side="right"))
         assert r.input is not None
         part = replace(r, time=r.time[:stop], input=r.input[:stop], output=r.output[:stop])
         motion = replace(self.motion, **{n: getattr(self.motion, n)[:stop] for n in self.motion.__dataclass_fields__})

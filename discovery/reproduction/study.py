@@ -34,6 +34,11 @@ STUDIES = {
     "misprints": "the errata",
 }
 """Every study by its module, and what it is about."""
+#: Files that make the page and the commands, and no number.
+_PAGE = (
+    *("report/", "cli/", "export/", "reproduction/__main__", "reproduction/figures/", "reproduction/findings"),
+    *("reproduction/items", "reproduction/page", "reproduction/study_tables", "reproduction/tables"),
+)
 
 
 def written_by() -> str:
@@ -43,7 +48,7 @@ def written_by() -> str:
         root = Path(package.__path__[0])
         for path in sorted(root.rglob("*.py")):
             part = path.relative_to(root).as_posix()
-            if not part.startswith(("report/", "reproduction/page", "reproduction/figures", "cli/", "export/")):
+            if not part.startswith(_PAGE):
                 digest.update(part.encode() + path.read_bytes())
     return digest.hexdigest()
 
@@ -72,7 +77,10 @@ def run_studies(folder: Path, tell: Callable[[str], None]) -> None:
             write_json(path, {"code": code, "numbers": numbers})
             done = json.loads(path.read_text(encoding="utf-8"))
         results[name] = done["numbers"]
-    write_json(folder / "studies.json", {"provenance": surroundings(), **results})
+    write_json(
+        folder / "studies.json",
+        {"provenance": surroundings(["python", "-m", "discovery.reproduction", str(folder)]), **results},
+    )
 
 
 def _run(name: str) -> tuple[Mapping[str, Any], Mapping[str, Mapping[str, FloatArray]]]:

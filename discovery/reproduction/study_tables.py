@@ -38,7 +38,7 @@ def ladder_table(steps: Mapping[str, Any]) -> Table:
         f"trained ({reach['trained']} rad), mean", "peak",
         f"inside ({reach['inside']} rad), mean", "peak",
         f"beyond ({reach['beyond']} rad), mean", "peak",
-        "fitted",
+        "fitted [SI]",
     )  # fmt: skip
     keys = (
         "model",
@@ -62,7 +62,7 @@ def freed_table(steps: Mapping[str, Any]) -> Table:
         rows.append((r["model"], *(significant(x, 4) for x in numbers), *(significant(x, 3) for x in e)))
         raw.append((r["model"], *numbers, *e))
     head = ("terms", "α [s⁻²]", "β [s⁻²]", "c₁", "c₂", "c₃", "A", "trained [mm]", "inside [mm]", "beyond [mm]")
-    keys = ("terms", "alpha", "beta", "c_cen", "c_2", "c_rad", "A", "trained_mm", "inside_mm", "beyond_mm")
+    keys = ("terms", "alpha", "beta", "c_cen", "c_cor", "c_rad", "A", "trained_mm", "inside_mm", "beyond_mm")
     caption = "The paper’s model with third-order terms of the inertia; mean distance to the noise-free tip. First principles: 1/5, −2/5, 1/25, 0.0105."
     return Table("freed", caption, head, rows, keys, raw)
 
@@ -108,7 +108,7 @@ def similar_table(normalisation: Mapping[str, Any]) -> Table:
         raw.append((where, t["mass_ratio"], t["deflection"], *e))
     head = ("arm", "rod / tip mass", "δ max [rad]", *(f"{m} [%]" for m in models))
     caption = (
-        "Mean distance to the noise-free tip over the length, 20 normalised seconds. The model was found on the paper’s arm and carried by (9), nothing "
+        "Mean distance to the noise-free tip over the length, as long as 20 s are to the paper’s arm. The model was found on the paper’s arm and carried by (9), nothing "
         "refitted. Length in m; stiffness and both masses relative to the paper’s arm; amplitude in rad of the hub."
     )
     return Table("other_arms", caption, head, rows, ("arm", "mass_ratio", "deflection", *models), raw)
@@ -171,17 +171,27 @@ def general_table(dynamics: Mapping[str, Any]) -> Table:
 
 
 def motor_table(motor: Mapping[str, Any]) -> Table:
-    """Return when the encoder angle may be taken as given, by gear ratio."""
-    study = motor["study"]
+    """Return when the encoder angle may be taken as given, by bandwidth and gear ratio."""
     columns = (
-        ("gear_ratio", "n", 1.0), ("inertia_ratio", "J n² / (m l²)", 1.0), ("hub_peak", "hub moved by the arm, peak [mrad]", 1e3),
-        ("tip_mean", "tip error if the command is the input, mean [mm]", 1e3), ("bias_command", "error of α, command [%]", 100.0),
-        ("bias_encoder", "error of α, encoder [%]", 100.0), ("sd_encoder", "its sd [%]", 100.0),
+        ("gear_ratio", "n", 1.0), ("inertia_ratio", "J n² / (m l²)", 1.0),
+        ("stiffness_ratio", "J n² ω_b² / (α m l²)", 1.0), ("hub_peak", "hub moved by the arm, peak [mrad]", 1e3),
+        ("tip_mean", "tip error if the command is the input, mean [mm]", 1e3),
+        ("bias_command", "error of α, command [%]", 100.0), ("bias_encoder", "error of α, encoder [%]", 100.0),
+        ("sd_encoder", "its sd [%]", 100.0),
     )  # fmt: skip
-    raw = [tuple(row) for row in zip(*[[f * v for v in study[k]] for k, _, f in columns], strict=True)]
-    rows = [(f"{r[0]:g}", *(significant(v, 2) for v in r[1:])) for r in raw]
+    raw = []
+    for bandwidth, study in motor["by_bandwidth"].items():
+        numbers = zip(*[[f * v for v in study[k]] for k, _, f in columns], strict=True)
+        raw += [(float(bandwidth), *row) for row in numbers if row[2] > _LEAST]
+    rows = [(f"{r[0]:g}", f"{r[1]:g}", *(significant(v, 2) for v in r[2:])) for r in raw]
     caption = (
-        "The arm on a motor with a position controller, by gear ratio n; only J n² counts. 1 rad at 1 rad/s, 10 s. Up to what "
-        "inertia ratio the commanded angle will do as input, and that the encoder’s always does."
+        "The arm on a motor with a position controller of bandwidth ω_b, by gear ratio n: the manoeuvre of 1.4 rad/s, 10 s. The encoder’s "
+        "angle is always a complete input. The command will do where the controller is far stiffer than the arm, "
+        "J n² ω_b² ≫ α m l²; rows in which it is softer, and the fit at its bounds, are left out."
     )
-    return Table("motor", caption, tuple(h for _, h, _ in columns), rows, tuple(k for k, _, _ in columns), raw, ())
+    head = ("bandwidth [Hz]", *(h for _, h, _ in columns))
+    return Table("motor", caption, head, rows, ("bandwidth_Hz", *(k for k, _, _ in columns)), raw, ())
+
+
+#: Least stiffness of the controller over that of the arm in the table.
+_LEAST = 1.0

@@ -84,18 +84,18 @@ def draw_motion(numbers: Mapping[str, Any], curves: Mapping[str, Mapping[str, Fl
     distance.set_ylim(bottom=0.0)
     figure.legend(*force.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     figure.align_ylabels()
-    largest, rig = numbers["largest"], numbers["paper_rig"]
+    rig = numbers["paper_rig"]
     words = (
-        f"largest force across the radius {significant(largest['tangential'], 2)} N, along it "
-        f"{significant(largest['radial'], 2)} N; distance from the twin {significant(1e3 * rig['mean'], 2)} mm on "
-        f"average and {significant(1e3 * rig['peak'], 2)} mm at most"
+        f"largest force across the radius {significant(numbers['largest_tangential'], 2)} N; distance from the twin "
+        f"{significant(1e3 * rig['mean'], 2)} mm on average and {significant(1e3 * rig['peak'], 2)} mm at most"
     )
     return [
         Picture(
             "general_motion",
             figure,
             f"The general model on the paper’s manoeuvre: both components of the force on the tip, coupling torque "
-            f"(11), and distance from the twin, the rod counted. {words[:1].upper()}{words[1:]}.",
+            f"(11), and distance from the twin, the rod counted. {words[:1].upper()}{words[1:]}. The bursts of the "
+            f"force along the radius while the motor moves are ringing, whose size depends on the internal damping.",
             f"Three panels against time: force components, coupling torque, distance from the twin; {words}.",
         )
     ]

@@ -123,8 +123,8 @@ def draw_gear(numbers: Mapping[str, Any], curves: _Curves) -> list[Picture]:
             "gear_ratio",
             figure,
             f"When the motor’s angle may be taken as given, by gear ratio: the encoder’s always, the command only "
-            f"where J n² is large beside the arm. A{words[1:]} (J n² there: "
-            f"{significant(study['inertia_ratio'][at], 2)} of the arm’s inertia).",
+            f"where the controller is far stiffer than the arm. A{words[1:]} (J n² ω_b² there: "
+            f"{significant(study['stiffness_ratio'][at], 2)} times the arm’s stiffness).",
             f"Two panels on logarithmic axes against the gear ratio: motion of the hub and error of the fitted α; "
             f"{words}.",
         )

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from discovery_datasets.disturbances import CoulombFriction
+from discovery_datasets.manoeuvres import minimum_jerk
 from discovery_datasets.twin import PAPER_RIG
 from numpy.typing import NDArray
 
@@ -18,6 +19,8 @@ __all__ = ["claims", "error_ratios", "friction", "static_radius"]
 
 FloatArray = NDArray[np.float64]
 
+SMOOTH = minimum_jerk(1.0, 1.0)
+"""A motion of the hub without jumps of its acceleration, which hardly rings the rod's second mode."""
 FRICTIONS = ("coulomb_friction", "quadratic_drag", "amplitude_dependent_damping")
 """Laws of friction other than the paper's, each tried beside it."""
 _COULOMB = 6e-4  # N
@@ -89,6 +92,7 @@ def static_radius(recorded: Stand) -> dict[str, Any]:
     law = arm.length * (rho - np.cos(gamma * delta))
     driven = np.abs(np.gradient(motion.motor_angle)) > 0
     return {
+        "deflection": recorded.reached,
         "law_16": _sizes(law),
         "best_static": _sizes(static),
         "best_static_driven": _sizes(static[driven]),
@@ -105,6 +109,7 @@ def _sizes(error: FloatArray) -> dict[str, float]:
 def claims() -> dict[str, Any]:
     """Return every test but that of the normalisation."""
     plain = stand(PAPER_RIG, manoeuvre(), name="linear friction", seed=[_SEED, 0])
+    smooth = stand(PAPER_RIG, SMOOTH, name="no jumps of acceleration", seed=[_SEED, 2])
     dry = stand(
         PAPER_RIG, manoeuvre(), name="dry friction", seed=[_SEED, 1], disturbances=[CoulombFriction(force=_COULOMB)]
     )
@@ -117,5 +122,5 @@ def claims() -> dict[str, Any]:
             "dry_force": _COULOMB,
             "dry_truth": _COULOMB / (PAPER_RIG.effective_mass * PAPER_RIG.length),
         },
-        "static_radius": static_radius(plain),
+        "static_radius": {"trapezoid": static_radius(plain), "minimum jerk": static_radius(smooth)},
     }

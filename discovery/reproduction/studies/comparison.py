@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,16 @@ from discovery_datasets.manoeuvres import sequence, trapezoid
 from discovery_datasets.twin import PAPER_RIG, ArmRig
 from numpy.typing import NDArray
 
+from discovery.experiment import make_experiment
+from discovery.fit import fit
 from discovery.loop import LoopResult, close_loop
+from discovery.model import Model
+from discovery.motion import motion_of
 from discovery.reproduction.measures import excursion, mean_and_peak, model_errors, radius_error
 from discovery.reproduction.paper_fit import CUBIC, LINEAR, paper_models
 from discovery.reproduction.rest_fit import RestFit, fit_from_rest, rig_alpha, rig_values
 from discovery.reproduction.stand import Stand, manoeuvre, scaled_rig, stand
+from discovery.sindy import discover
 
 __all__ = ["calibrated_rig", "compare", "comparison"]
 
@@ -44,6 +50,29 @@ def _loop(trained: Stand) -> LoopResult:
     return close_loop([trained.experiment], [judge.experiment])
 
 
+def _free_swing(trained: Stand) -> dict[str, float]:
+    """Return alpha, beta and their ratio of (15), fitted to the angle once the motor rests, the initial state free."""
+    experiment = trained.of_angle()
+    r = experiment.recording
+    first = int(np.searchsorted(r.time, manoeuvre().kinks[-1] + 0.1))
+    assert r.input is not None
+    part = replace(r, time=r.time[first:], input=r.input[first:], output=r.output[first:])
+    found = fit(
+        Model("constant_radius", CUBIC, {"length": trained.arm.length}), [make_experiment(part, experiment.rig)]
+    )
+    alpha, beta = found.values["alpha"], found.values["beta"]
+    return {"alpha": alpha, "beta": beta, "ratio": beta / alpha}
+
+
+def _discovered(trained: Stand) -> dict[str, Any]:
+    """Return the best equation of three terms by sparse regression, and its share of the resamples."""
+    e = trained.experiment
+    motion = motion_of(e.recording, e.rig, e.drive)
+    found = discover([motion], rng=np.random.default_rng(_SEED))
+    best = found.best(3)
+    return {"terms": list(best.terms), "probability": best.probability, "status": found.status}
+
+
 def compare(trained: Stand) -> tuple[dict[str, Any], dict[str, FloatArray]]:
     """Return the numbers of one calibration, and the curves of Figures 5 to 13."""
     paper, loop = paper_models(trained), _loop(trained)
@@ -61,6 +90,8 @@ def compare(trained: Stand) -> tuple[dict[str, Any], dict[str, FloatArray]]:
         "excursion": excursion(trained),
         "linear": {"values": paper.linear.values, "sd": paper.linear.sd},
         "cubic": {"values": paper.cubic.values, "sd": paper.cubic.sd},
+        "free_swing": _free_swing(trained),
+        "discovered": _discovered(trained),
         "gamma": {"value": paper.gamma, "sd": paper.gamma_sd},
         "errors": model_errors(trained, tips),
         "law_on_recorded_deflection": mean_and_peak(radius_error(trained, law)),

@@ -28,6 +28,7 @@ FloatArray = NDArray[np.float64]
 _SEED = 109
 _TIME = np.arange(601) / 100.0
 _CONTROLLER = PositionController(2 * np.pi * 10)
+_BANDWIDTHS = (3.0, 10.0, 30.0)  # Hz
 
 
 def exact_arm() -> Arm:
@@ -67,7 +68,13 @@ def motor() -> tuple[dict[str, Any], dict[str, dict[str, FloatArray]]]:
     away = np.abs(_TIME[:, None] - np.array(move.kinks)).min(axis=1) > 1e-6
     rms = {n: float(np.sqrt(np.mean((t - truth.base_torque)[away] ** 2))) for n, t in torques.items()}
     driven = drive_arm(arm, ASSUMED_MOTOR, _CONTROLLER, drive, _TIME)
-    study = encoder_as_input(np.random.default_rng(_SEED))
+    long = true_drive(move, 10.0)
+    studies = {
+        f"{f:g}": asdict(
+            encoder_as_input(np.random.default_rng(_SEED), controller=PositionController(2 * np.pi * f), command=long)
+        )
+        for f in _BANDWIDTHS
+    }
     m = ASSUMED_MOTOR
     numbers = {
         "assumed": {"J": m.inertia, "nu": m.viscous_friction, "k_t": m.torque_constant, "n": m.gear_ratio},
@@ -77,7 +84,8 @@ def motor() -> tuple[dict[str, Any], dict[str, dict[str, FloatArray]]]:
         "torque_error_rms": rms,
         "largest_current": float(np.abs(driven.current).max()),
         "tracking_peak": float(np.abs(driven.theta_m - driven.command).max()),
-        "study": asdict(study),
+        "study": studies[f"{_CONTROLLER.bandwidth / (2 * np.pi):g}"],
+        "by_bandwidth": studies,
     }
     curves = {
         "torque": {"time": _TIME, "twin": truth.base_torque, **torques},

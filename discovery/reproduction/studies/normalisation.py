@@ -21,6 +21,7 @@ from discovery.reproduction.paper_fit import CUBIC, LINEAR
 from discovery.reproduction.parallel import in_parallel
 from discovery.reproduction.rest_fit import ROD_SHARE, RestFit, fit_from_rest
 from discovery.reproduction.stand import SPEED, Stand, manoeuvre, scaled_rig, stand
+from discovery.units import dimension
 
 __all__ = ["normalisation", "time_scale", "transfer"]
 
@@ -46,10 +47,9 @@ def time_scale(arm: ArmRig, *, rod: bool) -> float:
 def transfer(found: RestFit, here: ArmRig, there: Stand, *, rod: bool) -> RestFit:
     """Return the model found on one arm as (9) carries it to another, nothing fitted."""
     faster = time_scale(here, rod=rod) / time_scale(there.arm, rod=rod)
-    power = {"s^-1": 1, "s^-2": 2, "s^-2 q^-2": 2}
-    units = found.model.parameters
-    values = {n: v * faster ** power.get(units[n].unit, 0) for n, v in found.values.items()}
-    known = {n: v for n, v in known_values(there.experiment).items() if n in units}
+    declared = found.model.parameters
+    values = {n: v / faster ** float(dimension(declared[n].unit).get("s", 0)) for n, v in found.values.items()}
+    known = {n: v for n, v in known_values(there.experiment).items() if n in declared}
     return RestFit(Model(found.model.base, found.model.effects, known), values, {}, found.step / faster)
 
 

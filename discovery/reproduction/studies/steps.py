@@ -86,6 +86,7 @@ def freed(stands: Mapping[str, Stand]) -> list[dict[str, Any]]:
         "Coriolis alone": (_TERMS[1:2], None),
         "radial alone": (_TERMS[2:3], None),
         "all held at first principles": (_TERMS, first),
+        "held, and β too": (_TERMS, {**first, "beta": float(c.beta) * rig_values(stands["trained"])["alpha"]}),
         "all free": (_TERMS, None),
     }
     effects = (*CUBIC, "radius_law")

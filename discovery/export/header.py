@@ -1,0 +1,39 @@
+"""The head of an exported file: where its numbers come from, as lines that no name in them can break."""
+
+from __future__ import annotations
+
+from discovery.export.fitted import FittedModel
+
+__all__ = ["docstring", "origin"]
+
+
+def origin(found: FittedModel) -> list[str]:
+    """Return lines that say where the numbers come from: version, rig file, recordings, hashes.
+
+    Parameters
+    ----------
+    found : FittedModel
+        The model; what its provenance does not hold is left out.
+    """
+    p = found.provenance
+    lines = []
+    if "discovery" in p:
+        revision = f", revision {p['git_revision']}" if p.get("git_revision") else ""
+        lines.append(f"Written by discovery {p['discovery']}{revision}.")
+    if "rig" in p:
+        lines.append(f"Rig: {p['rig']['name']} (sha256 {p['rig']['sha256'][:16]}).")
+    lines += [f"Fitted to {d['source']} (sha256 {d['sha256'][:16]})." for d in p.get("data", ())]
+    # A name may hold line ends, which would leave a comment.
+    return [" ".join(line.split()) for line in lines]
+
+
+def docstring(*paragraphs: str) -> str:
+    """Return paragraphs as the body of a docstring; empty ones are left out, and none can end it.
+
+    Parameters
+    ----------
+    *paragraphs : str
+        Plain text.
+    """
+    text = "\n\n".join(p for p in paragraphs if p)
+    return text.replace("\\", "\\\\").replace('"""', "'''")
