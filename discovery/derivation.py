@@ -35,7 +35,7 @@ Rod = Literal["massless", "linear", "bent"]
 
 @dataclass(frozen=True)
 class Inertia:
-    r"""Kinetic energy of a bending arm on a turning hub, per m_eff l^2.
+    r"""Kinetic energy of a bending arm on a turning hub, per m_eff l^2: that of (7), (8) on the static path.
 
     .. math:: T = \tfrac12 a_0 \dot\theta_m^2 + a_1 \dot\theta_m \dot\delta + \tfrac12 a_2 \dot\delta^2
 
@@ -52,16 +52,18 @@ class Inertia:
 
 @dataclass(frozen=True)
 class ThirdOrder:
-    r"""Coefficients of the third-order equation, all dimensionless.
+    r"""Coefficients of the third-order equation, which extends (15) of the paper; all dimensionless.
 
     .. math::
-        \ddot\theta_t + \xi \dot\theta_t + \alpha (\delta + \beta \delta^3) + c_1 \delta \dot\theta_t^2
+        \ddot\theta_t + \xi \dot\theta_t + \alpha \delta + \beta \delta^3 + c_1 \delta \dot\theta_t^2
         + c_2 \delta \dot\delta \dot\theta_t + c_3 \delta \dot\delta^2 + (A - c_m \delta^2) \ddot\theta_m = 0
 
     Parameters
     ----------
-    beta, c1, c2, c3, c_m, A : sympy.Expr
-        Numbers, or functions of `mu` where the rod has mass; `beta` is over alpha.
+    beta : sympy.Expr
+        The ratio :math:`\beta / \alpha`.
+    c1, c2, c3, c_m, A : sympy.Expr
+        As in the equation. All are numbers, or functions of `mu` where the rod has mass.
     """
 
     beta: sp.Expr
@@ -73,7 +75,10 @@ class ThirdOrder:
 
 
 def effective_mass() -> sp.Expr:
-    r"""Return :math:`m_\mathrm{eff} / m = 1 + \tfrac{33}{140} \mu`, the mass that the tip feels."""
+    r"""Return :math:`m_\mathrm{eff} / m = 1 + \tfrac{33}{140} \mu`, the mass that the tip feels.
+
+    Rayleigh's estimate for the cubic static shape of small deflection (2); it is the m of (12), (13).
+    """
     import sympy as sp
 
     shape = static_series()
@@ -95,7 +100,7 @@ def _moving(x: sp.Expr, y: sp.Expr, order: int) -> Inertia:
 
 @cache
 def inertia(rod: Rod = "linear") -> Inertia:
-    r"""Inertia of tip and rod on the elastica's shapes.
+    r"""Inertia of tip and rod on the elastica's shapes, the solutions of eq. (5) of the paper.
 
     Parameters
     ----------
@@ -126,16 +131,16 @@ def inertia(rod: Rod = "linear") -> Inertia:
 
 @cache
 def third_order(rod: Rod = "linear") -> ThirdOrder:
-    r"""Lagrange's equation of the deflection, expanded; rates and accelerations count as small as delta itself.
+    r"""Lagrange's equation of the deflection, expanded: (13) and (15) with what they leave out.
 
     .. math:: \frac{d}{dt} \frac{\partial T}{\partial \dot\delta} - \frac{\partial T}{\partial \delta}
               + \alpha \frac{\partial U}{\partial \delta} =
               a_2 \ddot\theta_t + (a_1 - a_2) \ddot\theta_m + \tfrac12 a_2' \dot\delta^2
               - \tfrac12 a_0' (\dot\theta_t - \dot\delta)^2 + \alpha U' = 0
 
-    is divided by a_2. The centrifugal and the Coriolis term both come from a_0, so that c2 = -2 c1 for any rod, and the
-    same a_0 is part of c3 and of beta: these terms are one, and none of them has a meaning alone. Friction is added to
-    the result, as the paper does in (13).
+    is divided by a_2; rates and accelerations count as small as delta itself. The centrifugal and the Coriolis term
+    both come from a_0, so that c2 = -2 c1 for any rod, and the same a_0 is part of c3 and of beta: these terms are one,
+    and none of them has a meaning alone. Friction is added to the result, as the paper does in (13).
 
     Parameters
     ----------
@@ -171,7 +176,7 @@ def third_order(rod: Rod = "linear") -> ThirdOrder:
 
 
 def free_vibration_beta(equation: ThirdOrder) -> sp.Expr:
-    r"""Cubic stiffness over alpha of the constant-radius oscillator with the same frequency, by harmonic balance.
+    r"""Return the ratio beta / alpha of (15) that has the same frequency at a constant radius, by harmonic balance.
 
     With the motor at rest both angles have the same rate. Of :math:`\delta = a \cos \omega t` the fundamentals of
     :math:`\delta^3` and :math:`\delta \dot\delta^2` are :math:`\tfrac34 a^3` and :math:`\tfrac14 a^3 \omega^2`; at

@@ -10,7 +10,7 @@ __all__ = ["DYNAMIC_REDUCTION", "DynamicReduction"]
 
 @dataclass(frozen=True)
 class DynamicReduction:
-    r"""Coefficients of the third-order equation of a mass that moves along the elastica's radius law.
+    r"""Coefficients of the third-order equation of a mass that moves along the elastica's radius law, (15) extended.
 
     .. math::
         \ddot\theta_t + \xi \dot\theta_t + \alpha \delta + \beta \delta^3 + c_1 \delta \dot\theta_t^2
@@ -25,7 +25,7 @@ class DynamicReduction:
     Parameters
     ----------
     beta : Fraction
-        Cubic stiffness over alpha [-].
+        The ratio :math:`\beta / \alpha` [-].
     c1, c2, c3 : Fraction
         Centrifugal stiffening, Coriolis coupling, radial inertia [-].
     c_m : Fraction
@@ -40,7 +40,7 @@ class DynamicReduction:
 
     @property
     def effective_beta(self) -> Fraction:
-        """Cubic stiffness over alpha of the constant-radius oscillator of equal frequency, by harmonic balance.
+        """The ratio beta / alpha of (15) that has the same frequency at a constant radius, by harmonic balance.
 
         In free vibration both angles have the same rate, and a term ``delta delta'^2`` acts at the fundamental like
         ``omega^2 / 3`` times ``delta^3``.

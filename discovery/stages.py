@@ -11,6 +11,7 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from discovery.dataset import Dataset
+from discovery.effect import ARM
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit, declared_model, fit
 from discovery.loop import LoopResult, close_loop
@@ -192,7 +193,7 @@ def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str
 
     rig = dataset.rig
     if (
-        not dataset.train[0].is_arm
+        rig.kind != ARM
         or rig.flexural_rigidity is None
         or rig.tip_mass is None
         or rig.length is None
@@ -201,8 +202,11 @@ def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str
         return None
     tell("checking against the elastica")
     rng = np.random.default_rng(stage_seed(seed, "elastica"))
-    deflection = np.concatenate([e.deflection[e.fitted] for e in dataset.train])
-    prediction = predict(rig, rng, delta_max=largest_deflection(dataset.train), deflection=deflection)
+    if dataset.train:
+        deflection = np.concatenate([e.deflection[e.fitted] for e in dataset.train])
+        prediction = predict(rig, rng, delta_max=largest_deflection(dataset.train), deflection=deflection)
+    else:
+        prediction = predict(rig, rng)
     return {
         "prediction": [asdict(row) for row in prediction.summary()],
         "comparison": [asdict(row) for row in prediction.compare(posterior.flat())] if posterior is not None else [],

@@ -17,6 +17,7 @@ import pytest
 from discovery_datasets import registry
 
 from discovery.cli import cli, main
+from discovery.provenance import surroundings
 from discovery.registry import catalogue
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
@@ -156,11 +157,18 @@ def test_export_writes_the_models_of_a_loop(
         assert said.status == 0, said.err
         assert len(said.out.splitlines()) == len(list(out.iterdir())) == len(chosen.split(","))
         content = json.loads((out / "model.json").read_text())
-        assert content["model"] == result["model"][when]["model"]
+        fitted = {row["name"] for row in content["parameters"] if row["fitted"]}
+        model = result["model"][when]["model"]
+        known = {n: v for n, v in model["known"].items() if n not in fitted}
+        assert content["model"] == {**model, "known": known}
         for row in content["parameters"]:
             if row["fitted"]:
                 assert row["value"] == result["model"][when]["parameters"][row["name"]]["value"]
     assert content["provenance"]["data"][0]["source"] == "train.csv"
+    assert content["provenance"]["git_revision"] == surroundings()["git_revision"]
+    said = call(capsys, "export", looped[1], "--out", tmp_path / "none", "--format", "")
+    assert said.status == 2
+    assert "No format is named" in said.err
 
 
 def test_export_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -417,6 +425,15 @@ def test_a_report_needs_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert said.status == 2
     assert "results.json" in said.err
     assert not list(tmp_path.iterdir())
+
+
+def test_the_elastica_predicts_from_the_rig_alone(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    said = call(capsys, "elastica", case.rig, "--quiet")
+    assert said.status == 0
+    rows = [line.split() for line in said.out.splitlines()]
+    alpha = next(float(row[3]) for row in rows if row[:3] == ["rod_counted", "static_small", "alpha"])
+    assert alpha == pytest.approx(8.093, rel=2e-3)
+    assert "static_least_squares" not in said.out
 
 
 def test_the_elastica_needs_the_rig(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -218,7 +218,7 @@ def test_a_fit_shows_its_torque() -> None:
 def test_what_has_no_torque_is_refused() -> None:
     with pytest.raises(InputError, match="no hub"):
         _ = Arm(Model("oscillator", PLAIN[:1]), {"xi": 0.1, "g": 1.0}, 1.0).program
-    with pytest.raises(InputError, match="radial_inertia imitate"):
+    with pytest.raises(InputError, match="radial_inertia imitates"):
         _ = arm_on("constant_radius", (*PLAIN, "radial_inertia"), c_rad=0.04).program
     with pytest.raises(InputError, match="needs values of alpha"):
         Arm(Model("constant_radius", PLAIN), {"xi": 0.1}, 1.0)

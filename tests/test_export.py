@@ -38,11 +38,12 @@ from discovery.export import (
     to_sympy,
     to_sympy_file,
 )
-from discovery.fit import declared_model, fit
+from discovery.fit import declared_model, fit, rig_uncertainty
 from discovery.mechanics import get_base
 from discovery.model import Model
 from discovery.parameters import Parameter
 from discovery.program import build_program
+from discovery.provenance import surroundings
 from discovery.recording import read_recording
 from discovery.registry import catalogue
 from discovery.rig_file import read_rig
@@ -83,9 +84,9 @@ def with_stiffness(base: str, *effects: str) -> Model:
     return Model(base, tuple(dict.fromkeys(("linear_stiffness", *effects))))
 
 
-def module(source: str) -> dict[str, Any]:
+def module(source: str, library: str = "numpy") -> dict[str, Any]:
     """Run an exported source that may import one library only."""
-    assert set(re.findall(r"^(?:import|from) (\w+)", source, re.MULTILINE)) <= {"numpy"}
+    assert set(re.findall(r"^(?:import|from) (\w+)", source, re.MULTILINE)) <= {library}
     namespace: dict[str, Any] = {}
     exec(compile(source, "model.py", "exec"), namespace)
     return namespace
@@ -193,11 +194,18 @@ def test_parameter_sets_run_side_by_side() -> None:
         np.testing.assert_allclose(together[..., k], alone, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("time", [[0.0], [0.0, 0.0], [0.0, 1.0, 0.5], [[0.0, 1.0]]])
-def test_times_that_make_no_record_are_refused(time: list) -> None:
+@pytest.mark.parametrize("time", [0.0, [0.0], [0.0, 0.0], [0.0, 1.0, 0.5], [[0.0, 1.0]], [0.0, np.nan]])
+def test_times_that_make_no_record_are_refused(time: float | list) -> None:
     model = with_stiffness("oscillator")
-    with pytest.raises(ValueError, match="never decreases"):
+    with pytest.raises(ValueError, match="never decrease"):
         module(to_numpy(model, some_values(model)))["simulate"](time, 0.0)
+
+
+def test_a_step_that_is_no_step_is_refused() -> None:
+    model = with_stiffness("oscillator")
+    for step in (0.0, np.nan):
+        with pytest.raises(ValueError, match="step must be a positive time"):
+            module(to_numpy(model, some_values(model)))["simulate"]([0.0, 1.0], 0.0, step=step)
 
 
 @pytest.mark.parametrize("base", BASES)
@@ -456,6 +464,7 @@ def test_the_latex_has_the_papers_equations() -> None:
         assert part in text
     assert r"\rho_t = l \cos{\left(\delta \gamma \right)}" in text
     assert "tabular" not in text
+    assert r"\varphi_{1}(s) = 2 s - s^{2} &&" in to_latex(with_stiffness("elastica_2"))
 
 
 @pytest.mark.parametrize(
@@ -512,6 +521,20 @@ def test_what_the_fit_held_is_exported(fitted) -> None:
     assert found.values["v_c"] != declared.default
     assert found.provenance["data"][0]["sha256"] == fitted.problem.bench.experiments[0].recording.sha256
     assert found.initial["train_large"] == tuple(fitted.minimum.x[-2:])
+    assert found.provenance["git_revision"] == surroundings()["git_revision"]
+
+
+def test_what_was_fitted_is_not_known() -> None:
+    """The mass ratio of a rig file is fitted within its uncertainty: its number is that of the fit."""
+    folder = ROOT / "datasets" / "arm"
+    rig = read_rig(folder / "rig.toml")
+    experiment = make_experiment(read_recording(folder / "train_paper.csv", rig), rig, fitted_samples=300)
+    model = declared_model(experiment).on_base("reduced")
+    result = fit(model, [experiment], gaussian=rig_uncertainty(experiment))
+    found = FittedModel.from_fit(result)
+    assert "mu" in model.known
+    assert found.model.known.keys() == model.known.keys() - {"mu"}
+    assert found.values["mu"] == result.values["mu"] != model.known["mu"]
 
 
 def test_the_numpy_file_reads_what_the_instrument_read(fitted) -> None:
@@ -564,6 +587,41 @@ def test_numbers_are_asked_for() -> None:
     assert module(to_numpy(known, {"alpha": 8.0}))["PARAMETERS"] == {"length": 0.5, "alpha": 8.0}
 
 
+@pytest.mark.parametrize("kind", [np.float64, np.float32, int])
+def test_numbers_of_any_kind_are_written_plainly(kind: type) -> None:
+    model = with_stiffness("oscillator")
+    found = FittedModel(model, {"alpha": kind(8), "g": kind(1)}, initial={"a": (kind(1), kind(0))}, step=kind(1))
+    for text, library in ((to_numpy(found), "numpy"), (to_sympy_file(found), "sympy")):
+        assert set(module(text, library)["PARAMETERS"].values()) == {8.0, 1.0}
+        assert "np.float" not in text
+    assert from_json(to_json(found)).values == {"alpha": 8.0, "g": 1.0}
+    for wrong, message in (("a", "give a number"), (np.nan, "not finite"), (np.inf, "not finite")):
+        for write in (to_sympy, to_json):
+            with pytest.raises(InputError, match=f"value of alpha is .*{message}"):
+                write(model, {"alpha": wrong, "g": 1.0})
+    with pytest.raises(InputError, match="no parameter alfa"):
+        to_sympy(model, {"alfa": 8.0})
+    # What `Fit.values` holds beside the parameters.
+    assert to_sympy(model, {"alpha": 8.0, "delta_0_init[a]": 0.1}).equation == to_sympy(model, {"alpha": 8.0}).equation
+
+
+@pytest.mark.parametrize(
+    "name", ['a """quoted""" rig', "back\\slash \\N{no}", 'ends with "', "@DRIVE@ line\r\nend\u2028"]
+)
+def test_no_name_breaks_a_file(name: str) -> None:
+    model = with_stiffness("oscillator")
+    provenance = {
+        "discovery": "1", "rig": {"name": name, "sha256": "0" * 64}, "data": [{"source": name, "sha256": "1" * 64}],
+    }  # fmt: skip
+    found = FittedModel(model, some_values(model), initial={name: (0.1, 0.0)}, provenance=provenance)
+    for text, library in ((to_numpy(found), "numpy"), (to_sympy_file(found), "sympy")):
+        shown = " ".join(name.split()).replace('"""', "'''")
+        assert f"Rig: {shown} (sha" in module(text, library)["__doc__"]
+    head = to_latex(found).partition(r"\begin{align*}")[0]
+    assert len(head.splitlines()) == 3
+    assert all(line.startswith("% ") for line in head.splitlines())
+
+
 # Files.
 
 
@@ -607,6 +665,8 @@ def test_unusable_folders_and_formats_are_refused(tmp_path: Path) -> None:
     found = stored(tmp_path)
     with pytest.raises(InputError, match="no format word; there are sympy, latex"):
         export_model(found, tmp_path / "out", ["json", "word"])
+    with pytest.raises(InputError, match="No format is named; name some of sympy, latex"):
+        export_model(found, tmp_path / "out", [])
     assert not (tmp_path / "out").exists()
 
 

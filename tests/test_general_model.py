@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -209,7 +210,7 @@ def test_hard_ramps_leave_ringing_that_is_bounded() -> None:
     with pytest.raises(SimulationFailure, match="a longer retardation calms"):
         simulate_general(ARM, drive, TIME, retardation=0.0)
     path = [simulate_general(ARM, drive, TIME, retardation=r) for r in (0.02, 0.01, 0.005, 0.0025)]
-    assert max(distance(a, b) for a, b in zip(path[:-1], path[1:], strict=True)) < 1e-4
+    assert max(distance(a, b) for a, b in pairwise(path)) < 1e-4
     assert max(motion.radial.max() for motion in path) < 0.45
 
 

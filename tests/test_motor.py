@@ -222,3 +222,23 @@ def test_friction_is_not_negative(name: str) -> None:
 def test_a_controller_needs_positive_quantities(name: str) -> None:
     with pytest.raises(InputError, match=f"{name} must be positive"):
         replace(TEN_HERTZ, **{name: np.nan})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"time": np.array([0.0, 1.0, 0.5])}, "increasing order"),
+        ({"time": np.array([0.0, np.nan])}, "increasing order"),
+        ({"time": np.empty(0)}, "increasing order"),
+        ({"drive": None}, "pass a drive"),
+        ({"deflection": np.nan}, "finite initial deflection"),
+        ({"rate": np.inf}, "finite initial deflection"),
+    ],
+)
+def test_a_motion_that_cannot_be_is_refused(wrong: dict, message: str) -> None:
+    asked = {"drive": STILL, "time": np.array([0.0, 0.1]), **wrong}
+    drive, time = asked.pop("drive"), asked.pop("time")
+    with pytest.raises(InputError, match=message):
+        move_arm(PAPER_ARM, drive, time, **asked)
+    with pytest.raises(InputError, match=message):
+        drive_arm(PAPER_ARM, ASSUMED_MOTOR, TEN_HERTZ, drive, time, **asked)

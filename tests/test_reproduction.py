@@ -594,3 +594,117 @@ def test_results_are_the_same_with_one_and_two_processes(monkeypatch: pytest.Mon
         for name in one.motion.__dataclass_fields__:
             assert np.array_equal(getattr(one.motion, name), getattr(two.motion, name)), name
     assert parallel.in_parallel(short_stand, []) == []
+
+
+# --- the whole studies (slow)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Numbers]:
+    folder = tmp_path_factory.mktemp("whole")
+    study.run_studies(folder, lambda _: None)
+    return folder, read(folder / "studies.json")
+
+
+@pytest.mark.slow
+def test_both_calibrations_come_within_20_percent(whole: tuple[Path, Numbers]) -> None:
+    for name, found in whole[1]["comparison"].items():
+        for model, mean in PRINTED.items():
+            assert found["errors"][model]["position"]["mean"] == pytest.approx(mean, rel=0.2), (name, model)
+        for model, least in (("after_loop", 0.05e-3), ("first_principles", 0.15e-3)):
+            assert found["errors"][model]["noise_free"]["mean"] < least, (name, model)
+        assert "elastica_geometry" in found["loop"]["added"]
+    assert whole[1]["comparison"]["calibrated"]["cubic"]["values"]["alpha"] == pytest.approx(8.7907, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_the_ladder_falls_from_step_to_step(whole: tuple[Path, Numbers]) -> None:
+    found = whole[1]["steps"]
+    assert found["deflection"]["inside"] < found["deflection"]["trained"] < found["deflection"]["beyond"]
+    mean = {(r["model"], r["how"]): {n: e["mean"] for n, e in r["errors"].items()} for r in found["ladder"]}
+    fitted = [mean[model, "fitted"]["trained"] for model in dict.fromkeys(r["model"] for r in found["ladder"])]
+    assert fitted == sorted(fitted, reverse=True)
+    assert len(fitted) == 7
+    for where in ("trained", "inside"):
+        assert mean["exact, 3 modes", "rig"][where] < 0.15e-3
+    rows = {r["model"]: {n: e["mean"] for n, e in r["errors"].items()} for r in found["freed"]}
+    held, free = rows["all held at first principles"], rows["all free"]
+    assert free["trained"] < held["trained"]
+    assert held["inside"] < 0.9 * free["inside"]
+    assert held["beyond"] < 0.9 * free["beyond"]
+
+
+@pytest.mark.slow
+def test_robust_numbers_are_robust_and_beta_is_not(whole: tuple[Path, Numbers]) -> None:
+    found = whole[1]["sensitivity"]
+    for name, spread in (("gamma", 0.01), ("omega2", 0.02)):
+        for varied in ("speed", "duration"):
+            values = [r[name] for r in found[varied]]
+            assert max(values) / min(values) < 1 + spread, (name, varied)
+    betas = [r["beta"] for r in found["duration"]]
+    assert min(betas) < 0 < max(betas)
+    for row in found["rod_mass"]:
+        assert row["alpha"] == pytest.approx(row["rig_alpha"], rel=0.02)
+    for name in ("angle_linear", "position_linear", "position_cubic", "deflection"):
+        values = [r[name] for r in found["speed"]]
+        assert values == sorted(values), name
+
+
+@pytest.mark.slow
+def test_only_the_exact_arm_tells_dry_friction_from_none(whole: tuple[Path, Numbers]) -> None:
+    friction = whole[1]["claims"]["friction"]
+    rows = {base: {r["law"]: r for r in friction[base]} for base in ("paper_model", "exact_arm", "exact_arm_dry")}
+    dry, none = (rows[base]["coulomb_friction"] for base in ("exact_arm_dry", "exact_arm"))
+    assert dry["value"] == pytest.approx(friction["dry_truth"], rel=0.03)
+    assert abs(none["value"]) < 0.05 * friction["dry_truth"]
+    assert dry["misfit_after"] < 1.1 < 3 < dry["misfit_before"]
+    assert rows["paper_model"]["coulomb_friction"]["value"] > friction["dry_truth"]
+
+
+@pytest.mark.slow
+def test_similar_arms_are_predicted_as_well_as_home(whole: tuple[Path, Numbers]) -> None:
+    trials = {(t["changed"], t["value"]): t["errors"] for t in whole[1]["normalisation"]["trials"]}
+    home = trials["amplitude", 1.0]
+    alike = [e for (changed, _), e in trials.items() if changed in ("length", "stiffness", "both masses")]
+    assert len(alike) == 6
+    for errors in alike:
+        for model in ("linear", "paper, rod counted", "paper, massless rod"):
+            assert errors[model] == pytest.approx(home[model], rel=0.02)
+    heavy = trials["mass ratio", 0.8]
+    assert heavy["paper, massless rod"] > 5 * heavy["paper, rod counted"] > 5 * home["paper, rod counted"]
+    # The exact arm knows the rod: neither the mass ratio nor the amplitude trouble it much.
+    assert max(e["exact arm"] for e in trials.values()) < 1e-3
+
+
+@pytest.mark.slow
+def test_the_general_model_is_the_limit_of_a_light_rod(whole: tuple[Path, Numbers]) -> None:
+    for rows in (whole[1]["dynamics"][against] for against in ("twin", "exact")):
+        for move in {r["move"] for r in rows}:
+            found = sorted((r["mass_ratio"], r["massless"], r["rod counted"]) for r in rows if r["move"] == move)
+            ratios, massless, counted = np.array(found).T
+            assert (np.diff(massless) > 0).all()
+            assert massless == pytest.approx(massless[-1] * ratios / ratios[-1], rel=0.25)
+            assert (counted < 0.5 * massless).all()
+
+
+@pytest.mark.slow
+def test_the_page_of_whole_studies_is_built(whole: tuple[Path, Numbers]) -> None:
+    folder, found = whole
+    text = build_page(folder).read_text(encoding="utf-8")
+    errors = found["comparison"]["printed"]["errors"]
+    for model in PRINTED:
+        assert f"{1e3 * errors[model]['position']['mean']:.3g} mm" in text
+    assert len(list((folder / "figures").iterdir())) == 24
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sensitivity", "normalisation", "claims", "misprints"])
+def test_whole_studies_are_the_same_again(
+    whole: tuple[Path, Numbers], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Again, and what ran in several processes now in one: every bit of every number."""
+    monkeypatch.setattr(study, "STUDIES", {name: study.STUDIES[name]})
+    monkeypatch.setattr(parallel.os, "sched_getaffinity", lambda _: {0})
+    study.run_studies(tmp_path, lambda _: None)
+    path = f"studies/{name}.json"
+    assert read(tmp_path / path)["numbers"] == read(whole[0] / path)["numbers"]

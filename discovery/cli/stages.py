@@ -163,26 +163,34 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
 
 @click.command()
 @click.argument("rig", type=PATH)
-@options("train", "out", "seed", "quiet")
-def elastica(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
-    """Predict alpha, beta and gamma from the rig file alone; with posterior.nc in OUT, compare."""
+@options("train")
+@click.option("--out", type=PATH, help="Folder for elastica.json; without it the prediction is only printed.")
+@options("seed", "quiet")
+def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool) -> None:
+    """Predict alpha, beta and gamma from the rig file alone; with posterior.nc in OUT, compare.
+
+    With recordings, the elastica's law is also fitted over the deflections that they reach.
+    """
     from discovery import stages
+    from discovery.dataset import Dataset
     from discovery.draws import Posterior
     from discovery.errors import InputError
     from discovery.provenance import provenance, write_json
+    from discovery.rig_file import read_rig
 
-    dataset = load(rig, train, (), keep_third=False)
-    saved = out / "posterior.nc"
+    described = read_rig(rig)
+    recorded = train or described.records
+    dataset = load(rig, train, (), keep_third=False) if recorded else Dataset(described, (), ())
+    saved = None if out is None else out / "posterior.nc"
+    posterior = Posterior.from_netcdf(saved) if saved is not None and saved.exists() else None
     with progress(quiet) as tell:
-        found = stages.predicted(
-            dataset, Posterior.from_netcdf(saved) if saved.exists() else None, seed=seed, tell=tell
-        )
+        found = stages.predicted(dataset, posterior, seed=seed, tell=tell)
     if found is None:
         raise InputError(
             f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file."
         )
-    folder = results_folder(out)
-    write_json(folder / "elastica.json", {"provenance": provenance(dataset, seed=seed), **found})
+    if out is not None:
+        write_json(results_folder(out) / "elastica.json", {"provenance": provenance(dataset, seed=seed), **found})
     for row in found["prediction"]:
         click.echo(
             f"{row['mass']:12} {row['law']:22} {row['parameter']:10} {row['mean']:.5g} +- {row['sd']:.2g} {row['unit']}"

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DrivenMotion:
-    """A motion of motor and arm together, shapes (k,).
+    """A motion of motor and arm together by eq. (10), shapes (k,).
 
     Attributes
     ----------

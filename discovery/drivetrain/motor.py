@@ -22,7 +22,7 @@ __all__ = ["ASSUMED_MOTOR", "Motor", "PositionController"]
 
 @dataclass(frozen=True)
 class Motor:
-    """A current-driven motor with a reduction gear; all quantities are on the motor's side of the gear.
+    """A current-driven motor with a reduction gear, eq. (10); all quantities are on the motor's side of the gear.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ class Motor:
 
     @property
     def hub_inertia(self) -> float:
-        """J n^2 [kg m^2]."""
+        """J n^2 of eq. (10) [kg m^2]."""
         return self.inertia * self.gear_ratio**2
 
     @property
     def hub_damping(self) -> float:
-        """Nu n^2 [N m s]."""
+        """Hub damping nu n^2 of eq. (10) [N m s]."""
         return self.viscous_friction * self.gear_ratio**2
 
     @property
@@ -79,7 +79,7 @@ class Motor:
         return self.torque_constant * self.gear_ratio
 
     def friction(self, rate: Any) -> Any:
-        """Return viscous and dry friction at the hub [N m] for its rate [rad/s]."""
+        """Return viscous friction (10) and dry friction at the hub [N m] for its rate [rad/s]."""
         dry = self.coulomb * self.gear_ratio
         return self.hub_damping * rate + dry * rate / np.sqrt(rate**2 + self.creep**2)
 

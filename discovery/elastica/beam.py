@@ -35,7 +35,7 @@ DEFLECTION_MAX = np.pi / 2
 
 @dataclass(frozen=True)
 class TipState:
-    """The tip of a beam of unit length, in the frame of the clamp; every field has the shape of the loads.
+    """The tip of a beam of unit length bent by eq. (5), in the clamp's frame; every field has the shape of the loads.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class TipState:
 
 @dataclass(frozen=True)
 class BeamShape:
-    """The bent line of a beam of unit length; points run along the last axis.
+    """The bent line of a beam of unit length, the solution of eq. (5); points run along the last axis.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def tip_under_load(force: npt.ArrayLike, direction: npt.ArrayLike) -> TipState:
 
 
 def shape_under_load(force: npt.ArrayLike, direction: npt.ArrayLike, arc: npt.ArrayLike | None = None) -> BeamShape:
-    """Shape of the elastica under a tip force.
+    """Shape of the elastica under a tip force: the solution of eq. (5) of the paper.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def shape_under_load(force: npt.ArrayLike, direction: npt.ArrayLike, arc: npt.Ar
 
 
 def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Force and radius of a tip deflected by a force perpendicular to its radius vector.
+    """Force and radius of a tip deflected by a force perpendicular to its radius vector, from eq. (5) of the paper.
 
     The position of the tip has no component along such a force, so one equation in one unknown is left; to lowest
     orders ``F_n = 3 delta + (13/70) delta^3`` and ``rho / l = 1 - delta^2 / 10``.

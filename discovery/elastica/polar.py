@@ -16,7 +16,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PolarSlopes:
-    """Derivatives by a bend's parameter z and by the direction phi: of 1 - rho, delta, F_r and F_t."""
+    """Derivatives of the map (6) by a bend's parameter z and by the direction phi: of 1 - rho, delta, F_r and F_t."""
 
     shortening_z: FloatArray
     shortening_phi: FloatArray
@@ -29,7 +29,7 @@ class PolarSlopes:
 
 
 def polar_force(b: Bend) -> tuple[FloatArray, FloatArray]:
-    """Return the components of the force along and across the tip's radius."""
+    """Return the components of the force of eq. (6) along and across the tip's radius."""
     rho = 1.0 - b.radial_shortening
     # The latter is the clamp's moment over rho; the angle between force and radius would lose its digits.
     return b.t * (b.t - 2.0 * (b.q2 * b.t + b.d)) / rho, 2.0 * b.t * b.w * b.tau / rho
@@ -56,7 +56,7 @@ def polar_slopes(b: Bend) -> PolarSlopes:
 
 
 def polar_compliance(force: npt.ArrayLike, direction: npt.ArrayLike) -> FloatArray:
-    """Differentiate the tip's position by the components of the force along and across its radius.
+    """Differentiate the tip's position by the force along and across its radius: the inverse map (6) of the paper.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def radius_limits(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest radius of the tip at a deflection.
+    """Smallest and largest radius of the tip at a deflection: the domain of the map (6) of the paper.
 
     The smallest is that of the beam buckled by a compression along its clamped end, ``phi = pi``: below it the beam
     has an inflection. The largest takes the force ``FORCE_MAX``; the straight beam, ``rho = l``, an infinite one.

@@ -53,7 +53,7 @@ class ElasticaSeries:
 
 @cache
 def elastica_series(order: int = 5, radial_order: int = 1) -> ElasticaSeries:
-    """Derive the series of the elastica.
+    """Derive the series of the elastica from eq. (5) of the paper.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ _SMALLEST_DEFLECTION = 1e-3
 
 @dataclass(frozen=True)
 class StaticLaw:
-    """Cubic force law and radius law of the elastica.
+    """Cubic force law and radius law of the elastica, as in (15) and (16) of the paper.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ SMALL_DEFLECTION = StaticLaw(1.0, float(Fraction(13, 210)), 1.0 / np.sqrt(5.0))
 
 
 def static_law(delta_max: float | None = None, deflection: npt.ArrayLike | None = None) -> StaticLaw:
-    """Least-squares cubic and cosine through the elastica's force and radius.
+    """Least-squares cubic of (15) and cosine of (16) through the elastica's force and radius.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def static_law(delta_max: float | None = None, deflection: npt.ArrayLike | None 
 
 
 def spring_law(delta: npt.ArrayLike) -> FloatArray:
-    """Tangential force of the elastica over its linear stiffness, ``F_n / 3``.
+    """Tangential force of the elastica (5) over its linear stiffness, ``F_n / 3``; comparable with the spring of (15).
 
     Comparable with the discovered ``delta + (beta / alpha) delta^3`` of eq. (14) of the paper.
 
@@ -93,7 +93,7 @@ def spring_law(delta: npt.ArrayLike) -> FloatArray:
 
 
 def torque_law(delta: npt.ArrayLike) -> FloatArray:
-    """Torque of the elastica's tip force about the clamp over its linear stiffness, ``rho F_n / (3 l)``.
+    """Torque (11) of the elastica's tip force about the clamp over its linear stiffness, ``rho F_n / (3 l)``.
 
     It is the generalised force of the dynamic reduction: the derivative of the bending energy along the tip's curve.
 

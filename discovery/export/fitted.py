@@ -75,6 +75,7 @@ class FittedModel:
     def __post_init__(self) -> None:
         # Plain numbers, whatever kind of float was given: they are written with `repr`.
         object.__setattr__(self, "values", {n: _plain(n, v) for n, v in self.values.items()})
+        object.__setattr__(self, "step", float(self.step))
         missing = [n for n in self.model.parameters if not math.isfinite(self.values.get(n, math.nan))]
         if missing:
             raise InputError(f"The model has no value of {', '.join(missing)}; give a number for each.")
@@ -138,7 +139,7 @@ class FittedModel:
             },
             "reasons": dict(self.reasons),
             "initial": {n: [float(v) for v in state] for n, state in self.initial.items()},
-            "step_s": _null(float(self.step)),
+            "step_s": _null(self.step),
             "provenance": dict(self.provenance),
         }
 

@@ -168,8 +168,8 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     Raises
     ------
     InputError
-        If an effect needs the linear stiffness and nothing declares it, for a name that is not a parameter of the model,
-        or a value that is not a finite number.
+        If an effect needs the linear stiffness and nothing declares it, for a name that is not a parameter of the
+        model, or a value that is not a finite number.
     """
     model = source if isinstance(source, Model) else source.model
     given = given_numbers(model, values)

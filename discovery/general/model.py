@@ -30,7 +30,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GeneralModel:
-    """A massless elastic arm with a point mass at its tip.
+    """A massless elastic arm with a point mass at its tip, equations (7) to (9) of the paper.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class GeneralModel:
 
     @property
     def force_scale(self) -> float:
-        """Unit ``EI / l^2`` of force [N]."""
+        """Unit ``EI / l^2`` of force [N], that of eq. (5)."""
         return self.flexural_rigidity / self.length**2
 
     def normalised(self) -> GeneralModel:
@@ -76,7 +76,7 @@ class GeneralModel:
 
 @dataclass(frozen=True)
 class GeneralMotion:
-    """Motion of the tip; every array has one value a time.
+    """Motion of the tip by (7), (8); every array has one value a time.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class GeneralMotion:
 
     @property
     def polar_acceleration(self) -> tuple[FloatArray, FloatArray]:
-        """``theta_t''`` [rad/s^2] and ``rho_t''`` [m/s^2] by the polar form, each of shape (n,)."""
+        """``theta_t''`` [rad/s^2] and ``rho_t''`` [m/s^2] by the polar form of (7), (8), each of shape (n,)."""
         m, xi = self.model.tip_mass, self.model.xi
         along = self.rho * self.theta_rate**2 - xi * self.rho_rate - self.radial / m
         across = -(2.0 * self.rho_rate + xi * self.rho) * self.theta_rate - self.tangential / m

@@ -96,7 +96,7 @@ class TipPotential:
 
 @lru_cache(maxsize=1)
 def tip_potential() -> TipPotential:
-    """Return the potential on the whole domain, solved once at Chebyshev points (some 50 ms).
+    """Return the potential behind the map (6) on the whole domain, solved once at Chebyshev points (some 50 ms).
 
     Raises
     ------

@@ -28,7 +28,7 @@ def simulate_general(
     step: float = 0.01,
     retardation: float = 0.01,
 ) -> GeneralMotion:
-    """Simulate the arm, started without radial ringing.
+    """Simulate the arm by equations (7), (8) of the paper, started without radial ringing.
 
     Parameters
     ----------

@@ -26,7 +26,9 @@ __all__ = ["BASE", "ONE_MODE", "TWO_MODES", "Elastica", "ElasticaOneMode", "Elas
 
 
 class Elastica(ArmBase):
-    r"""Lagrange's equations of theta(s, t) = theta_m + sum_k q_k phi_k(s), see `discovery.mechanics.rod_shapes`.
+    r"""The rod of (1) and the tip mass of (7), with the rod's mass: theta(s, t) = theta_m + sum_k q_k phi_k(s).
+
+    Lagrange's equations of the q_k; the shapes are those of `discovery.mechanics.rod_shapes`.
 
     Large deflection, radius, tension, centrifugal and Coriolis terms, the rod's mass and the second bending mode are
     all contained; bending stiffness enters through `linear_stiffness` (alpha = 3 EI / (m_eff l^3),

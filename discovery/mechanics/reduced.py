@@ -26,13 +26,14 @@ def rod_inertia(mu: sp.Expr) -> sp.Expr:
 
 
 class Reduced(ArmBase):
-    r"""Point mass moving along the elastica's radius law.
+    r"""Point mass moving along the elastica's radius law, (16) with gamma = 1/sqrt 5: the kinetic energy behind (8).
 
     .. math:: T = \tfrac12(\rho^2\dot\theta_t^2 + \rho'^2\dot\delta^2) + A\,\dot\theta_t\dot\theta_m
               + \tfrac12 C\,\dot\theta_m^2,\qquad U = \tfrac12\delta^2 - \tfrac{1}{105}\delta^4
 
-    The generalised force on delta is rho F_t with F_n = 3 delta + (13/70) delta^3, hence U; expanded to third order the
-    terms are c1 = 1/5, c2 = -2/5, c3 = 1/25 and beta = 0.122 alpha. C moves the motor only, not the tip.
+    The generalised force on delta is rho F_t, by (5) with F_n = 3 delta + (13/70) delta^3, hence U; expanded to third
+    order the terms are c1 = 1/5, c2 = -2/5, c3 = 1/25 and beta = 0.122 alpha (`discovery.derivation`). C moves the
+    motor only, not the tip.
     """
 
     name = "reduced"

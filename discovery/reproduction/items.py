@@ -242,7 +242,7 @@ def _claims(results: Mapping[str, Any]) -> list[Item]:
             f"{significant(dry['value'], 3)} where {significant(friction['dry_truth'], 3)} is hidden",
             MISSING,
             "the twin’s friction is linear by construction, so only the test can be shown: it would see dry friction of "
-            f"0.6 mN; what it finds where there is none is {100 * none['value'] / friction['dry_truth']:.1f} % of that, several of its standard deviations, which count the noise "
+            f"0.6 mN; what it finds where there is none is {100 * none['value'] / friction['dry_truth']:.1f} % of that, {abs(none['value']) / none['sd']:.1f} of its standard deviations, which count the noise "
             "alone; on the paper’s model false frictions pass it, because mechanics is missing",
         ),
         Item(

@@ -82,7 +82,7 @@ def dynamics() -> tuple[dict[str, Any], dict[str, dict[str, FloatArray]]]:
     truth = simulate(arm, move, TIME, rtol=1e-6)
     motion = simulate_general(model, drive, TIME)
     finer = simulate_general(model, drive, TIME, step=0.005)
-    calmed = simulate_general(model, drive, TIME, retardation=2e-3)
+    calmed = simulate_general(model, drive, TIME, retardation=0.02)
     numbers = {
         "twin": [row for name in MOVES for row in _against_twin(name)],
         "exact": [row for name in MOVES for row in _against_exact_arm(name)],
