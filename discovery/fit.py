@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
 from discovery.covariance import covariance_of, solver_shift
+from discovery.errors import InputError
 from discovery.experiment import Experiment
 from discovery.guess import scan
 from discovery.least_squares import Minimum
@@ -153,7 +154,18 @@ def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
 
 
 def declared_model(experiment: Experiment) -> Model:
-    """Return the model that the rig file declares, on the base of its kind."""
+    """Return the model that the rig file declares, on the base of its kind.
+
+    Raises
+    ------
+    InputError
+        For anything else than an experiment, such as the rig alone: a recording says whether there is an input.
+    """
+    if not isinstance(experiment, Experiment):
+        raise InputError(
+            f"The declared model is that of an Experiment, not of a {type(experiment).__name__}; make one with "
+            "`make_experiment(recording, rig)`, or take one of `load_dataset(rig_path, recordings).train`."
+        )
     base = "constant_radius" if experiment.is_arm else "oscillator"
     return Model(base, tuple(experiment.rig.declared), known_values(experiment))
 

@@ -179,6 +179,9 @@ def test_export_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFix
     said = call(capsys, "export", tmp_path, "--out", tmp_path / "out")
     assert said.status == 2
     assert "Make it again" in said.err
+    said = call(capsys, "export", tmp_path / "nowhere", "--out", tmp_path / "out")
+    assert said.status == 2
+    assert "There is no folder" in said.err
     assert not (tmp_path / "out").exists()
 
 

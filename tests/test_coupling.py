@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,20 +17,24 @@ from discovery.compile import numpy_derivative
 from discovery.drive import Drive
 from discovery.drivetrain.arm_motion import fitted_coupling, integrate, move_arm
 from discovery.drivetrain.coupling import Arm, coupling_torque, effective_inertia
+from discovery.drivetrain.driven_arm import drive_arm
+from discovery.drivetrain.motor import ASSUMED_MOTOR, PositionController
 from discovery.effect import Dissipation, Kinetic, Load, Memory, Potential
 from discovery.elastica.force_map import load_at_tip
 from discovery.errors import InputError, SimulationFailure
-from discovery.experiment import Experiment
-from discovery.fit import fit
+from discovery.experiment import Experiment, make_experiment
+from discovery.export import FittedModel, from_json, to_json
+from discovery.fit import declared_model, fit
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.base import SHORTENING_RADIUS
 from discovery.mechanics.reduced import rod_coupling, rod_inertia
 from discovery.mechanics.rod_shapes import polynomials, quadrature, reduced_shapes
 from discovery.model import Model
 from discovery.program import build_program
-from discovery.recording import Recording
+from discovery.recording import Recording, read_recording
 from discovery.registry import get_effect
 from discovery.rig import PAPER_MODEL, Quantity, Rig
+from discovery.rig_file import read_rig
 from discovery.simulate import Simulator
 from discovery.testing.states import every_effect
 
@@ -213,6 +218,44 @@ def test_a_fit_shows_its_torque() -> None:
     np.testing.assert_allclose(motion.coupling_torque, true.coupling_torque * 0.0433 / INERTIA, atol=1e-6)
     (other,) = fitted_coupling(fitted, inertia=2 * 0.0433)
     np.testing.assert_allclose(other.coupling_torque, 2 * motion.coupling_torque)
+
+
+def test_an_exported_model_shows_the_torque_of_its_fit() -> None:
+    # The creep speed of dry friction is held, and its default is in natural units: both must use the fit's number.
+    folder = Path(__file__).parents[1] / "datasets" / "arm_coulomb"
+    rig = read_rig(folder / "rig.toml")
+    recording = read_recording(folder / "train_large.csv", rig, (0, 500))
+    experiment = make_experiment(recording, rig)
+    fitted = fit(declared_model(experiment).with_effect("coulomb_friction"), [experiment])
+    (motion,) = fitted_coupling(fitted)
+    np.testing.assert_allclose(np.column_stack([motion.x, motion.y]), fitted.predict()[0], atol=1e-5)
+    taken = from_json(to_json(fitted))
+    (again,) = fitted_coupling(taken, [experiment])
+    np.testing.assert_allclose(again.coupling_torque, motion.coupling_torque, rtol=1e-12)
+    with pytest.raises(InputError, match="pass experiments"):
+        fitted_coupling(taken)
+    # A recording that was not fitted starts with what its own first samples show.
+    unknown = replace(experiment, recording=replace(recording, name="another"))
+    for source in (fitted, taken):
+        (near,) = fitted_coupling(source, [unknown])
+        assert (near.theta_t - near.theta_m)[0] == pytest.approx(unknown.initial_guess[0])
+        assert 1e-8 < np.abs(near.coupling_torque - motion.coupling_torque).max() < 0.02
+
+
+def test_what_is_no_fitted_model_or_drive_is_named_with_the_remedy() -> None:
+    with pytest.raises(InputError, match=r"not of a \w*Path.*read_fitted"):
+        fitted_coupling(Path("reports"))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"not of a str; `read_rig\(path\)`"):
+        effective_inertia("rig.toml")  # type: ignore[arg-type]
+    model, numbers = Model("constant_radius", PLAIN), {"xi": 0.1, "alpha": 8.8, "length": 1.0}
+    with pytest.raises(InputError, match=r"`\.model` and `\.values`\. Got a Model and a FittedModel"):
+        Arm(model, FittedModel(model, numbers), 1.0)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"Got a FittedModel and a dict"):
+        Arm(FittedModel(model, numbers), numbers, 1.0)  # type: ignore[arg-type]
+    time = np.linspace(0.0, 1.0, 11)
+    for refused in (move_arm, lambda *a: drive_arm(a[0], ASSUMED_MOTOR, PositionController(60.0), *a[1:])):
+        with pytest.raises(InputError, match=r"got ndarray.*smooth_motion.*spline_drive"):
+            refused(arm_on("constant_radius"), 0.1 * time, time)  # type: ignore[arg-type]
 
 
 def test_what_has_no_torque_is_refused() -> None:

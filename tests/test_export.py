@@ -653,7 +653,15 @@ def test_a_folder_is_exported_in_every_format(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=out, check=True)
 
 
+@pytest.mark.parametrize("path", ["reports/arm/model.json", Path("model.json"), ""])
+def test_a_path_in_place_of_text_is_named(path: Any) -> None:
+    with pytest.raises(InputError, match=r"reads text, not a path.*read_text"):
+        from_json(path)
+
+
 def test_unusable_folders_and_formats_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"There is no folder .*nowhere; name the one that `discovery run`"):
+        read_fitted(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"holds no results\.json and no loop\.json"):
         read_fitted(tmp_path)
     (tmp_path / "loop.json").write_text("{}")

@@ -11,8 +11,9 @@ from scipy.optimize import least_squares
 
 from discovery.batch import fit_problems
 from discovery.drive import Drive
+from discovery.errors import InputError
 from discovery.experiment import Experiment
-from discovery.fit import Fit, fit
+from discovery.fit import Fit, declared_model, fit
 from discovery.least_squares import levenberg_marquardt, minimise
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
@@ -236,3 +237,8 @@ def test_a_start_outside_the_bounds_is_moved_inside() -> None:
     (minimum,) = minimise([request], lambda wanted: [100 * (x - 5.0) for _, x in wanted])
     assert minimum.x[0] == 2.0
     assert minimum.at_bound[0]
+
+
+def test_a_rig_alone_declares_no_model() -> None:
+    with pytest.raises(InputError, match=r"of an Experiment, not of a Rig; make one with `make_experiment"):
+        declared_model(Rig("bare"))  # type: ignore[arg-type]

@@ -218,8 +218,8 @@ def test_broadcasting() -> None:
         (1.1, 0.5, "radii between 0 and 1"),
         (0.9, 0.0, "leave out the straight"),
         (0.9, 3.2, "0 and pi rad"),
-        (np.nan, 0.3, "radii between 0 and 1"),
-        (0.9, np.nan, "radii between 0 and 1"),
+        (np.nan, 0.3, r"not finite somewhere; leave out the gaps"),
+        (0.9, np.inf, r"not finite somewhere; leave out the gaps"),
     ],
 )
 def test_what_is_out_of_reach_is_named(rho: float, delta: float, message: str) -> None:

@@ -342,6 +342,8 @@ def test_impossible_simulations_are_refused() -> None:
     for wrong in ({"deflection": 1.5}, {"step": 0.0}, {"retardation": -1.0}, {"rate": np.nan}):
         with pytest.raises(InputError, match="needs a positive step"):
             simulate_general(ARM, None, TIME, **wrong)
+    with pytest.raises(InputError, match=r"got ndarray.*smooth_motion.*spline_drive"):
+        simulate_general(ARM, 0.1 * TIME, TIME)  # type: ignore[arg-type]
 
 
 def test_a_motion_beyond_the_domain_says_when() -> None:

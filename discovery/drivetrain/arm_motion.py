@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,11 @@ from discovery.errors import InputError, SimulationFailure
 from discovery.simulate import DriveLike
 
 if TYPE_CHECKING:
+    from discovery.experiment import Experiment
     from discovery.fit import Fit
+    from discovery.model import Model
 
-__all__ = ["ArmMotion", "check_start", "fitted_coupling", "integrate", "move_arm"]
+__all__ = ["ArmMotion", "NumberedModel", "check_start", "fitted_coupling", "integrate", "move_arm"]
 
 FloatArray = NDArray[np.float64]
 
@@ -121,6 +123,12 @@ def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: flo
     """
     if drive is None:
         raise InputError("An arm moves with its hub: pass a drive, for a hub at rest one that is constant.")
+    if not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):
+        raise InputError(
+            f"A drive is a function of time with its kinks; got {type(drive).__name__}. Make one from samples: by "
+            "`discovery.motion_profile.smooth_motion(time, angle, noise)` from an encoder's readings, by "
+            "`discovery.drive.spline_drive(time, angle)` from exact ones."
+        )
     t = np.asarray(time, np.float64)
     if t.ndim != 1 or t.size < 2 or not np.isfinite(t).all() or not np.all(np.diff(t) > 0.0):
         raise InputError("A motion needs at least two finite times in increasing order; sort them, without repeats.")
@@ -172,26 +180,71 @@ def move_arm(
     return ArmMotion(time, motor[0], rows[1], rows[2], rows[3], arm.inertia * rows[0], states)
 
 
-def fitted_coupling(fit: Fit, inertia: float | None = None) -> list[ArmMotion]:
-    """Return the motion of a fitted model with its coupling torque (10), on each of its recordings.
+class NumberedModel(Protocol):
+    """A model with its numbers, detached from its recordings: what `discovery.FittedModel` is."""
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        ...
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Every parameter by name [SI]."""
+        ...
+
+    @property
+    def initial(self) -> Mapping[str, tuple[float, float]]:
+        """Deflection [rad] and rate [rad/s] at the first sample, by recording."""
+        ...
+
+
+def fitted_coupling(
+    fitted: Fit | NumberedModel, experiments: Sequence[Experiment] | None = None, *, inertia: float | None = None
+) -> list[ArmMotion]:
+    """Return the motion of a fitted model with its coupling torque (10), on each recording.
 
     Parameters
     ----------
-    fit : Fit
-        A fit on recordings of an arm.
+    fitted : Fit or FittedModel
+        A fit on recordings of an arm, or its model as a finished run or `from_json` gives it.
+    experiments : sequence of Experiment, optional
+        Recordings; those of the fit otherwise, which a FittedModel does not hold. One that was not fitted, by its name,
+        starts with the deflection and rate that its own first samples have.
     inertia : float, optional
         m_eff l^2 [kg m^2]; that of the rig file otherwise.
 
     Raises
     ------
     InputError
-        For an oscillator, or if the masses are not known.
+        For an oscillator, without recordings, if the masses are not known, or for what is no fitted model.
     """
+    from discovery.fit import Fit
+
+    values: Mapping[str, float]
+    if isinstance(fitted, Fit):
+        # All numbers as the fit used them: defaults of what it held are declared in natural units.
+        bench = fitted.problem.bench
+        parameters, states = fitted.problem.expand(fitted.minimum.x[:, None])
+        values = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
+        initial = {
+            e.recording.name: (float(d), float(r)) for e, (d, r) in zip(bench.experiments, states[..., 0], strict=True)
+        }
+        experiments = bench.experiments if experiments is None else experiments
+    elif hasattr(fitted, "values") and hasattr(fitted, "initial"):
+        values, initial = fitted.values, dict(fitted.initial)
+    else:
+        raise InputError(
+            f"The torque is that of a Fit or a FittedModel, not of a {type(fitted).__name__}; take what `fit_model`, "
+            "`from_json` or `discovery.export.read_fitted` returns."
+        )
+    if not experiments:
+        raise InputError("A model moves on recordings; pass experiments, as `load_dataset(rig_path, files).train`.")
     motions = []
-    for experiment in fit.problem.bench.experiments:
+    for experiment in experiments:
         if experiment.drive is None:
             raise InputError(f"The recording {experiment.recording.name} has no motor.")
-        arm = Arm(fit.model, fit.values, effective_inertia(experiment.rig) if inertia is None else inertia)
-        first = [fit.values[f"{n}[{experiment.recording.name}]"] for n in ("delta_0_init", "rate_0_init")]
-        motions.append(move_arm(arm, experiment.drive, experiment.recording.time, deflection=first[0], rate=first[1]))
+        arm = Arm(fitted.model, values, effective_inertia(experiment.rig) if inertia is None else inertia)
+        deflection, rate = initial.get(experiment.recording.name) or experiment.initial_guess
+        motions.append(move_arm(arm, experiment.drive, experiment.recording.time, deflection=deflection, rate=rate))
     return motions

@@ -114,7 +114,7 @@ class Arm:
     Raises
     ------
     InputError
-        If a free parameter has no value, or the inertia is not positive.
+        If there is no model or no mapping, a free parameter has no value, or the inertia is not positive.
     """
 
     model: Model
@@ -122,6 +122,11 @@ class Arm:
     inertia: float
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.model, Model) and isinstance(self.values, Mapping)):
+            raise InputError(
+                "An arm needs a Model and its numbers by name; of a fit or an exported model these are `.model` and "
+                f"`.values`. Got a {type(self.model).__name__} and a {type(self.values).__name__}."
+            )
         missing = [n for n in self.model.free if n not in self.values]
         if missing:
             raise InputError(f"The model needs values of {', '.join(missing)}.")
@@ -171,8 +176,10 @@ def effective_inertia(rig: Rig) -> float:
     Raises
     ------
     InputError
-        If the rig file states no length or no tip mass.
+        If `rig` is no Rig, or states no length or no tip mass.
     """
+    if not isinstance(rig, Rig):
+        raise InputError(f"The inertia is that of a Rig, not of a {type(rig).__name__}; `read_rig(path)` returns one.")
     if rig.length is None or rig.tip_mass is None:
         raise InputError(f"The coupling torque of {rig.name} needs the arm's length and its tip mass in the rig file.")
     rod = rig.beam_mass.value if rig.beam_mass is not None else 0.0

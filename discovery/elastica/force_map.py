@@ -118,6 +118,8 @@ def _held(rho: npt.ArrayLike, delta: npt.ArrayLike) -> tuple[FloatArray, FloatAr
     """Return the radial force and the tangential one over delta."""
     radius, angle = np.broadcast_arrays(np.asarray(rho, np.float64), np.asarray(delta, np.float64))
     size = np.abs(angle)
+    if not (np.isfinite(radius).all() and np.isfinite(angle).all()):
+        raise InputError("The radius or deflection of the tip is not finite somewhere; leave out the gaps (NaN).")
     if not np.all((radius > 0.0) & (radius < 1.0) & (size > 0.0) & (size < np.pi)):
         raise InputError(
             "The force at the tip of an elastica is defined for radii between 0 and 1 lengths and deflections between "

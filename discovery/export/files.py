@@ -39,8 +39,12 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
     Raises
     ------
     InputError
-        If the folder holds neither file, or one that does not hold its models.
+        If there is no such folder, it holds neither file, or one that does not hold its models.
     """
+    if not folder.is_dir():
+        raise InputError(
+            f"There is no folder {folder}; name the one that `discovery run` or `discovery loop` wrote with --out."
+        )
     path = next((folder / n for n in ("results.json", "loop.json") if (folder / n).exists()), None)
     if path is None:
         raise InputError(

@@ -57,8 +57,12 @@ def from_json(text: str) -> FittedModel:
     Raises
     ------
     InputError
-        If the text is not such JSON, or of a newer layout.
+        If the text is not such JSON, such as a path, or of a newer layout.
     """
+    if not str(text).lstrip().startswith(("{", "[")):
+        raise InputError(
+            "`from_json` reads text, not a path, and this is no model.json; pass `Path(path).read_text()`."
+        )
     try:
         content = json.loads(text)
         if content["schema"] != _SCHEMA:

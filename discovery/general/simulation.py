@@ -53,7 +53,7 @@ def simulate_general(
     Raises
     ------
     InputError
-        If times, step, retardation or the initial deflection and rate cannot be used.
+        If times, drive, step, retardation or the initial deflection and rate cannot be used.
     SimulationFailure
         If the tip leaves the deflections and radial forces that `discovery.general.potential` covers.
 
@@ -82,6 +82,12 @@ def simulate_general(
     t = np.asarray(time, np.float64)
     if t.ndim != 1 or t.size < 2 or not np.all(np.diff(t) > 0.0) or not np.isfinite(t).all():
         raise InputError("A simulation needs at least two finite times in increasing order.")
+    if drive is not None and not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):
+        raise InputError(
+            f"A drive is a function of time with its kinks; got {type(drive).__name__}. Make one from samples: by "
+            "`discovery.motion_profile.smooth_motion(time, angle, noise)` from an encoder's readings, by "
+            "`discovery.drive.spline_drive(time, angle)` from exact ones."
+        )
     usable = step > 0.0 and 0.0 <= retardation < np.inf and abs(deflection) <= DEFLECTION_LIMIT and np.isfinite(rate)
     if not usable:
         raise InputError(
