@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import test_browser
 from test_browser import *  # noqa: F403
 
 FOLDER = os.environ.get("DISCOVERY_REPORTS")
@@ -26,3 +27,10 @@ def test_the_contents_lead_to_sections(opened: Any) -> None:
     assert links
     here = [link for link in links if link.startswith("#")]
     assert [link for link in here if not opened.execute_script(f"return !!document.querySelector('{link}')")] == []
+
+
+def test_mathematics_is_drawn(opened: Any, page: Path) -> None:
+    """As for a run's page; the page over the source paper prints its few formulas as text."""
+    if "<math" not in page.read_text(encoding="utf-8"):
+        pytest.skip(f"{page.parent.name} has no drawn mathematics")
+    test_browser.test_mathematics_is_drawn(opened)

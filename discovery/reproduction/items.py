@@ -169,7 +169,7 @@ def _numbers(results: Mapping[str, Any]) -> list[Item]:
     p_linear, p_spring, p_law = (paper["errors"][n] for n in ("linear", "constant_radius", "declared"))
     cubic, parameters, move = ours["cubic"], paper["parameters"], paper["manoeuvre"]
     reach, swing = results["misprints"]["f"]["numbers"], ours["free_swing"]
-    negative = max(r["duration"] for r in results["sensitivity"]["duration"] if r["beta"] < 0)
+    negative = max((r["duration"] for r in results["sensitivity"]["duration"] if r["beta"] < 0), default=0.0)
     statics, static = results["statics"]["least_squares"], results["claims"]["static_radius"]
     stiffness = (
         f"the printed rig gives {significant(ours['first_principles']['rod_counted']['alpha'], 3)} s⁻² with the rod counted (erratum d); "

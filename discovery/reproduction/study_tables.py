@@ -164,7 +164,7 @@ def general_table(dynamics: Mapping[str, Any]) -> Table:
     head = ("against", "motion of the hub", "rod / tip mass", "tip mass m [mm]", "m + 33/140 of the rod [mm]")
     caption = (
         "General model (7): mean distance of the tip over 6 s from an arm whose rod has mass, for hub motions that deflect it "
-        f"by about 0.8 rad. Halving the step moves the tip by at most {1e6 * dynamics['step_halved']:.0f} µm, doubling the "
+        f"by about 0.8 rad. Halving the step moves the tip by at most {significant(1e6 * dynamics['step_halved'], 1)} µm, doubling the "
         f"internal damping by {1e6 * dynamics['retardation_doubled']:.0f} µm."
     )
     return Table("general", caption, head, rows, ("against", "move", "mass_ratio", "m_mm", "m_eff_mm"), raw, (0, 1))
