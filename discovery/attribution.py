@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from discovery.batch import answer_on
-from discovery.effect import Effect
+from discovery.effect import ARM, Effect
 from discovery.least_squares import Minimum, levenberg_marquardt, minimise
 from discovery.model import Model
+from discovery.parameters import Parameter
 from discovery.problem import NaturalUnits, Problem
 from discovery.registry import catalogue
 
@@ -68,20 +69,31 @@ class Refit:
         return 2 * self.minimum.cost
 
 
-def candidates(model: Model) -> tuple[str, ...]:
-    """Return the effects that could be missing: those that act on this system, not in the model, not in its base."""
+def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
+    """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    unit : str
+        Unit of an oscillator's coordinate: laws of an angle ask for radians.
+    """
     base = model.mechanics
     return tuple(
         e
         for e, effect in catalogue().items()
-        if base.system in effect.systems and e not in model.effects and e not in base.provides
+        if base.system in effect.systems
+        and e not in model.effects
+        and e not in base.provides
+        and (base.system == ARM or unit == "rad" or not effect.angular)
     )
 
 
-def _starts(effect: Effect, units: NaturalUnits) -> list[dict[str, float]]:
+def _starts(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, float]]:
     """Return finite start values of an effect in the problem's units: a grid over shapes, declared amplitudes."""
-    shapes = [p for p in effect.parameters() if p.shape and not p.fixed]
-    amplitudes = [p for p in effect.parameters() if not p.shape]
+    shapes = [p for p in effect.fitted(system) if p.shape]
+    amplitudes = [p for p in effect.fitted(system) if not p.shape]
     grids: list[dict[str, float]] = [{}]
     for p in shapes:
         low, high = max(p.bounds[0], 1e-3 * p.prior.width), p.bounds[1]
@@ -115,15 +127,15 @@ def screen(
     list of Candidate
         Highest score first.
     """
-    bench, units = problem.bench, problem.units
+    bench, units, system = problem.bench, problem.units, model.mechanics.system
     base_parameters, base_initial = problem.expand(minimum.x[:, None])
     n_data = len(minimum.residual) - len(problem.prior_residuals(minimum.x[:, None]))
     columns: list[FloatArray] = []
     plan: list[tuple[str, dict[str, float], list[str]]] = []
     for name in names:
         effect = catalogue()[name]
-        amplitudes = [p.name for p in effect.parameters() if not p.shape]
-        for start in _starts(effect, units):
+        amplitudes = [p.name for p in effect.fitted(system) if not p.shape]
+        for start in _starts(effect, system, units):
             plan.append((name, start, amplitudes))
             for amplitude in amplitudes:
                 column = base_parameters[:, 0].copy()
@@ -153,7 +165,7 @@ def screen(
         size = np.array([start[a] for a in amplitudes])
         raw = np.where(np.isfinite(raw), raw, 0.0) / size
         projected = raw - known @ (known.T @ raw)
-        declared = {p.name: p for p in catalogue()[name].parameters()}
+        declared = {p.name: p for p in catalogue()[name].fitted(system)}
         unit = np.array([units.scale(declared[a]) for a in amplitudes])
         lower = np.array([declared[a].bounds[0] for a in amplitudes]) * unit
         upper = np.array([declared[a].bounds[1] for a in amplitudes]) * unit
@@ -161,23 +173,21 @@ def screen(
         solution = lsq_linear(projected / norm, -target, (lower * norm, upper * norm), tol=1e-10)
         gain = float(target @ target - 2 * solution.cost)
         values = {**start, **dict(zip(amplitudes, (solution.x / norm).tolist(), strict=True))}
-        vector = np.array([values[p.name] for p in catalogue()[name].parameters() if not p.fixed])
+        vector = np.array([values[n] for n in declared])
         found[name].append((gain, vector, raw, projected / norm))
     result = []
     for name, options in found.items():
         options.sort(key=lambda o: -o[0])
         best = options[:keep]
-        starts = [(o[1], _with_shapes(name, o[2])) for o in best]
+        starts = [(o[1], _with_shapes(catalogue()[name].fitted(system), o[2])) for o in best]
         result.append(Candidate(name, best[0][0], tuple(starts), best[0][3]))
     return sorted(result, key=lambda c: -c.score)
 
 
-def _with_shapes(name: str, amplitudes: FloatArray) -> FloatArray:
+def _with_shapes(fitted: Sequence[Parameter], amplitudes: FloatArray) -> FloatArray:
     """Return columns for all free parameters of an effect: unknown derivatives of shapes start at zero."""
     columns, k = [], 0
-    for p in catalogue()[name].parameters():
-        if p.fixed:
-            continue
+    for p in fitted:
         columns.append(np.zeros(len(amplitudes)) if p.shape else amplitudes[:, k])
         k += 0 if p.shape else 1
     return np.stack(columns, axis=1)

@@ -27,6 +27,8 @@ _KINDS = {
     "load": "Loads",
     "closure": "Closures",
     "memory": "Memory",
+    "shape": "Shape of the rod",
+    "joint": "Joint at the root of the rod",
     "drive": "Drive",
     "sensor": "Sensor",
 }

@@ -37,12 +37,11 @@ class _Printer(PythonCodePrinter):
 
     def _print_Pow(self, expr, rational=False):
         base, exponent = expr.as_base_exp()
-        if exponent == sp.Rational(1, 2):
-            return f"_sqrt({self._print(base)})"
-        if exponent == sp.Rational(-1, 2):
-            return f"(1.0 / _sqrt({self._print(base)}))"
-        if exponent.is_Integer and 0 < abs(int(exponent)) <= 12:
-            product = "*".join([f"({self._print(base)})"] * abs(int(exponent)))
+        if exponent.is_Rational and exponent.q in (1, 2, 4) and 0 < abs(exponent.p) <= 12:
+            factor = f"({self._print(base)})"
+            for _ in range(exponent.q // 2):
+                factor = f"_sqrt({factor})"
+            product = "*".join([factor] * abs(exponent.p))
             return f"({product})" if exponent > 0 else f"(1.0/({product}))"
         return f"({self._print(base)})**({self._print(exponent)})"
 
@@ -54,6 +53,9 @@ class _Printer(PythonCodePrinter):
 
     def _print_atan2(self, expr):
         return f"_atan2({self._print(expr.args[0])}, {self._print(expr.args[1])})"
+
+    def _print_atan(self, expr):
+        return f"_atan2({self._print(expr.args[0])}, 1.0)"
 
     def _print_Rational(self, expr):
         return repr(float(expr))
@@ -94,6 +96,12 @@ def _assignments(pairs, indent: str) -> list[str]:
 def _source(program: Program, lanes: int) -> str:
     """Return the text of the kernel's module."""
     n_parameters, n_states, n_q = len(program.parameters), len(program.states), program.n_coordinates
+    seen = set().union(*[e.free_symbols for e in program.reading], program.lateness.free_symbols)
+    drive_used = any(a in seen for a, _ in program.drive)
+    if drive_used:
+        seen |= set().union(*[e.free_symbols for _, e in program.drive[:1]])
+    # Rates and memory are interpolated where the reading needs them.
+    n_rates = max((k + 1 - n_q for k, y in enumerate(program.states) if k >= n_q and y in seen), default=0)
     offset = {}
     position = 0
     for label, rows in (
@@ -103,7 +111,7 @@ def _source(program: Program, lanes: int) -> str:
         ("K", n_states),
         ("F", n_states),
         ("A", n_states),
-        ("Q", n_q),
+        ("Q", n_q + n_rates),
         ("D", 3),
         ("R", len(program.reading)),
     ):
@@ -121,17 +129,14 @@ def _source(program: Program, lanes: int) -> str:
     derivative += [f"{indent}{y.name} = w[{offset['S'] + k * lanes} + i]" for k, y in enumerate(program.states)]
     derivative += _assignments(program.drive, indent) + _assignments(program.derivative, indent)
     derivative += [f"{indent}w[{offset['K'] + k * lanes} + i] = {_print(e)}" for k, e in enumerate(program.slopes)]
-    seen = set().union(*[e.free_symbols for e in program.reading], program.lateness.free_symbols)
-    drive_used = any(a in seen for a, _ in program.drive)
-    if drive_used:
-        seen |= set().union(*[e.free_symbols for _, e in program.drive])
     parameters = [
         f"{indent}{p} = w[{offset['P'] + k * lanes} + i]"
         for k, p in enumerate(program.parameters)
         if sp.Symbol(p, real=True) in seen
     ]
     observe = list(parameters)
-    observe += [f"{indent}{y.name} = w[{offset['Q'] + k * lanes} + i]" for k, y in enumerate(program.states[:n_q])]
+    sampled = program.states[: n_q + n_rates]
+    observe += [f"{indent}{y.name} = w[{offset['Q'] + k * lanes} + i]" for k, y in enumerate(sampled)]
     if drive_used:
         observe += [f"{indent}{r.name} = w[{offset['D'] + k * lanes} + i]" for k, r in enumerate(RECORDED)]
         observe += _assignments(program.drive[:1], indent)
@@ -143,6 +148,7 @@ def _source(program: Program, lanes: int) -> str:
         "@N_PARAMETERS@": str(n_parameters),
         "@N_STATES@": str(n_states),
         "@N_Q@": str(n_q),
+        "@N_V@": str(n_rates),
         "@N_READING@": str(len(program.reading)),
         "@SIZE@": str(position),
         "@LATE@": str(program.lateness != 0),

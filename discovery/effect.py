@@ -28,11 +28,13 @@ __all__ = [
     "Drive",
     "Effect",
     "Expressed",
+    "Joint",
     "Kinetic",
     "Load",
     "Memory",
     "Potential",
     "Sensor",
+    "Shape",
 ]
 
 #: Kinds of system on which an effect can act.
@@ -53,6 +55,8 @@ class Effect(ABC):
     cite: ClassVar[str] = ""
     #: True for a law so pliable that it imitates others: it is taken only where no simpler one explains nearly as much.
     pliable: ClassVar[bool] = False
+    #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
+    angular: ClassVar[bool] = False
 
     @classmethod
     def id(cls) -> str:
@@ -66,6 +70,11 @@ class Effect(ABC):
         for owner in reversed(cls.__mro__):
             found.update({n: p for n, p in vars(owner).items() if isinstance(p, Parameter)})
         return tuple(found.values())
+
+    @classmethod
+    def fitted(cls, system: str) -> tuple[Parameter, ...]:
+        """Return the parameters that a fit estimates on this kind of system."""
+        return tuple(p for p in cls.parameters() if not p.fixed and (system == ARM or not p.planar))
 
     @classmethod
     def title(cls) -> str:
@@ -124,9 +133,13 @@ class Closure(Expressed):
 
 
 class Memory(Expressed):
-    """A load of power P on the bending that depends on states of its own; written for one `bend`, it acts on each."""
+    """A load of power P on the bending that depends on states of its own; written for one `bend`, it acts on each.
+
+    With `local`, one `bend` is the curvature at one place of the rod, in units of the deflection of a linear spring.
+    """
 
     kind = "memory"
+    local: ClassVar[bool] = False
 
     @abstractmethod
     def states(self) -> dict[sp.Symbol, sp.Expr]:
@@ -137,6 +150,32 @@ class Drive(Expressed):
     """What the system really receives: the effective motor angle (or input u) in terms of the recorded one and time."""
 
     kind = "drive"
+
+
+class Shape(Effect):
+    """What changes the rod itself: override what differs from a straight rod in a rigid clamp."""
+
+    kind = "shape"
+    systems = frozenset({ARM})
+
+    def rest_angle(self) -> sp.Expr | int:
+        """Return the slope of the unloaded rod against its root [q], a polynomial in the arc length `arc`."""
+        return 0
+
+    def root_turn(self) -> sp.Expr | int:
+        """Return the turn of the root per bending curvature there, in lengths of the arm [-]."""
+        return 0
+
+
+class Joint(Expressed):
+    """A joint between hub and rod: the turn of the root [q] as the bending `root` there asks for."""
+
+    kind = "joint"
+    systems = frozenset({ARM})
+
+    def states(self) -> dict[sp.Symbol, sp.Expr]:
+        """Return each extra state [-] with its time derivative, which vanishes where `root` does not change."""
+        return {}
 
 
 class Sensor(Effect):

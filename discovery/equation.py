@@ -13,6 +13,8 @@ from discovery import symbols as s
 from discovery.effect import ARM, Dissipation, Effect, Kinetic, Load, Memory, Potential
 from discovery.errors import InputError
 from discovery.mechanics import get_base
+from discovery.mechanics.rod import rod_of
+from discovery.program import strands
 from discovery.registry import get_effect
 
 if TYPE_CHECKING:
@@ -33,7 +35,8 @@ class EquationTerms:
     acceleration : sympy.Symbol
         theta_t'' of an arm, q'' of an oscillator.
     terms : tuple of (str, sympy.Expr)
-        What the base (under its name) and each effect (under its id) add to the left-hand side [q s^-2].
+        What the base (under its name) and each effect (under its id) add to the left-hand side [q s^-2]; an effect of
+        shape adds nothing itself but changes the others.
     drive : sympy.Expr
         The right-hand side [q s^-2].
     memory : tuple of (sympy.Symbol, sympy.Expr)
@@ -58,7 +61,7 @@ class _Lagrange:
 
     def __init__(self, mechanics: Mechanics) -> None:
         self.channels = mechanics.channels
-        self.bending = mechanics.bending[0]
+        self.mechanics = mechanics
         self.q, self.rate = mechanics.coordinates[0], mechanics.rates[0]
         self.meaning = {symbol: sp.sympify(channel.value) for symbol, channel in self.channels.items()}
 
@@ -77,11 +80,13 @@ class _Lagrange:
 
     def memory(self, effect: Memory) -> tuple[sp.Expr, list[tuple[sp.Symbol, sp.Expr]]]:
         """Return the term of a memory effect, and its states with their slopes."""
-        value, rate, jacobian = self.bending
-        states = effect.states()
-        here = {z: sp.Symbol(f"{z.name}_0", real=True) for z in states} | {s.bend: value, s.bend_dot: rate}
-        pull = sp.diff(effect.expression(), s.bend_dot).xreplace(here) * jacobian[0]
-        return -pull, [(here[z], slope.xreplace(here)) for z, slope in states.items()]
+        term, slopes = sp.Integer(0), []
+        for k, (weight, (value, rate, jacobian)) in enumerate(strands(effect, self.mechanics)):
+            own = {z: sp.Symbol(f"{z.name}_{k}", real=True) for z in effect.states()}
+            here = own | {s.bend: value, s.bend_dot: rate}
+            term -= weight * sp.diff(effect.expression(), s.bend_dot).xreplace(here) * jacobian[0]
+            slopes += [(own[z], slope.xreplace(here)) for z, slope in effect.states().items()]
+        return term, slopes
 
     def push(self, effect: Effect) -> sp.Expr:
         """Return dV/dq, dD/dq', or the load with its sign turned; zero for what moves nothing."""
@@ -119,7 +124,8 @@ def equation_terms(model: Model) -> EquationTerms:
 @lru_cache(maxsize=64)
 def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
     base = get_base(base_name)
-    mechanics = base.mechanics()
+    effects = [get_effect(e) for e in effect_ids]
+    mechanics = base.mechanics(rod_of(effects))
     if base.n_coordinates != 1 or mechanics.assignments:
         raise InputError(f"The equations of base {base_name!r} have no readable closed form; export them as a program.")
     lagrange = _Lagrange(mechanics)
@@ -138,8 +144,7 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
     drive = -bare.coeff(s.u) * s.u
     terms = [(base_name, _collected(bare + drive, (moving, delta_rate, motor_acceleration)))]
     memory: list[tuple[sp.Symbol, sp.Expr]] = []
-    for name in effect_ids:
-        effect = get_effect(name)
+    for name, effect in zip(effect_ids, effects, strict=True):
         if isinstance(effect, Kinetic):
             more, term = lagrange.kinetic(effect)
             inertia = inertia + more

@@ -17,6 +17,7 @@ from discovery.guess import scan
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import LIGHT_ROD, Bench, NaturalUnits, Problem, known_values, natural_units
+from discovery.registry import get_effect
 from discovery.simulate import check_finite
 from discovery.step import TOLERANCE, choose_step
 
@@ -159,7 +160,8 @@ def declared_model(experiment: Experiment) -> Model:
     Raises
     ------
     InputError
-        For anything else than an experiment, such as the rig alone: a recording says whether there is an input.
+        For anything else than an experiment, such as the rig alone: a recording says whether there is an input. If a
+        law of an angle is declared for an output in another unit.
     """
     if not isinstance(experiment, Experiment):
         raise InputError(
@@ -167,6 +169,10 @@ def declared_model(experiment: Experiment) -> Model:
             "`make_experiment(recording, rig)`, or take one of `load_dataset(rig_path, recordings).train`."
         )
     base = "constant_radius" if experiment.is_arm else "oscillator"
+    unit = experiment.recording.units[0]
+    for effect in experiment.rig.declared:
+        if get_effect(effect).angular and not experiment.is_arm and unit != "rad":
+            raise InputError(f"Effect {effect} needs an angle in rad, but the output is in {unit}.")
     return Model(base, tuple(experiment.rig.declared), known_values(experiment))
 
 

@@ -82,7 +82,9 @@ class Model:
     @cached_property
     def free(self) -> tuple[str, ...]:
         """Names of the parameters that are fitted: those neither known nor fixed by convention."""
-        return tuple(n for n, p in self.parameters.items() if n not in self.known and not p.fixed)
+        base = [p for p in self.mechanics.parameters() if not p.fixed]
+        fitted = [p for effect in self.terms for p in effect.fitted(self.mechanics.system)]
+        return tuple(p.name for p in (*base, *fitted) if p.name not in self.known)
 
     def with_effect(self, *effect_ids: str) -> Model:
         """Return the model with effects added."""

@@ -129,6 +129,8 @@ class Parameter:
         True when the parameter shapes an effect without switching it (a frequency, a width): it has no own zero.
     fixed : bool
         True when the value is known or conventional and is not fitted unless asked for.
+    planar : bool
+        True when the parameter needs a plane; a system that moves along one line leaves it at its default.
     latex : str
         Symbol in formulas; the attribute's own name when empty.
     """
@@ -141,6 +143,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
     shape: bool = False
     fixed: bool = False
+    planar: bool = False
     latex: str = ""
     name: str = ""
 

@@ -30,11 +30,12 @@ FloatArray = NDArray[np.float64]
 
 @lru_cache(maxsize=64)
 def _statics(base: str, effects: tuple[str, ...]) -> tuple[Program, Callable[..., list], Callable[..., list]]:
-    """Return a model's program, its slopes, and the true output as a function of coordinates and motor angle."""
+    """Return a model's program, its slopes, and the true output for coordinates, motor angle and parameters."""
     program = build_program(base, effects)
-    output = Model(base, effects).mechanics.reading(None)
-    coordinates = program.states[: program.n_coordinates]
-    return program, numpy_derivative(program), sp.lambdify([*coordinates, s.theta_m], list(output))
+    output = Model(base, effects).mechanics.reading(None, program.rod)
+    parameters = [sp.Symbol(p, real=True) for p in program.parameters]
+    known = [*program.states[: program.n_coordinates], s.theta_m, *parameters]
+    return program, numpy_derivative(program), sp.lambdify(known, list(output))
 
 
 def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, drive: Sequence[float]) -> float:
@@ -73,13 +74,14 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     recorded = (drive[0], 0.0, 0.0)
     n = program.n_coordinates
     start = (drive[0], 0.0) if model.mechanics.system == ARM else (0.0, 0.0)
+    form = program.form(parameters)
 
     def acceleration(q: FloatArray) -> FloatArray:
         state = [*q, *np.zeros(len(program.states) - n)]
         return np.array(derivative(0.0, recorded, state, parameters)[n : 2 * n], float)
 
     def push(deflection: float) -> float:
-        q, tangent = model.mechanics.initial_coordinates(np.array([deflection]), np.array([1.0]), start)
+        q, tangent = model.mechanics.initial_coordinates(np.array([deflection]), np.array([1.0]), start, form)
         # Where a slow motion through this deflection is accelerated to.
         return float(acceleration(q[:, 0]) @ tangent[:, 0])
 
@@ -94,11 +96,11 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     if n == 1:
         return near
     # The rod's own weight bends it otherwise than a load at its tip: every coordinate must rest.
-    q, _ = model.mechanics.initial_coordinates(np.array([near]), np.array([0.0]), start)
+    q, _ = model.mechanics.initial_coordinates(np.array([near]), np.array([0.0]), start, form)
     found = root(acceleration, q[:, 0], options={"xtol": 1e-13})
     if not np.abs(found.x - q[:, 0]).max() < 0.1:
         raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
-    x, y = output(*found.x, 0.0)
+    x, y = output(*found.x, 0.0, *parameters)
     return float(np.arctan2(y, x))
 
 

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import sympy as sp
+from numpy.typing import NDArray
 
 from discovery import symbols as s
-from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Memory, Potential, Sensor
+from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Joint, Kinetic, Load, Memory, Potential, Sensor
 from discovery.errors import InputError
+from discovery.joint import Root, hinged, root_of
 from discovery.mechanics import get_base
-from discovery.mechanics.base import Channel
+from discovery.mechanics.base import Channel, Mechanics, Strand
+from discovery.mechanics.rod import STRAIGHT, Rod, rod_of
 from discovery.registry import get_effect
 
-__all__ = ["RECORDED", "Program", "build_program"]
+__all__ = ["RECORDED", "Program", "build_program", "radius_of", "strands"]
 
 #: Recorded input with its first two derivatives; an oscillator uses the value only.
 RECORDED = sp.symbols("r_0 r_1 r_2", real=True)
 
 Assignments = list[tuple[sp.Symbol, sp.Expr]]
-_RATES = {s.theta: s.omega, s.delta: s.delta_dot, s.x: s.v_x, s.y: s.v_y}
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,8 @@ class Program:
         What the instrument reports: tip x, y [m], or the output.
     lateness : sympy.Expr
         Age of the reported state [s].
+    rod : Rod
+        The rod as the effects change it.
     """
 
     parameters: tuple[str, ...]
@@ -56,9 +60,27 @@ class Program:
     slopes: tuple[sp.Expr, ...]
     reading: tuple[sp.Expr, ...]
     lateness: sp.Expr
+    rod: Rod = STRAIGHT
+
+    @cached_property
+    def _form(self) -> Callable[..., tuple]:
+        form = self.rod.deflection, self.rod.root
+        own = [p for p in self.parameters if sp.Symbol(p, real=True) in sp.Tuple(*form).free_symbols]
+        law, at = sp.lambdify([sp.Symbol(p, real=True) for p in own], form), [self.parameters.index(p) for p in own]
+        return lambda parameters: law(*(parameters[i] for i in at))
+
+    def form(self, parameters: Sequence | NDArray) -> tuple:
+        """Return the deflection of the unloaded rod [q] and the turn of its root per curvature [-].
+
+        Parameters
+        ----------
+        parameters : sequence of float or of ndarray, shape (k,)
+            Values in the order of `parameters`.
+        """
+        return (0, 0) if self.rod == STRAIGHT else self._form(parameters)
 
 
-def _drive(effects: list[Drive], system: str) -> Assignments:
+def _drive(effects: list[Drive], system: str, root: Root | None) -> Assignments:
     if system != ARM:
         value: sp.Expr = RECORDED[0]
         for effect in effects:
@@ -73,7 +95,22 @@ def _drive(effects: list[Drive], system: str) -> Assignments:
         return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
 
     first = rate(value)
-    return [(s.theta_m, value), (s.omega_m, first), (s.alpha_m, rate(first))]
+    received = (value, first, rate(first))
+    if root is not None:
+        received = tuple(a + b for a, b in zip(received, (root.turn, root.rate, root.bias), strict=True))
+    return list(zip((s.theta_m, s.omega_m, s.alpha_m), received, strict=True))
+
+
+def radius_of(effects: Sequence[Effect], channels: Mapping[sp.Symbol, Channel] | None = None) -> sp.Expr | None:
+    """Return rho/l as all closures together give it, each with its own change of the radius; None without closures.
+
+    With the channels of a base, the rate of the tip is written in the base's own rates.
+    """
+    laws = [e.expression() for e in effects if isinstance(e, Closure)]
+    if not laws:
+        return None
+    law = 1 + sp.Add(*[law - 1 for law in laws])
+    return law if channels is None else law.xreplace({s.omega: channels[s.omega].value})
 
 
 def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
@@ -89,18 +126,21 @@ def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
     return {c: f for c, f in forces.items() if f != 0}
 
 
-def _memory(
-    effect: Memory, bending: Sequence[tuple[sp.Expr, sp.Expr, tuple[sp.Expr, ...]]], n: int
-) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
-    """Return the states of a memory effect, one set for each component of the bending, and its force."""
+def strands(effect: Memory, mechanics: Mechanics) -> list[tuple[float, Strand]]:
+    """Return what a memory effect acts on, with weights: components of the bending, or places of the rod."""
+    return list(mechanics.fibres) if effect.local else [(1, strand) for strand in mechanics.bending]
+
+
+def _memory(effect: Memory, mechanics: Mechanics, n: int) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
+    """Return the states of a memory effect, one set for each of its strands, and its force."""
     power, states = effect.expression(), effect.states()
     force: list[sp.Expr] = [sp.Integer(0)] * n
     found = {}
-    for k, (value, rate, jacobian) in enumerate(bending):
+    for k, (weight, (value, rate, jacobian)) in enumerate(strands(effect, mechanics)):
         own = {z: sp.Symbol(f"{z.name}_{k}", real=True) for z in states}
         here = {**own, s.bend: value, s.bend_dot: rate}
         found.update({own[z]: slope.subs(here) for z, slope in states.items()})
-        pull = sp.diff(power, s.bend_dot).subs(here)
+        pull = weight * sp.diff(power, s.bend_dot).subs(here)
         for i in range(n):
             force[i] += jacobian[i] * pull
     return found, force
@@ -111,12 +151,12 @@ def _kinetic(effect: Kinetic, channels: dict[sp.Symbol, Channel], n: int) -> tup
     energy = effect.expression()
     mass = [[sp.Integer(0)] * n for _ in range(n)]
     force = [sp.Integer(0)] * n
-    for c, c_dot in _RATES.items():
+    for c, c_dot in s.RATES.items():
         momentum = sp.diff(energy, c_dot)
         pull = -sp.diff(energy, c)
         pull += sp.diff(momentum, s.omega_m) * s.alpha_m + sp.diff(momentum, s.theta_m) * s.omega_m
         row = channels[c_dot].jacobian
-        for d, d_dot in _RATES.items():
+        for d, d_dot in s.RATES.items():
             pull += sp.diff(momentum, d) * d_dot
             coupling = sp.diff(momentum, d_dot)
             if coupling == 0:
@@ -171,7 +211,10 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     """
     base = get_base(base_name)
     effects = [get_effect(e) for e in effect_ids]
-    mechanics = base.mechanics()
+    rod = rod_of(effects)
+    mechanics = base.mechanics(rod)
+    root = root_of(mechanics, [e for e in effects if isinstance(e, Joint)])
+    mechanics = hinged(mechanics, root)
     n = base.n_coordinates
     channels = dict(mechanics.channels)
     parameters = [p.name for p in base.parameters()] + [p.name for e in effects for p in e.parameters()]
@@ -188,10 +231,10 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
             mass = [[mass[i][j] + extra_mass[i][j] for j in range(n)] for i in range(n)]
             force = [force[i] + extra_force[i] for i in range(n)]
 
-    memory: dict[sp.Symbol, sp.Expr] = {}
+    memory: dict[sp.Symbol, sp.Expr] = {} if root is None else dict(root.states)
     for effect in effects:
         if isinstance(effect, Memory):
-            states, extra_force = _memory(effect, mechanics.bending, n)
+            states, extra_force = _memory(effect, mechanics, n)
             memory.update(states)
             force = [force[i] + extra_force[i] for i in range(n)]
     slopes = list(memory.values())
@@ -212,8 +255,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         mass, force = inertia, total
     accelerations = _solve(mass, force, program)
 
-    closures = [e for e in effects if isinstance(e, Closure)]
-    reading = base.reading(closures[-1].expression() if closures else None)
+    reading = base.reading(radius_of(effects, channels), rod)
     sensors = [e for e in effects if isinstance(e, Sensor)]
     if base.system == ARM:
         reading = tuple(s.length * r for r in reading)
@@ -226,11 +268,12 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         parameters=tuple(parameters),
         states=(*mechanics.coordinates, *mechanics.rates, *memory),
         n_coordinates=n,
-        drive=tuple(_drive([e for e in effects if isinstance(e, Drive)], base.system)),
+        drive=tuple(_drive([e for e in effects if isinstance(e, Drive)], base.system, root)),
         derivative=tuple(program),
         slopes=(*mechanics.rates, *accelerations, *slopes),
         reading=tuple(reading),
         lateness=sp.Add(*[e.lateness() for e in sensors]),
+        rod=rod,
     )
     _check_complete(result, base_name)
     return result

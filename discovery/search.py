@@ -124,7 +124,7 @@ class Search:
     def _refits(self) -> list[Refit]:
         """Screen the catalogue and refit every candidate beside the model so far."""
         problem, minimum = self._frozen()
-        names = candidates(problem.model)
+        names = candidates(problem.model, self.case.train[0].recording.units[0])
         self.case.tell(f"screening the catalogue ({len(names)} effects)")
         scored = screen(problem.model, minimum, problem, names)
         self._scored = {c.effect: c for c in scored}
@@ -159,7 +159,7 @@ class Search:
                 "effect": r.effect,
                 "score": self._scored[r.effect].score,
                 "chi2": r.chi2,
-                "parameters": sum(not p.fixed for p in catalogue()[r.effect].parameters()),
+                "parameters": len(catalogue()[r.effect].fitted(start.model.mechanics.system)),
             }
             for r in ranked
             if r.effect in self._scored

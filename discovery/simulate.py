@@ -161,7 +161,10 @@ class Simulator:
         padded = np.ascontiguousarray(parameters[:, pad], float)
         program = self.kernel.program
         q, q_rate = self.base.initial_coordinates(
-            np.asarray(deflection, float)[pad], np.asarray(rate, float)[pad], self.grid.drive[0, 0, :2]
+            np.asarray(deflection, float)[pad],
+            np.asarray(rate, float)[pad],
+            self.grid.drive[0, 0, :2],
+            program.form(padded),
         )
         initial = np.zeros((len(program.states), blocks * lanes))
         initial[: program.n_coordinates] = q

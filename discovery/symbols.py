@@ -11,10 +11,13 @@ import sympy as sp
 
 __all__ = [
     "POSITION_CHANNELS",
+    "RATES",
     "RATE_CHANNELS",
+    "U_4",
     "U",
     "alpha",
     "alpha_m",
+    "arc",
     "bend",
     "bend_dot",
     "delta",
@@ -24,6 +27,10 @@ __all__ = [
     "omega",
     "omega_m",
     "rho",
+    "root",
+    "root_dot",
+    "slope",
+    "slope_dot",
     "t",
     "theta",
     "theta_m",
@@ -62,6 +69,9 @@ w2 = sp.Symbol("w2", real=True, nonnegative=True)
 #: One component of the bending and its rate [q], [q/s]: the elastic energy is alpha/2 times the sum of the components'
 #: squares (for a linear spring the only one is delta). What is written for one acts on each.
 bend, bend_dot = sp.symbols("bend bend_dot", real=True)
+#: Bending at the root of the rod [q]: its curvature there over three, the deflection of a rod that a small force at its
+#: tip bends as much; and its rate [q/s].
+root, root_dot = sp.symbols("root root_dot", real=True)
 #: Angular momentum of the arm about its hub, over effective mass and length squared [1/s]; an oscillator's momentum.
 #: Nothing pushes on it: with the external torques it gives what the arm asks of its motor.
 h = sp.Symbol("h", real=True)
@@ -69,6 +79,15 @@ h = sp.Symbol("h", real=True)
 rho = sp.Symbol("rho", real=True)
 #: Elastic energy of the base per unit of linear stiffness [q^2]; delta^2/2 for a linear spring.
 U = sp.Symbol("U", real=True)
+#: The same for the fourth power of the curvature: the integral of kappa^4 along the rod, over 12 [q^4]; q^4/4 for an
+#: oscillator. alpha (U + b U_4) is the energy of a rod whose moment is EI (kappa + b kappa^3).
+U_4 = sp.Symbol("U_4", real=True)
+#: Slope of the rod's end in the fixed frame, the angle of whatever is clamped to it [rad]; an oscillator's coordinate.
+slope = sp.Symbol("slope", real=True)
+#: Its rate [q/s].
+slope_dot = sp.Symbol("slope_dot", real=True)
+#: Arc length along the rod from its root, in lengths of the arm [-].
+arc = sp.Symbol("arc", real=True)
 #: Angle of the motor [rad] with its first two derivatives, as the system receives them.
 theta_m, omega_m, alpha_m = sp.symbols("theta_m omega_m alpha_m", real=True)
 #: Measured input of an oscillator, in its own unit.
@@ -79,7 +98,9 @@ alpha = sp.Symbol("alpha", real=True)
 length = sp.Symbol("length", real=True)
 
 #: Position-like channels: a potential V pushes on each with -dV/dc.
-POSITION_CHANNELS = (theta, delta, x, y, x_g, y_g, U)
+POSITION_CHANNELS = (theta, delta, x, y, x_g, y_g, slope, U, U_4)
 #: Rate-like channels: a dissipation D pushes with -dD/dc', a load of power P with +dP/dc';
 #: `v2` and `w2` act through their gradients.
-RATE_CHANNELS = (omega, delta_dot, v_x, v_y, v2, w2)
+RATE_CHANNELS = (omega, delta_dot, v_x, v_y, slope_dot, v2, w2)
+#: The rate of each position-like channel that has one.
+RATES = {theta: omega, delta: delta_dot, x: v_x, y: v_y, slope: slope_dot}

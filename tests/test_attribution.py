@@ -177,15 +177,18 @@ INJECTED = {
     "periodic_disturbance": {"a_s": 0.012, "a_c": -0.02, "Omega": 5.1},
     "viscoelastic_relaxation": {"v": 0.02, "tau_v": 0.6},
 }
+#: Laws that hold an injected one as a limit may fit the noise a little better.
+WIDER = {"coulomb_friction": "stribeck_friction", "cubic_stiffness": "gravity_torque"}
 
 
 @pytest.mark.parametrize("effect", INJECTED)
 def test_an_injected_effect_comes_first_with_its_parameters(effect: str) -> None:
     truth = INJECTED[effect]
     before, found = declared_fit(**truth), refitted(**truth)
+    assert [r.chi2 for r in found] == sorted(r.chi2 for r in found)
+    found = [r for r in found if r.effect != WIDER.get(effect)]
     assert before.chi2 - found[0].chi2 > 100
     assert found[0].effect == effect
-    assert [r.chi2 for r in found] == sorted(r.chi2 for r in found)
     # Chi-square of 801 readings: three standard deviations.
     assert found[0].chi2 == pytest.approx(TIME.size, abs=120)
     values = dict(zip(found[0].problem.names, found[0].minimum.x, strict=True))

@@ -30,7 +30,7 @@ from discovery.mechanics.base import SHORTENING_RADIUS
 from discovery.mechanics.reduced import rod_coupling, rod_inertia
 from discovery.mechanics.rod_shapes import polynomials, quadrature, reduced_shapes
 from discovery.model import Model
-from discovery.program import build_program
+from discovery.program import build_program, strands
 from discovery.recording import Recording, read_recording
 from discovery.registry import get_effect
 from discovery.rig import PAPER_MODEL, Quantity, Rig
@@ -92,7 +92,6 @@ def lagrange_torque(base: str, effects: tuple[str, ...]) -> tuple[sp.Expr, list[
     mechanics = get_base(base).mechanics()
     (q,), (qd,), qdd = mechanics.coordinates, mechanics.rates, sp.Symbol("qdd")
     place = {c: channel.value for c, channel in mechanics.channels.items()}
-    place = {**place, s.bend: place[s.delta], s.bend_dot: place[s.delta_dot]}
     mu = sp.Symbol("mu", real=True)
     kinetic = place[s.v2] / 2
     if base == "reduced":
@@ -105,8 +104,13 @@ def lagrange_torque(base: str, effects: tuple[str, ...]) -> tuple[sp.Expr, list[
             push -= sp.diff(effect.expression().xreplace(place), s.theta_m)
         elif isinstance(effect, Dissipation):
             push -= sp.diff(effect.expression().xreplace(place), s.omega_m)
-        elif isinstance(effect, Load | Memory):
+        elif isinstance(effect, Load):
             push += sp.diff(effect.expression().xreplace(place), s.omega_m)
+        elif isinstance(effect, Memory):
+            for k, (weight, (bend, rate, _)) in enumerate(strands(effect, mechanics)):
+                own = {z: sp.Symbol(f"{z.name}_{k}", real=True) for z in effect.states()}
+                power = effect.expression().xreplace({s.bend: bend, s.bend_dot: rate, **own})
+                push += weight * sp.diff(power, s.omega_m)
     momentum = sp.diff(kinetic, s.omega_m)
     pairs = ((q, qd), (qd, qdd), (s.theta_m, s.omega_m), (s.omega_m, s.alpha_m))
     change = sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs])
@@ -130,7 +134,7 @@ def test_every_effect_reacts_on_the_motor_as_lagrange_says(base: str) -> None:
         expression, names = lagrange_torque(base, effects)
         memory = dict(zip(arm.program.states[2:], state[2:], strict=True))
         numbers = dict(zip(names, [state[0], state[1], rows[1], *motor], strict=True))
-        numbers |= {sp.Symbol(z.name.removesuffix("_0"), real=True): v for z, v in memory.items()}
+        numbers |= memory
         numbers |= {sp.Symbol(n, real=True): v for n, v in values.items()} | {s.t: time}
         expected = float(expression.subs(numbers).doit())
         assert rows[n_states] == pytest.approx(expected, rel=1e-10, abs=1e-12), effect

@@ -37,7 +37,7 @@ def test_an_unknown_effect_names_the_nearest() -> None:
 # The contract itself: it must pass what is right and refuse what is not.
 
 
-class EncoderRipple(Drive):
+class WavyInput(Drive):
     r"""A ripple on the input, and a drift.
 
     .. math:: \theta = \theta_m + e_r \sin(4\, \theta_m) + e_t t
@@ -128,7 +128,7 @@ def planted(*effects: Effect) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("base", ["constant_radius", "elastica_2"])
-@pytest.mark.parametrize("effect", [EncoderRipple(), AddedInertia()])
+@pytest.mark.parametrize("effect", [WavyInput(), AddedInertia()])
 def test_the_contract_accepts_a_drive_and_a_kinetic_energy(effect: Effect, base: str) -> None:
     contract = TestCatalogue()
     with planted(effect):

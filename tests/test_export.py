@@ -40,6 +40,7 @@ from discovery.export import (
 )
 from discovery.fit import declared_model, fit, rig_uncertainty
 from discovery.mechanics import get_base
+from discovery.mechanics.base import ROOT_JOINTS
 from discovery.model import Model
 from discovery.parameters import Parameter
 from discovery.program import build_program
@@ -55,7 +56,7 @@ BASES = ("constant_radius", "reduced", "oscillator", "elastica_2", "elastica")
 CLOSED = ("constant_radius", "reduced", "oscillator")
 TIME = np.linspace(0.0, 0.48, 121)
 STEP = 0.002
-SINGLY = [(b, e) for b in CLOSED for e in every_effect(b)]
+SINGLY = [(b, e) for b in CLOSED for e in every_effect(b)] + [("elastica_1", e) for e in sorted(ROOT_JOINTS)]
 TYPICAL = {"alpha": 8.8, "length": 0.9, "mu": 0.28, "tau_r": 1e-4, "xi": 0.05, "g": 1.3}
 
 
@@ -218,7 +219,8 @@ def test_slopes_are_those_of_the_program_over_many_samples(base: str) -> None:
     namespace = module(to_numpy(model, values))
     inputs = motor if model.mechanics.system == ARM else motor[:1]
     expected = numpy_derivative(program)(0.7, motor, state, [values[n] for n in program.parameters])
-    np.testing.assert_allclose(namespace["derivative"](0.7, state, *inputs), np.array(expected), rtol=1e-12, atol=1e-12)
+    # A sharp joint amplifies round-off.
+    np.testing.assert_allclose(namespace["derivative"](0.7, state, *inputs), np.array(expected), rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("base", BASES)
@@ -344,13 +346,15 @@ def test_the_equation_of_motion_holds_for_the_kernels_acceleration(base: str, nu
     rate += 1.0
     values = some_values(model)
     program = build_program(model.base, model.effects)
-    slopes = numpy_derivative(program)(time, motor, [angle, rate, strain], [values[n] for n in program.parameters])
+    state = [angle, rate] + [strain] * (len(program.states) - 2)
+    slopes = numpy_derivative(program)(time, motor, state, [values[n] for n in program.parameters])
     arm = model.mechanics.system == ARM
     deflection, turn = (angle - motor[0], rate - motor[1]) if arm else (angle, rate)
     meaning = {
         **values, "theta_t": angle, "theta_t'": rate, "theta_t''": slopes[1], "q": angle, "q'": rate, "q''": slopes[1],
-        "delta": deflection, "delta'": turn, "theta_m''": motor[2], "u": motor[0], "t": time, "e_v_0": strain,
-        "e_v_0'": slopes[2],
+        "delta": deflection, "delta'": turn, "theta_m''": motor[2], "u": motor[0], "t": time,
+        **{z.name: strain for z in program.states[2:]},
+        **{f"{z.name}'": slope for z, slope in zip(program.states[2:], slopes[2:], strict=True)},
     }  # fmt: skip
     for equation in (found.equation, *found.memory):
         left = equation.lhs - equation.rhs
@@ -400,7 +404,7 @@ def test_the_sympy_file_rebuilds_the_expressions(base: str) -> None:
     namespace: dict[str, Any] = {}
     exec(source, namespace)
     numbers = {x: sp.Float(0.1 + 0.03 * i) for i, x in enumerate(sorted({
-        x for e in (*found.slopes, *found.reading, *found.initial, *(e for _, e in found.assignments))
+        x for e in (*found.slopes, *found.reading, *found.initial, *(e for _, e in (*found.drive, *found.assignments)))
         for x in e.free_symbols}, key=str))}  # fmt: skip
 
     def close(one: sp.Expr, other: sp.Expr) -> None:
@@ -412,14 +416,16 @@ def test_the_sympy_file_rebuilds_the_expressions(base: str) -> None:
     for key in ("slopes", "reading", "initial"):
         for one, other in zip(namespace[key], getattr(found, key), strict=True):
             close(one, other)
-    assert namespace["drive"] == list(found.drive)
+    assert [a for a, _ in namespace["drive"]] == [a for a, _ in found.drive]
+    for (_, one), (_, other) in zip(namespace["drive"], found.drive, strict=True):
+        close(one, other)
     assert namespace["lateness"] == found.lateness
     assert (namespace["equation"] is None) == (base not in CLOSED)
     assert {x.name: v for x, v in namespace["PARAMETERS"].items()}.items() <= values.items()
     if base in CLOSED:
         assert found.equation is not None
         difference = namespace["equation"].lhs - namespace["equation"].rhs - found.equation.lhs + found.equation.rhs
-        assert sp.expand(difference) == 0
+        assert sp.factor_terms(sp.expand(difference)) == 0
 
 
 # LaTeX.
@@ -454,7 +460,7 @@ def test_the_latex_is_balanced_and_renders(base: str) -> None:
         assert parameter.meaning.replace("%", r"\%") in table
     for effect in model.effects:
         shown = effect.replace("_", " ") in text
-        assert shown or catalogue()[effect].kind == "sensor", effect
+        assert shown or catalogue()[effect].kind in ("sensor", "drive"), effect
 
 
 def test_the_latex_has_the_papers_equations() -> None:

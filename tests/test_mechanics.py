@@ -18,6 +18,7 @@ from discovery.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.reduced import rod_coupling
 from discovery.mechanics.rod_shapes import RICH, bending_matrix, mass_matrix, polynomials, quadrature
+from discovery.model import Model
 from discovery.program import RECORDED, Program, build_program
 from discovery.simulate import Simulator
 from discovery.testing.states import every_effect
@@ -41,8 +42,8 @@ STATIC_ERROR = {
 
 def whole_kernel(base: str, time: np.ndarray, drive: Drive | None, step: float, **values: float) -> np.ndarray:
     sim = Simulator(base, every_effect(base), time, drive, step=step)
-    defaults = {**dict.fromkeys(sim.names, 0.0), "v_c": 1e-3, "length": 1.0, "tau_v": 1.0, **values}
-    parameters = np.array([[defaults[n]] for n in sim.names])
+    declared = Model(base, every_effect(base)).parameters
+    parameters = np.array([[values.get(n, declared[n].default)] for n in sim.names])
     return sim(parameters, np.array([values.get("start", 0.0)]), np.array([values.get("rate", 0.0)]))[:, :, 0]
 
 

@@ -24,6 +24,7 @@ from discovery.model import Model
 from discovery.problem import NaturalUnits
 from discovery.program import build_program
 from discovery.recording import Recording
+from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.simulate import DriveLike, Grid, Simulator, check_finite
 from discovery.step import choose_step
@@ -84,7 +85,8 @@ def simulator(base: str, time: np.ndarray, drive: DriveLike | None, step: float)
 
 
 def columns(names: tuple[str, ...], values: Mapping[str, float], k: int = 1) -> np.ndarray:
-    defaults = {**dict.fromkeys(names, 0.0), "v_c": 1e-3, "length": 1.0, "tau_v": 1.0}
+    shapes = {p.name: p.default for e in catalogue().values() for p in e.parameters() if p.shape}
+    defaults = {**dict.fromkeys(names, 0.0), **shapes, "v_c": 1e-3, "length": 1.0, "tau_v": 1.0}
     return np.repeat([[{**defaults, **values}[n]] for n in names], k, axis=1)
 
 

@@ -20,12 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from discovery import symbols as s
 from discovery.compile import numpy_derivative
-from discovery.effect import ARM, Closure, Kinetic
+from discovery.effect import ARM, Joint, Kinetic
 from discovery.errors import InputError
+from discovery.joint import TURN, hinged, root_of
 from discovery.mechanics import get_base
 from discovery.mechanics.base import SHORTENING_RADIUS, Channel
 from discovery.model import Model
-from discovery.program import RECORDED, Program, build_program
+from discovery.program import RECORDED, Program, build_program, radius_of
 from discovery.registry import get_effect
 from discovery.rig import Rig
 
@@ -33,28 +34,15 @@ __all__ = ["Arm", "coupling_torque", "effective_inertia"]
 
 FloatArray = NDArray[np.float64]
 
-_RATES = {s.theta: s.omega, s.delta: s.delta_dot, s.x: s.v_x, s.y: s.v_y}
-#: Change of each channel as the whole arm turns, of a rate as it turns at unit rate; the others do not change.
-_TURN: dict[sp.Symbol, sp.Expr] = {
-    s.theta: sp.Integer(1),
-    s.x: -s.y,
-    s.y: s.x,
-    s.x_g: -s.y_g,
-    s.y_g: s.x_g,
-    s.omega: sp.Integer(1),
-    s.v_x: -s.y,
-    s.v_y: s.x,
-    s.v2: 2 * (s.x * s.v_y - s.y * s.v_x),
-}
-
 
 def _kinetic_torque(energy: sp.Expr, second: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
     """Return d/dt dT/d(rate of turn) - dT/d(turn) of an effect's kinetic energy; `second` holds accelerations."""
-    momentum = sp.diff(energy, s.omega_m) + sp.Add(*[sp.diff(energy, c) * _TURN.get(c, 0) for c in _RATES.values()])
+    momentum = sp.diff(energy, s.omega_m) + sp.Add(*[sp.diff(energy, c) * TURN.get(c, 0) for c in s.RATES.values()])
     change = [sp.diff(momentum, s.theta_m) * s.omega_m, sp.diff(momentum, s.omega_m) * s.alpha_m]
-    for position, rate in _RATES.items():
+    for position, rate in s.RATES.items():
         change += [sp.diff(momentum, position) * rate, sp.diff(momentum, rate) * second[rate]]
-    turned = {s.theta_m: sp.Integer(1), s.v_x: -s.v_y, s.v_y: s.v_x, **{c: _TURN.get(c, sp.Integer(0)) for c in _RATES}}
+    turned = {s.theta_m: sp.Integer(1), s.v_x: -s.v_y, s.v_y: s.v_x}
+    turned |= {c: TURN.get(c, sp.Integer(0)) for c in s.RATES}
     return sp.Add(*change) - sp.Add(*[sp.diff(energy, c) * by for c, by in turned.items()])
 
 
@@ -71,7 +59,9 @@ def _program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
             "radius, without a reaction on the hub; "
             "take the base 'reduced' or 'elastica', where it is part of the mechanics."
         )
-    program, channels, n = build_program(base_name, effect_ids), base.mechanics().channels, base.n_coordinates
+    program, n = build_program(base_name, effect_ids), base.n_coordinates
+    mechanics = base.mechanics(program.rod)
+    channels = hinged(mechanics, root_of(mechanics, [e for e in effects if isinstance(e, Joint)])).channels
     accelerations = sp.symbols(f"acc_1:{n + 1}", real=True)
 
     def second(channel: Channel) -> sp.Expr:
@@ -80,13 +70,12 @@ def _program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     torque = second(channels[s.h])
     # The program names the sum of all forces on a channel after it.
     pushed = {symbol.name for symbol, _ in program.derivative}
-    torque -= sp.Add(*[sp.Symbol(f"F_{c.name}", real=True) * by for c, by in _TURN.items() if f"F_{c.name}" in pushed])
-    rates = {rate: second(channels[rate]) for rate in _RATES.values()}
+    torque -= sp.Add(*[sp.Symbol(f"F_{c.name}", real=True) * by for c, by in TURN.items() if f"F_{c.name}" in pushed])
+    rates = {rate: second(channels[rate]) for rate in s.RATES.values()}
     torque += sp.Add(*[_kinetic_torque(e.expression(), rates) for e in effects if isinstance(e, Kinetic)])
     # On the shaft of the encoder, where a drive effect turns the hub by another angle: virtual work.
     torque *= sp.diff(program.drive[0][1], RECORDED[0])
-    closures = [e for e in effects if isinstance(e, Closure)]
-    tip = base.reading(closures[-1].expression() if closures else None)
+    tip = base.reading(radius_of(effects, channels), program.rod)
     shown = (torque, channels[s.theta].value, *(s.length * position for position in tip))
     wanted = set().union(*[sp.sympify(row).free_symbols for row in shown])
     named = [(c, sp.sympify(channel.value)) for c, channel in channels.items() if c in wanted and c.name not in pushed]
@@ -164,7 +153,8 @@ class Arm:
 
     def start(self, deflection: float, rate: float, motor: FloatArray) -> FloatArray:
         """Return the state (n,) for a deflection [rad], its rate [rad/s] and the motor's angle and rate (2,)."""
-        q, q_rate = self.model.mechanics.initial_coordinates(np.array([deflection]), np.array([rate]), motor)
+        form = self.program.form(self.parameters)
+        q, q_rate = self.model.mechanics.initial_coordinates(np.array([deflection]), np.array([rate]), motor, form)
         state = np.zeros(len(self.program.states))
         state[: 2 * len(q)] = np.concatenate([q, q_rate])[:, 0]
         return state

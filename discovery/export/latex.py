@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import ARM, Effect, Sensor
+from discovery.effect import ARM, Effect, Sensor, Shape
 from discovery.equation import EquationTerms, motion_symbols
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import origin
@@ -19,7 +19,7 @@ from discovery.export.symbolic import LETTERS, closed_form, to_sympy
 from discovery.mechanics.elastica import Elastica
 from discovery.mechanics.rod_shapes import reduced_shapes
 from discovery.model import Model
-from discovery.program import RECORDED, build_program
+from discovery.program import RECORDED, build_program, radius_of
 
 if TYPE_CHECKING:
     from discovery.fit import Fit
@@ -36,7 +36,8 @@ _NAMES = {
     "omega_m": r"\dot{\theta}_m", "alpha_m": r"\ddot{\theta}_m", "x": r"\bar{x}", "y": r"\bar{y}",
     "x_g": r"\bar{x}_g", "y_g": r"\bar{y}_g", "v_x": r"\dot{\bar{x}}", "v_y": r"\dot{\bar{y}}", "rho": r"\bar{\rho}",
     "v_t": "v_t", "bend": "b", "bend_dot": r"\dot{b}", "tip_x": "x", "tip_y": "y", "w2": "{w^{2}}", "length": "l",
-    "r_0": r"\theta_{m,\mathrm{rec}}",
+    "slope": r"\theta(1, t)", "slope_dot": r"\dot{\theta}(1, t)", "arc": "s",
+    "root": "b", "root_dot": r"\dot{b}", "r_0": r"\theta_{m,\mathrm{rec}}",
 }  # fmt: skip
 _ROD = (
     ("shape of the rod, s in lengths of the arm", r"\theta(s, t) = \theta_m(t) + \sum_k q_k(t)\, \varphi_k(s)"),
@@ -143,10 +144,21 @@ def _energy(effect: Effect, write: _Writer) -> list[LatexLine]:
     """Return what an effect declares: its energy, power or force, and states of its own."""
     letter = "F" if getattr(effect, "on", None) is not None else LETTERS[effect.kind]
     lines = [LatexLine(effect.id().replace("_", " "), f"{letter} = {write(effect.expression())}")]  # type: ignore[attr-defined]
-    if effect.kind == "memory":
+    if effect.kind in ("memory", "joint"):
         rates = effect.states().items()  # type: ignore[attr-defined]
         lines += [LatexLine("memory", f"\\dot{{{write(z)}}} = {write(rate)}") for z, rate in rates]
     return lines
+
+
+def _shape(effect: Shape, write: _Writer) -> LatexLine:
+    """Return what an effect of shape adds to the slope of the rod, and the spring at its root to the energy."""
+    added = [] if effect.rest_angle() == 0 else [write(effect.rest_angle())]
+    energy = ""
+    if effect.root_turn() != 0:
+        turn = write(effect.root_turn())
+        added.append(rf"{turn} \kappa(0, t)")
+        energy = rf", \quad \Delta U = \frac{{1}}{{6}} {turn} \kappa(0, t)^{{2}}"
+    return LatexLine(effect.id().replace("_", " "), rf"\Delta\theta(s, t) = {' + '.join(added)}{energy}")
 
 
 def _reading(model: Model, write: _Writer) -> list[LatexLine]:
@@ -194,9 +206,11 @@ def latex_lines(model: Model) -> tuple[LatexLine, ...]:
         for effect in model.terms:
             if effect.kind in LETTERS:
                 lines += _energy(effect, write)
-    for effect in model.terms:
-        if effect.kind == "closure":
-            lines.append(LatexLine(effect.id().replace("_", " "), f"\\rho_t = l {write(effect.expression())}"))  # type: ignore[attr-defined]
+    lines += [_shape(effect, write) for effect in model.terms if isinstance(effect, Shape)]
+    closures = " + ".join(effect.id().replace("_", " ") for effect in model.terms if effect.kind == "closure")
+    if (law := radius_of(model.terms)) is not None:
+        shown = write(law) if law.func is not sp.Add else f"\\left({write(law)}\\right)"
+        lines.append(LatexLine(closures, f"\\rho_t = l {shown}"))
     received, from_recorded = build_program(model.base, model.effects).drive[0]
     if from_recorded not in RECORDED:
         lines.append(

@@ -60,12 +60,25 @@ _READ_LATE = '''def _read(time, begin, h, states, slopes, first, drive, inputs, 
     before, after = f * step, (f - 1.0) * step
     early = both[0][0] + before * both[0][1] + 0.5 * before**2 * both[0][2]
     late = both[1][0] + after * both[1][1] + 0.5 * after**2 * both[1][2]
-    state = np.where(f < 0.0, early, np.where(f > 1.0, late, between))
+    state = np.where(f < 0.0, early, np.where(f > 1.0, late, between))@RATES@
     return reading(at, state, @LATE_INPUT@parameters)'''
 
 _MOTOR = """
     angle = [np.asarray(drive[k])[:, None, i] for k in (0, 2)]
     both = [np.concatenate([y, a], axis=1) for y, a in zip(both, angle, strict=True)]"""
+
+#: Where the reading needs rates as well.
+_RATES = """
+    early, late = (end[1] + away * end[2] for end, away in zip(both, (before, after), strict=True))
+    rate = np.where(f < 0.0, early, np.where(f > 1.0, late, _hermite(f, step, *both)[1]))
+    state = np.concatenate([state[:n], rate[:n], state[n:]])"""
+
+#: Where it needs states of memory, of which only value and slope are known.
+_MEMORY = """
+    (z0, z1), (dz0, dz1) = ([np.moveaxis(end[k][..., 2 * n :], -1, 0) for end in ends] for k in (0, 1))
+    turn = f * (1.0 - f) * ((1.0 - f) * (step * dz0 + z0 - z1) - f * (step * dz1 + z0 - z1))
+    memory = np.where(f < 0.0, z0 + before * dz0, np.where(f > 1.0, z1 + after * dz1, z0 + f * (z1 - z0) + turn))
+    state = np.concatenate([state[: 2 * n], memory, state[2 * n :]])"""
 
 
 #: What differs between the systems in the template.
@@ -183,6 +196,10 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     printer = NumPyPrinter({"fully_qualified_modules": False})
     body = partial(_body, printer, program)
     n = program.n_coordinates
+    seen = set().union(*[e.free_symbols for e in (*program.reading, *([drive[0][1]] if arm else []))])
+    memory = bool(seen & set(program.states[2 * n :]))
+    moving = memory or bool(seen & set(program.states[n : 2 * n]))
+    sampled = program.states if memory else program.states[: 2 * n if moving else n]
     fields = {
         "TITLE": f"Equations of motion: base {found.model.base} with {', '.join(found.model.effects) or 'no effects'}.",
         "PARAMETERS": _parameters(found),
@@ -191,11 +208,13 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
         "N_STATES": str(len(program.states)),
         "N_READING": str(len(program.reading)),
         "DERIVATIVE": body(program.slopes, assignments=program.assignments, drive=drive, states=program.states),
-        "READING": body(program.reading, drive=drive[:1] if arm else (), states=program.states[:n]),
+        "READING": body(program.reading, drive=drive[:1] if arm else (), states=sampled),
         "LATENESS": body((program.lateness,), returns="{}"),
         "INITIAL": body([e.xreplace(names) for e in program.initial]),
         "DRIVE": _ARM_DRIVE if arm else _INPUT_DRIVE,
-        "READ": (_READ if program.lateness == 0 else _READ_LATE).replace("@MOTOR@", _MOTOR if arm else ""),
+        "READ": (_READ if program.lateness == 0 else _READ_LATE)
+        .replace("@MOTOR@", _MOTOR if arm else "")
+        .replace("@RATES@", (_RATES if moving else "") + (_MEMORY if memory else "")),
         **(_ARM_WORDS if arm else _OSCILLATOR_WORDS),
         "N": str(n),
     }

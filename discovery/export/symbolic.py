@@ -10,9 +10,11 @@ import numpy as np
 import sympy as sp
 
 from discovery import symbols as s
+from discovery.effect import Joint
 from discovery.equation import EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.errors import InputError
 from discovery.export.fitted import FittedModel, given_numbers
+from discovery.mechanics.rod import rod_of
 from discovery.model import Model
 from discovery.program import RECORDED, build_program
 
@@ -99,7 +101,9 @@ def _initial(model: Model, n_states: int) -> tuple[sp.Expr, ...]:
         return np.array(symbols, dtype=object)
 
     start = array(*RECORDED[:2])[:, None]
-    q, rate = model.mechanics.initial_coordinates(array(DEFLECTION), array(RATE), start)
+    rod = rod_of(model.terms)
+    form = (rod.deflection, rod.root)
+    q, rate = model.mechanics.initial_coordinates(array(DEFLECTION), array(RATE), start, form)
     found = [sp.sympify(e) for e in (*q[:, 0], *rate[:, 0])]
     return (*found, *[sp.Integer(0)] * (n_states - len(found)))
 
@@ -183,8 +187,8 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     return _substituted(found, numbers) if numbers else found
 
 
-#: Letters of the energies, and of the power of a load or a memory.
-LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+#: Letters of the energies, of the power of a load or a memory, and of the turn of the root in a joint.
+LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P", "joint": "p"}
 
 
 def equation_text(model: Model) -> tuple[str, ...]:
@@ -195,12 +199,17 @@ def equation_text(model: Model) -> tuple[str, ...]:
     if terms is not None:
         equation = equation_of_motion(model)
         return (f"{equation.lhs} = {equation.rhs}", *(f"{z}' = {e}" for z, e in terms.memory), *drive)
+    rod = rod_of(model.terms)
+    rest = "" if rod.rest == 0 else f" + {rod.rest.subs(s.arc, sp.Symbol('s'))}"
+    shapes = "phi_k(s)" if rod.root == 0 else f"(phi_k(s) + {rod.root} phi_k'(0))"
     lines = [
-        "theta(s, t) = theta_m(t) + sum_k q_k(t) phi_k(s)",
+        f"theta(s, t) = theta_m(t){rest} + sum_k q_k(t) {shapes}",
         "d/dt dT/dq_k' - dT/dq_k + dV/dq_k + dD/dq_k' - dP/dq_k' = 0",
     ]
     for effect in model.terms:
         if effect.kind in LETTERS:
             letter = LETTERS[effect.kind] if getattr(effect, "on", None) is None else "F"
             lines.append(f"{effect.id()}: {letter} = {effect.expression()}")  # type: ignore[attr-defined]
+        if isinstance(effect, Joint):
+            lines += [f"{z}' = {slope}" for z, slope in effect.states().items()]
     return (*lines, *drive)

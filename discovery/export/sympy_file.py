@@ -86,6 +86,7 @@ def to_sympy_file(source: FittedModel | Fit | Model, values: Mapping[str, float]
     ]
     text = "\n".join(body)
     names = sorted(set(re.findall(r"\b([A-Z][A-Za-z0-9]+|[a-z]+2?)\(", text)) & set(dir(sp)) | {"Symbol"})
+    names += ["pi"] * bool(re.search(r"\bpi\b", text))
     declared = [
         f'{identifier(x.name)} = Symbol("{x.name}", real=True{", nonnegative=True" if x.is_nonnegative else ""})'
         for x in symbols

@@ -16,14 +16,32 @@ from typing import TYPE_CHECKING, ClassVar
 from numpy.typing import NDArray
 
 from discovery.effect import ARM
+from discovery.mechanics.rod import STRAIGHT, Rod
 from discovery.parameters import Normal, Parameter
 
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = ["SHORTENING_RADIUS", "ArmBase", "Base", "Channel", "Mechanics", "lagrangian_mechanics"]
+__all__ = [
+    "RADIUS_LAWS",
+    "ROOT_JOINTS",
+    "SHORTENING_RADIUS",
+    "ArmBase",
+    "Base",
+    "Channel",
+    "Mechanics",
+    "Strand",
+    "lagrangian_mechanics",
+]
 
-
+#: One measure of the bending: its value, its rate, and its Jacobian.
+Strand = tuple["sp.Expr", "sp.Expr", tuple["sp.Expr", ...]]
+#: Places along a rod of one coordinate at which its fibres are followed.
+_PLACES = 4
+#: Joints at the root of the rod: a base whose only coordinate is the angle of the tip has no root that could turn.
+ROOT_JOINTS = frozenset({"base_backlash", "base_hysteresis"})
+#: Laws of the radius: part of every base whose tip moves as the elastica's does.
+RADIUS_LAWS = frozenset({"radius_law", "radius_quartic", "radius_tension"})
 #: What a radius that shortens as the arm bends does to the motion: part of every base whose tip moves on that radius.
 SHORTENING_RADIUS = frozenset({"centrifugal_stiffening", "coriolis_coupling", "radial_inertia"})
 
@@ -65,6 +83,10 @@ class Mechanics:
         Components of the bending: value, rate and Jacobian of each.
     force : tuple of sympy.Expr
         Inertial forces at zero q'' (centrifugal, Coriolis, base acceleration), on the right-hand side.
+    fibres : tuple of (float, (sympy.Expr, sympy.Expr, tuple of sympy.Expr))
+        The same for the curvature at places of the rod, over three, each with its weight in an integral of its square.
+    root : (sympy.Expr, sympy.Expr, tuple of sympy.Expr) or None
+        The same for the curvature at the root over three; None where the root is no part of the base.
     """
 
     coordinates: tuple[sp.Symbol, ...]
@@ -73,7 +95,9 @@ class Mechanics:
     channels: Mapping[sp.Symbol, Channel]
     mass: tuple[tuple[sp.Expr, ...], ...]
     force: tuple[sp.Expr, ...]
-    bending: tuple[tuple[sp.Expr, sp.Expr, tuple[sp.Expr, ...]], ...]
+    bending: tuple[Strand, ...]
+    fibres: tuple[tuple[float, Strand], ...] = ()
+    root: Strand | None = None
 
 
 class Base(ABC):
@@ -84,7 +108,7 @@ class Base(ABC):
     system: ClassVar[str]
     #: Number of coordinates.
     n_coordinates: ClassVar[int]
-    #: Effects whose physics is already in this base, and which it therefore replaces.
+    #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.
     provides: ClassVar[frozenset[str]] = frozenset()
     #: Parameter sets simulated side by side in one block of the kernel.
     lanes: ClassVar[int] = 32
@@ -95,11 +119,11 @@ class Base(ABC):
         return tuple(p for owner in reversed(cls.__mro__) for p in vars(owner).values() if isinstance(p, Parameter))
 
     @abstractmethod
-    def mechanics(self) -> Mechanics:
+    def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
         """Return the mathematics."""
 
     @abstractmethod
-    def reading(self, closure: sp.Expr | None) -> tuple[sp.Expr, ...]:
+    def reading(self, closure: sp.Expr | None, rod: Rod = STRAIGHT) -> tuple[sp.Expr, ...]:
         """Return the true output in coordinates and theta_m: tip x, y in lengths of the arm, or the coordinate.
 
         `closure` is rho/l as a function of `delta` where the model declares a radius law.
@@ -107,11 +131,12 @@ class Base(ABC):
 
     @abstractmethod
     def initial_coordinates(
-        self, deflection: NDArray, rate: NDArray, drive: Sequence[float] | NDArray
+        self, deflection: NDArray, rate: NDArray, drive: Sequence[float] | NDArray, form: Sequence = (0, 0)
     ) -> tuple[NDArray, NDArray]:
         """Return q, q' of shape (n_coordinates, k) for tip deflections [q] and rates [q/s] of shape (k,).
 
-        `drive` holds theta_m, theta_m' at that time (zeros for an oscillator).
+        `drive` holds theta_m, theta_m' at that time (zeros for an oscillator), `form` the deflection of the unloaded
+        rod [q] and the turn of its root per curvature [-], see `discovery.program.Program.form`.
         """
 
     def highest_frequency(self, values: Mapping[str, float]) -> float:
@@ -125,7 +150,7 @@ class ArmBase(Base):
     system = ARM
     length = Parameter("m", "length of the arm", (1e-3, 100.0), Normal(1.0, 1.0), default=1.0, fixed=True, latex="l")
 
-    def initial_coordinates(self, deflection, rate, drive):
+    def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return the tip angle and its rate."""
         return (drive[0] + deflection)[None], (drive[1] + rate)[None]
 
@@ -150,7 +175,10 @@ def lagrangian_mechanics(
     tip: tuple[sp.Expr, sp.Expr],
     speed2: sp.Expr,
     radius: sp.Expr,
+    bend: sp.Expr,
     elastic: sp.Expr,
+    quartic: sp.Expr,
+    slope: sp.Expr,
 ) -> Mechanics:
     """Return the mechanics of a base with one coordinate from its kinetic energy and geometry.
 
@@ -168,8 +196,14 @@ def lagrangian_mechanics(
         Squared speed of the tip, in its shortest form.
     radius : sympy.Expr
         Distance of the tip from the hub, in lengths.
+    bend : sympy.Expr
+        The part of the deflection that bends the spring.
     elastic : sympy.Expr
         Elastic energy per unit stiffness U [q^2].
+    quartic : sympy.Expr
+        Its counterpart U_4 for the fourth power of the curvature [q^4].
+    slope : sympy.Expr
+        Slope of the rod's end in the fixed frame.
 
     Returns
     -------
@@ -179,6 +213,7 @@ def lagrangian_mechanics(
     import sympy as sp
 
     from discovery import symbols as s
+    from discovery.mechanics.rod_shapes import quadrature
 
     mass = sp.diff(kinetic, qd, 2)
     momentum = sp.diff(kinetic, qd)
@@ -190,6 +225,7 @@ def lagrangian_mechanics(
         (s.delta, s.delta_dot, delta),
         (s.x, s.v_x, tip[0]),
         (s.y, s.v_y, tip[1]),
+        (s.slope, s.slope_dot, slope),
     ):
         jacobian = sp.diff(expression, q)
         rate = _total_derivative(expression, [q], [qd])
@@ -197,12 +233,19 @@ def lagrangian_mechanics(
         channels[rate_symbol] = Channel(rate, (jacobian,), _total_derivative(rate, [q], [qd]))
     channels[s.x_g], channels[s.y_g] = channels[s.x], channels[s.y]
     channels[s.v2] = Channel(speed2, (sp.diff(speed2, qd),))
-    bending = channels[s.delta_dot]
+    bending = Channel(_total_derivative(bend, [q], [qd]), (sp.diff(bend, q),))
     channels[s.w2] = Channel(bending.value**2, (2 * bending.value * bending.jacobian[0],))
     channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
+    channels[s.U_4] = Channel(quartic, (sp.diff(quartic, q),))
     channels[s.rho] = Channel(radius, (sp.Integer(0),))
     # A turn of the whole arm changes q and theta_m alike.
     turning = momentum + sp.diff(kinetic, s.omega_m)
     channels[s.h] = Channel(turning, (sp.diff(turning, qd),), _total_derivative(turning, [q], [qd]))
-    only = (channels[s.delta].value, bending.value, bending.jacobian)
-    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),), (only,))
+    only = (bend, bending.value, bending.jacobian)
+    # The static shape has the curvature 3 (1 - s) times the bending.
+    places, weights, _ = quadrature(_PLACES)
+    fibres = [
+        (float(3 * w), (float(1 - at) * bend, float(1 - at) * bending.value, (float(1 - at) * bending.jacobian[0],)))
+        for at, w in zip(places, weights, strict=True)
+    ]
+    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),), (only,), tuple(fibres))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -11,9 +11,11 @@ import sympy as sp
 from scipy.linalg import eigh
 
 from discovery import symbols as s
-from discovery.mechanics.base import SHORTENING_RADIUS, ArmBase, Channel, Mechanics
+from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS, ArmBase, Channel, Mechanics, Strand
+from discovery.mechanics.rod import STRAIGHT, Rod
 from discovery.mechanics.rod_shapes import (
     bending_matrix,
+    curvatures,
     mass_matrix,
     polynomials,
     quadrature,
@@ -23,6 +25,13 @@ from discovery.mechanics.rod_shapes import (
 from discovery.parameters import HalfNormal, Normal, Parameter
 
 __all__ = ["BASE", "ONE_MODE", "TWO_MODES", "Elastica", "ElasticaOneMode", "ElasticaTwoModes"]
+
+
+def _over_three(curvature: np.ndarray, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> Strand:
+    """Return a third of the curvature at a place, from that of each shape there (n,)."""
+    third = [float(c) / 3 for c in curvature]
+    value, rate = (sum(c * x for c, x in zip(third, own, strict=True)) for own in (q, qd))
+    return value, rate, tuple(sp.Float(c) for c in third)
 
 
 class Elastica(ArmBase):
@@ -35,14 +44,16 @@ class Elastica(ArmBase):
     m_eff = m + 33 m_r / 140), the rod through mu = m_r / m. Positions are integrated by cumulative Gauss-Legendre
     quadrature. Every material damps the ringing of the rod a little: tau_r is the retardation time of a Kelvin-Voigt
     rod (Banks and Inman, Journal of Applied Mechanics 58 (1991) 716). All vectors are in the frame of the hub: inner
-    products do not care, and the bending angles stay small.
+    products do not care, and the bending angles stay small. A rest angle adds to the slope, a compliant root turns the
+    whole rod with its curvature there, q_k (phi_k(s) + c phi_k'(0)), see `discovery.mechanics.rod`; its spring stores
+    energy, but only the rod's own bending relaxes or loses any.
     """
 
     name = "elastica"
     n_coordinates = 3
     nodes = 6
     lanes = 8
-    provides = frozenset({"cubic_stiffness", "quintic_stiffness", "radius_law", "distributed_mass", *SHORTENING_RADIUS})
+    provides = frozenset({"cubic_stiffness", "quintic_stiffness", "distributed_mass", *RADIUS_LAWS, *SHORTENING_RADIUS})
 
     mu = Parameter("1", "rod mass over tip mass", (0.005, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
 
@@ -65,11 +76,23 @@ class Elastica(ArmBase):
         n = self.n_coordinates
         return sp.symbols(f"q_1:{n + 1}", real=True), sp.symbols(f"qd_1:{n + 1}", real=True)
 
-    def mechanics(self) -> Mechanics:
+    @cached_property
+    def _root_curvature(self) -> np.ndarray:
+        """Curvature phi_k'(0) of each shape at the root, shape (n,)."""
+        return self._weights @ curvatures(np.zeros(1))[:, 0]
+
+    def _slopes(self, rod: Rod) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
+        """Return how the slope at each node changes with each q_k, and what it is at rest."""
+        phi, turn = self._nodes[0], [rod.root * float(g) for g in self._root_curvature]
+        at, _, _ = quadrature(self.nodes)
+        changes = [[float(phi[k, a]) + turn[k] for a in range(self.nodes)] for k in range(self.n_coordinates)]
+        return changes, [rod.rest_at(float(a)) for a in at]
+
+    def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
         """Return the mathematics."""
         n, nodes = self.n_coordinates, self.nodes
         q, qd = self._symbols
-        phi, weights, cumulative = self._nodes
+        _, weights, cumulative = self._nodes
         program: list[tuple[sp.Symbol, sp.Expr]] = []
 
         def name(label: str, expression: sp.Expr) -> sp.Symbol:
@@ -78,12 +101,13 @@ class Elastica(ArmBase):
             return symbol
 
         tip_share = name("m_t", 1 / (1 + sp.Rational(33, 140) * self.mu))
+        phi, rest = self._slopes(rod)
         sine, cosine, rate = [], [], []
         for a in range(nodes):
-            bend = name(f"psi_{a}", sum(float(phi[k, a]) * q[k] for k in range(n)))
+            bend = name(f"psi_{a}", sum(phi[k][a] * q[k] for k in range(n)) + rest[a])
             sine.append(name(f"sn_{a}", sp.sin(bend)))
             cosine.append(name(f"cs_{a}", sp.cos(bend)))
-            rate.append(name(f"rt_{a}", s.omega_m + sum(float(phi[k, a]) * qd[k] for k in range(n))))
+            rate.append(name(f"rt_{a}", s.omega_m + sum(phi[k][a] * qd[k] for k in range(n))))
         # Rows 0 .. nodes-1 are the quadrature points, row `nodes` is the tip.
         points = range(nodes + 1)
 
@@ -91,8 +115,8 @@ class Elastica(ArmBase):
             named = [name(f"{label}d{b}", density[b]) for b in range(nodes)]
             return [name(f"{label}{a}", sum(float(cumulative[a, b]) * named[b] for b in range(nodes))) for a in points]
 
-        px = [integrate(f"px{k}_", [-float(phi[k, b]) * sine[b] for b in range(nodes)]) for k in range(n)]
-        py = [integrate(f"py{k}_", [float(phi[k, b]) * cosine[b] for b in range(nodes)]) for k in range(n)]
+        px = [integrate(f"px{k}_", [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
+        py = [integrate(f"py{k}_", [phi[k][b] * cosine[b] for b in range(nodes)]) for k in range(n)]
         tip_x = name("tip_x", sum(float(weights[b]) * cosine[b] for b in range(nodes)))
         tip_y = name("tip_y", sum(float(weights[b]) * sine[b] for b in range(nodes)))
         # Acceleration at zero q'': base acceleration and centripetal part.
@@ -116,6 +140,12 @@ class Elastica(ArmBase):
         vx = name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
         vy = name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
         channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax[nodes], ay[nodes], q, qd)
+        curved = self._weights @ curvatures(quadrature(nodes)[0])
+        kappa = [name(f"kp_{a}", sum(float(curved[k, a]) * q[k] for k in range(n))) for a in range(nodes)]
+        cube = [name(f"kc_{a}", float(weights[a] / 3) * kappa[a] ** 3) for a in range(nodes)]
+        quartic = sum(kappa[a] * cube[a] for a in range(nodes)) / 4
+        hardening = tuple(sum(float(curved[k, a]) * cube[a] for a in range(nodes)) for k in range(n))
+        channels |= {s.U_4: Channel(quartic, hardening), **self._rod_channels(rod)}
         path_x, path_y = integrate("hx_", cosine), integrate("hy_", sine)
         moment_x = tip_share * sum(share[a] * path_x[a] for a in points)
         moment_y = tip_share * sum(share[a] * path_y[a] for a in points)
@@ -146,7 +176,18 @@ class Elastica(ArmBase):
             )
             for i in range(n)
         )
-        return Mechanics(q, qd, tuple(program), channels, tuple(map(tuple, mass)), force, components)
+        fibres = tuple((3 * float(weights[a]), _over_three(curved[:, a], q, qd)) for a in range(nodes))
+        return Mechanics(
+            q,
+            qd,
+            tuple(program),
+            channels,
+            tuple(map(tuple, mass)),
+            force,
+            components,
+            fibres,
+            _over_three(self._root_curvature, q, qd),
+        )
 
     def _channels(self, tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd) -> dict[sp.Symbol, Channel]:
         """Return the channels from the tip's motion, given along the axes of the hub."""
@@ -160,7 +201,6 @@ class Elastica(ArmBase):
         angle_bias = (tip_x * ay - tip_y * ax) / radius2 - 2 * turning * (tip_x * vx + tip_y * vy) / radius2
         stiffness = bending_matrix(self._weights) / 3
         bending = [[float(stiffness[i, j]) for j in range(n)] for i in range(n)]
-        pull = tuple(sum(bending[i][j] * q[j] for j in range(n)) for i in range(n))
         drag = tuple(sum(bending[i][j] * qd[j] for j in range(n)) for i in range(n))
         j_x = tuple(c * jx[k] - sn * jy[k] for k in range(n))
         j_y = tuple(sn * jx[k] + c * jy[k] for k in range(n))
@@ -175,16 +215,32 @@ class Elastica(ArmBase):
             s.v_x: Channel(c * vx - sn * vy, j_x, c * ax - sn * ay),
             s.v_y: Channel(sn * vx + c * vy, j_y, sn * ax + c * ay),
             s.v2: Channel(vx**2 + vy**2, tuple(2 * (vx * jx[k] + vy * jy[k]) for k in range(n))),
-            s.U: Channel(sum(q[i] * pull[i] for i in range(n)) / 2, pull),
             s.w2: Channel(sum(qd[i] * drag[i] for i in range(n)), tuple(2 * drag[i] for i in range(n))),
             s.rho: Channel(sp.sqrt(radius2), zero),
         }
 
-    def reading(self, closure):
+    def _rod_channels(self, rod: Rod) -> dict[sp.Symbol, Channel]:
+        """Return the channels of the rod's own shape: its energy, with the spring's, and the slope of its end."""
+        n, (q, qd) = self.n_coordinates, self._symbols
+        stiffness, root = bending_matrix(self._weights) / 3, self._root_curvature
+        spring = np.outer(root, root) / 3
+        pull = tuple(
+            sum((float(stiffness[i, j]) + rod.root * float(spring[i, j])) * q[j] for j in range(n)) for i in range(n)
+        )
+        # Every shape ends with the slope p_k(1) = 1 of its polynomials.
+        end = tuple(float(self._weights[k].sum()) + rod.root * float(root[k]) for k in range(n))
+        return {
+            s.U: Channel(sum(q[i] * pull[i] for i in range(n)) / 2, pull),
+            s.slope: Channel(s.theta_m + rod.rest_at(1) + sum(end[k] * q[k] for k in range(n)), end),
+            s.slope_dot: Channel(s.omega_m + sum(end[k] * qd[k] for k in range(n)), end, s.alpha_m),
+        }
+
+    def reading(self, closure, rod=STRAIGHT):
         """Return the tip position in lengths of the arm."""
         q, _ = self._symbols
-        phi, weights, _ = self._nodes
-        bend = [sum(float(phi[k, a]) * q[k] for k in range(self.n_coordinates)) for a in range(self.nodes)]
+        _, weights, _ = self._nodes
+        phi, rest = self._slopes(rod)
+        bend = [sum(phi[k][a] * q[k] for k in range(self.n_coordinates)) + rest[a] for a in range(self.nodes)]
         tip_x = sum(float(weights[a]) * sp.cos(bend[a]) for a in range(self.nodes))
         tip_y = sum(float(weights[a]) * sp.sin(bend[a]) for a in range(self.nodes))
         c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
@@ -197,13 +253,19 @@ class Elastica(ArmBase):
         powers = deflections[:, None] ** np.arange(1, 12, 2)
         return np.linalg.lstsq(powers, static_shapes(self._weights, deflections).T, rcond=None)[0].T
 
-    def initial_coordinates(self, deflection, rate, drive):
+    def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return the shape of a slow motion through this deflection at this rate."""
-        deflection, rate = np.atleast_1d(deflection), np.atleast_1d(rate)
+        rest, root = form
+        deflection, rate = np.atleast_1d(deflection) - rest, np.atleast_1d(rate)
         exponents = np.arange(1, 12, 2)[:, None]
-        q = self._static_fit @ deflection**exponents
-        slope = self._static_fit @ (exponents * deflection ** (exponents - 1))
-        return q, slope * rate
+        # The whole rod turns with its root, bent as in a rigid clamp: Newton's method on the bending.
+        curvature = self._root_curvature @ self._static_fit
+        bend = deflection / (1 + root * curvature[0])
+        for _ in range(2):
+            ahead = bend + root * (curvature @ bend**exponents) - deflection
+            bend = bend - ahead / (1 + root * (curvature @ (exponents * bend ** (exponents - 1))))
+        slope = exponents * bend ** (exponents - 1)
+        return self._static_fit @ bend**exponents, self._static_fit @ slope * rate / (1 + root * (curvature @ slope))
 
     def highest_frequency(self, values: Mapping[str, float]) -> float:
         """Return the highest small-amplitude angular frequency over sqrt(alpha)."""

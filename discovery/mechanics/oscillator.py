@@ -8,6 +8,7 @@ import sympy as sp
 from discovery import symbols as s
 from discovery.effect import OSCILLATOR
 from discovery.mechanics.base import Base, Mechanics, lagrangian_mechanics
+from discovery.mechanics.rod import STRAIGHT
 from discovery.parameters import Normal, Parameter
 
 __all__ = ["BASE", "Oscillator"]
@@ -24,7 +25,7 @@ class Oscillator(Base):
 
     g = Parameter("s^-2 q", "acceleration per unit of input", (-1e4, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
 
-    def mechanics(self) -> Mechanics:
+    def mechanics(self, rod=STRAIGHT) -> Mechanics:
         """Return the mathematics."""
         bare = lagrangian_mechanics(
             _Q,
@@ -36,17 +37,27 @@ class Oscillator(Base):
             speed2=_QD**2,
             # The lever of a force across the tip: a force on a coordinate has none.
             radius=sp.Integer(1),
+            bend=_Q,
             elastic=_Q**2 / 2,
+            quartic=_Q**4 / 4,
+            slope=_Q,
         )
         return Mechanics(
-            bare.coordinates, bare.rates, (), bare.channels, bare.mass, (bare.force[0] + self.g * s.u,), bare.bending
+            bare.coordinates,
+            bare.rates,
+            (),
+            bare.channels,
+            bare.mass,
+            (bare.force[0] + self.g * s.u,),
+            bare.bending,
+            ((1, bare.bending[0]),),
         )
 
-    def reading(self, closure):
+    def reading(self, closure, rod=STRAIGHT):
         """Return the coordinate."""
         return (_Q,)
 
-    def initial_coordinates(self, deflection, rate, drive):
+    def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return the coordinate and its rate."""
         return np.asarray(deflection)[None], np.asarray(rate)[None]
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.mechanics.base import SHORTENING_RADIUS, ArmBase, Mechanics, lagrangian_mechanics
+from discovery.mechanics.base import (
+    RADIUS_LAWS,
+    ROOT_JOINTS,
+    SHORTENING_RADIUS,
+    ArmBase,
+    Mechanics,
+    lagrangian_mechanics,
+)
+from discovery.mechanics.rod import STRAIGHT, Rod
 from discovery.parameters import Normal, Parameter
 
 __all__ = ["BASE", "Reduced", "rod_coupling", "rod_inertia"]
@@ -33,20 +41,36 @@ class Reduced(ArmBase):
 
     The generalised force on delta is rho F_t, by (5) with F_n = 3 delta + (13/70) delta^3, hence U; expanded to third
     order the terms are c1 = 1/5, c2 = -2/5, c3 = 1/25 and beta = 0.122 alpha (`discovery.derivation`). C moves the
-    motor only, not the tip.
+    motor only, not the tip. A curved or compliant rod has its radius and energy to the same order, see
+    `discovery.mechanics.rod`.
     """
 
     name = "reduced"
     n_coordinates = 1
-    provides = frozenset({"cubic_stiffness", "radius_law", "distributed_mass", *SHORTENING_RADIUS})
+    provides = frozenset({"cubic_stiffness", "distributed_mass", *RADIUS_LAWS, *ROOT_JOINTS, *SHORTENING_RADIUS})
 
     mu = Parameter("1", "rod mass over tip mass", (0.0, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
 
-    def mechanics(self) -> Mechanics:
+    def _bending(self, rod: Rod) -> sp.Expr:
+        """Return the part of the deflection that the rod itself bends."""
+        return (_THETA - s.theta_m - rod.deflection) / (1 + 3 * rod.root)
+
+    def _radius(self, rod: Rod) -> sp.Expr:
+        """Return rho/l."""
+        form = rod.third_order
+        curved = form.shortening - STRAIGHT.third_order.shortening
+        return (sp.cos(_GAMMA * form.bend) - curved).subs(form.bend, self._bending(rod))
+
+    def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
         """Return the mathematics."""
         delta, delta_dot = _THETA - s.theta_m, _OMEGA - s.omega_m
-        rho = sp.cos(_GAMMA * delta)
-        slope = -_GAMMA * sp.sin(_GAMMA * delta)
+        rho = self._radius(rod)
+        slope = sp.diff(rho, _THETA)
+        form, bend = rod.third_order, self._bending(rod)
+        elastic = (1 + 3 * rod.root) * form.bend**2 / 2 - sp.expand(form.bend * form.ahead)
+        # Slope of the static shape at its end and curvature at its root: `discovery.elastica.shape_series`.
+        end = sp.Rational(3, 2) * bend - sp.Rational(11, 560) * bend**3
+        clamped = 3 * bend - sp.Rational(4, 35) * bend**3
         speed2 = rho**2 * _OMEGA**2 + slope**2 * delta_dot**2
         return lagrangian_mechanics(
             _THETA,
@@ -57,12 +81,15 @@ class Reduced(ArmBase):
             tip=(rho * sp.cos(_THETA), rho * sp.sin(_THETA)),
             speed2=speed2,
             radius=rho,
-            elastic=delta**2 / 2 - delta**4 / 105,
+            bend=bend,
+            elastic=elastic.subs(form.bend, bend),
+            quartic=sp.Rational(27, 20) * bend**4,
+            slope=s.theta_m + rod.rest_at(1) + end + rod.root * clamped,
         )
 
-    def reading(self, closure):
+    def reading(self, closure, rod=STRAIGHT):
         """Return the tip position in lengths of the arm."""
-        rho = sp.cos(_GAMMA * (_THETA - s.theta_m))
+        rho = self._radius(rod)
         return rho * sp.cos(_THETA), rho * sp.sin(_THETA)
 
 

@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-__all__ = ["RICH", "bending_matrix", "mass_matrix", "polynomials", "quadrature", "reduced_shapes", "static_shapes"]
+__all__ = [
+    "RICH",
+    "bending_matrix",
+    "curvatures",
+    "mass_matrix",
+    "polynomials",
+    "quadrature",
+    "reduced_shapes",
+    "static_shapes",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -30,6 +39,12 @@ def polynomials(at: FloatArray) -> FloatArray:
     """Return p_k at arc lengths `at` (n,), shape (RICH, n)."""
     k = np.arange(1, RICH + 1)[:, None]
     return (k + 1) * at**k - k * at ** (k + 1)
+
+
+def curvatures(at: FloatArray) -> FloatArray:
+    """Return p_k' at arc lengths `at` (n,), shape (RICH, n)."""
+    k = np.arange(1, RICH + 1)[:, None]
+    return k * (k + 1) * (at ** (k - 1) - at**k)
 
 
 def quadrature(nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -49,8 +64,7 @@ def quadrature(nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 def bending_matrix(weights: FloatArray) -> FloatArray:
     """Return the integral of phi_i' phi_j' for shapes phi = weights @ p, shape (n, n)."""
     s, w, _ = quadrature(RICH + 4)
-    k = np.arange(1, RICH + 1)[:, None]
-    slope = weights @ (k * (k + 1) * (s ** (k - 1) - s**k))
+    slope = weights @ curvatures(s)
     return (slope * w) @ slope.T
 
 

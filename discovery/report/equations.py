@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from discovery.dynamic_reduction import DYNAMIC_REDUCTION
 from discovery.mechanics import get_base
+from discovery.mechanics.rod import rod_of
 from discovery.registry import get_effect
 from discovery.report.mathml import expression, number, power, row, symbol, total
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Formula", "discovered_equation", "effect_formula", "model_formulas"]
 
-#: Letters of the energies, and of the power of a load or a memory.
-_LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+#: Letters of the energies, of the power of a load or a memory, and of the turn of the root in a joint.
+_LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P", "joint": "p"}
 
 
 @dataclass(frozen=True)
@@ -63,10 +64,14 @@ def effect_formula(effect: Effect, system: str) -> str:
     if effect.kind in _LETTERS:
         letter = "F" if getattr(effect, "on", None) is not None else _LETTERS[effect.kind]
         lines = [_equal(symbol(letter), expression(effect.expression(), name))]  # type: ignore[attr-defined]
-        if effect.kind == "memory":
+        if effect.kind in ("memory", "joint"):
             for state, rate in effect.states().items():  # type: ignore[attr-defined]
                 lines.append(_equal(symbol(state.name, 1), expression(rate, name)))
         return row('<mo>,</mo><mspace width="1em"/>'.join(lines))
+    if effect.kind == "shape":
+        # Kappa_r is the curvature at the root.
+        added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
+        return row(symbol("theta"), "<mo>→</mo>", symbol("theta"), "<mo>+</mo>", expression(added, name))
     if effect.kind == "closure":
         ratio = row(symbol("rho_t"), "<mo>/</mo>", symbol("l"))
         return _equal(ratio, expression(effect.expression(), name))  # type: ignore[attr-defined]
@@ -96,8 +101,10 @@ def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
     if effect.kind == "memory":
         return -sp.diff(declared, s.bend_dot)
     if effect.kind == "kinetic":
-        momentum = sp.diff(declared, s.omega)
-        pairs = ((s.theta_m, s.omega_m), (s.omega_m, s.alpha_m), (s.theta, s.omega))
+        end = mechanics.channels[s.slope_dot].value.subs(mechanics.rates[0], s.omega)
+        momentum = sp.expand(sp.diff(declared.subs(s.slope_dot, end), s.omega))
+        acceleration = sp.Symbol("acceleration", real=True)
+        pairs = ((s.theta_m, s.omega_m), (s.omega_m, s.alpha_m), (s.theta, s.omega), (s.omega, acceleration))
         return sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(declared, s.theta)
     if getattr(effect, "on", None) is not None:
         return -declared * _lever(effect.on, mechanics)  # type: ignore[attr-defined]
@@ -114,11 +121,13 @@ def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
 def _lever(channel: sp.Symbol, mechanics: Mechanics) -> sp.Expr:
     from discovery import symbols as s
 
-    simple = {s.U: s.delta, s.v2: 2 * s.omega, s.w2: 2 * s.delta_dot}
+    simple = {s.v2: 2 * s.omega, s.w2: 2 * s.delta_dot}
     if channel in simple:
         return simple[channel]
-    jacobian = mechanics.channels[channel].jacobian[0]
-    return jacobian.subs({mechanics.coordinates[0]: s.theta, mechanics.rates[0]: s.omega})
+    jacobian, q = mechanics.channels[channel].jacobian[0], mechanics.coordinates[0]
+    if channel in (s.U, s.U_4):
+        return jacobian.subs(q, s.delta + q - mechanics.channels[s.delta].value)
+    return jacobian.subs({q: s.theta, mechanics.rates[0]: s.omega})
 
 
 def _rounded(value: sp.Expr) -> sp.Expr:
@@ -130,7 +139,7 @@ def _rounded(value: sp.Expr) -> sp.Expr:
 
 def _scalar_equation(model: Mapping, system: str) -> str:
     """Return the equation of motion of the paper's arm or of an oscillator."""
-    mechanics = get_base(model["base"]).mechanics()
+    mechanics = get_base(model["base"]).mechanics(rod_of(map(get_effect, model["effects"])))
     name = _coordinate(system)
     parts = [symbol(name, 2)]
     for effect_id in model["effects"]:

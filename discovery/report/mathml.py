@@ -16,7 +16,7 @@ GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
     "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "varphi": "φ", "psi": "ψ",
     "omega": "ω", "Omega": "Ω", "Delta": "Δ", "Phi": "Φ",
-    "Gamma": "Γ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "chi": "χ",
+    "Gamma": "Γ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "chi": "χ", "pi": "π",
 }  # fmt: skip
 
 
@@ -96,8 +96,11 @@ def _printer(coordinate: str):
         "delta_dot": (moving, 1),
         "theta_m": ("theta_m", 0), "omega_m": ("theta_m", 1), "alpha_m": ("theta_m", 2), "bend": ("b", 0),
         "bend_dot": ("b", 1), "w2": ("w^2", 0), "tip_speed": ("q" if oscillator else "v_t", int(oscillator)),
+        "root": ("b", 0), "root_dot": ("b", 1),
         "x": ("x_t", 0), "y": ("y_t", 0), "x_g": ("x_g", 0), "y_g": ("y_g", 0), "v_x": ("x_t", 1), "v_y": ("y_t", 1),
         "tip_x": ("x_t", 0), "tip_y": ("y_t", 0), "U": ("U", 0), "rho": ("rho", 0), "t": ("t", 0), "u": ("u", 0),
+        "slope": ("theta_e", 0), "slope_dot": ("theta_e", 1), "arc": ("s", 0), "kappa_r": ("kappa_r", 0),
+        "acceleration": (coordinate, 2),
     }  # fmt: skip
 
     class Printer(MathMLPresentationPrinter):
@@ -110,6 +113,9 @@ def _printer(coordinate: str):
             name, dots = states.get(sym.name, (_latex(sym.name), 0))
             plain = symbol(name.removesuffix("^2"), dots)
             return self._node(power(plain, "<mn>2</mn>") if name.endswith("^2") else plain)
+
+        def _print_Pi(self, expr):
+            return self._node(symbol("pi"))
 
         def _print_Pow(self, expr):
             if expr.base.is_Symbol and expr.exp.is_Integer and expr.exp > 1 and expr.base.name != "w2":

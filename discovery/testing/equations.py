@@ -15,10 +15,19 @@ from discovery import symbols as s
 from discovery.compile import numpy_derivative
 from discovery.effect import Effect, Load, Memory
 from discovery.mechanics import get_base
-from discovery.program import Program
+from discovery.program import Program, strands
 from discovery.testing.states import Sample, whole
 
-__all__ = ["Bare", "accelerations", "at_rest", "bare_base", "energy", "evaluator", "memory_states", "slopes_of"]
+__all__ = [
+    "Bare",
+    "accelerations",
+    "at_rest",
+    "bare_base",
+    "energy",
+    "evaluator",
+    "memory_states",
+    "slopes_of",
+]
 
 FloatArray = NDArray[np.float64]
 #: Slopes (n, k) at a time, for recorded input (3, k), state (n, k) and parameters (p, k).
@@ -76,12 +85,12 @@ def _function(expression: sp.Expr) -> Callable[..., FloatArray]:
 def _mechanics(base_name: str, program: Program) -> tuple[tuple[str, ...], Evaluate]:
     """Return the names of drive and channels, and a function of their values, mass matrix, force and path."""
     base = get_base(base_name)
-    mechanics = base.mechanics()
+    mechanics = base.mechanics(program.rod)
     channels = tuple((symbol, channel.value) for symbol, channel in mechanics.channels.items())
     received = tuple(symbol for symbol, _ in program.drive)
     named = (*received, *(symbol for symbol, _ in channels))
     mass = (entry for row in mechanics.mass for entry in row)
-    rows = (*named, *mass, *mechanics.force, *base.reading(None))
+    rows = (*named, *mass, *mechanics.force, *base.reading(None, program.rod))
     shown = replace(program, derivative=(*mechanics.assignments, *channels), slopes=rows)
     return tuple(symbol.name for symbol in named), evaluator(shown)
 
@@ -103,9 +112,9 @@ def bare_base(base_name: str, sample: Sample) -> Bare:
 
 
 def memory_states(effect: Memory, base_name: str) -> dict[sp.Symbol, sp.Expr]:
-    """Return the states of a memory effect on a base with their slopes, one set for each component of the bending."""
+    """Return the states of a memory effect on a base with their slopes, one set for each of its strands."""
     slopes = {}
-    for k, here in enumerate(_components(effect, base_name)):
+    for k, (_, here) in enumerate(_components(effect, base_name)):
         slopes.update({sp.Symbol(f"{z.name}_{k}", real=True): slope.subs(here) for z, slope in effect.states().items()})
     return slopes
 
@@ -117,13 +126,14 @@ def energy(effect: Effect, base_name: str) -> sp.Expr:
     expression = effect.expression()  # type: ignore[attr-defined]
     if not isinstance(effect, Memory):
         return expression
-    return sp.Add(*[expression.subs(here) for here in _components(effect, base_name)])
+    return sp.Add(*[weight * expression.subs(here) for weight, here in _components(effect, base_name)])
 
 
-def _components(effect: Memory, base_name: str) -> list[dict[sp.Symbol, sp.Expr]]:
+def _components(effect: Memory, base_name: str) -> list[tuple[float, dict[sp.Symbol, sp.Expr]]]:
+    found = strands(effect, get_base(base_name).mechanics(whole(base_name).rod))
     return [
-        {s.bend: value, s.bend_dot: rate, **{z: sp.Symbol(f"{z.name}_{k}", real=True) for z in effect.states()}}
-        for k, (value, rate, _) in enumerate(get_base(base_name).mechanics().bending)
+        (weight, {s.bend: b, s.bend_dot: rate, **{z: sp.Symbol(f"{z.name}_{k}", real=True) for z in effect.states()}})
+        for k, (weight, (b, rate, _)) in enumerate(found)
     ]
 
 

@@ -13,12 +13,20 @@ from scipy.interpolate import BPoly
 from discovery import symbols as s
 from discovery.compile import compile_kernel
 from discovery.drive import Drive
-from discovery.effect import Load, Memory
+from discovery.effect import Joint, Load, Memory, Shape
 from discovery.mechanics import get_base
 from discovery.program import RECORDED
 from discovery.registry import get_effect
 from discovery.simulate import Grid
-from discovery.testing.equations import accelerations, bare_base, energy, evaluator, memory_states, slopes_of
+from discovery.testing.equations import (
+    accelerations,
+    bare_base,
+    energy,
+    evaluator,
+    memory_states,
+    slopes_of,
+)
+from discovery.testing.hinge import hinge_residual, joint_power, turning_energy
 from discovery.testing.states import Sample, derivative, every_effect, sample_states, whole, without
 
 __all__ = ["MechanicsContract"]
@@ -42,10 +50,14 @@ def _plain_step(base: str, sample: Sample, drive: Drive, h: float) -> FloatArray
     k5 = slopes(stop, r2, end, p)
     read = evaluator(replace(program, derivative=(), slopes=program.reading))
     out = np.empty((len(program.reading), y.shape[1]))
-    for i, late in enumerate(bare_base(base, sample).of(program.lateness)):
+    for i, late in enumerate(bare_base(base, replace(sample, time=half)).of(program.lateness)):
         ends = [np.stack([a[:n, i], b[:n, i], c[n : 2 * n, i]]) for a, b, c in ((y, k1, k1), (end, k5, k5))]
         state = np.zeros((len(program.states), 1))
         state[:n, 0] = BPoly.from_derivatives([0.0, h], ends)(0.5 * h - late)
+        memory = [np.stack([a[2 * n :, i], b[2 * n :, i]]) for a, b in ((y, k1), (end, k5))]
+        if memory[0].size:
+            state[2 * n :, 0] = BPoly.from_derivatives([0.0, h], memory)(0.5 * h - late)
+        state[n : 2 * n, 0] = BPoly.from_derivatives([0.0, h], [e[1:] for e in ends])(0.5 * h - late)
         out[:, i] = read(half, drive.evaluate(half - late), state, p[:, i : i + 1])[:, 0]
     return out
 
@@ -101,6 +113,21 @@ class MechanicsContract:
         if instance.kind in ("closure", "sensor", "drive"):
             np.testing.assert_allclose(added, 0.0, atol=1e-12 * np.abs(mass).max())
             return
+        if isinstance(instance, Shape):
+            # The rod's own inertia and elastic energy change: the whole of Lagrange's equation is checked.
+            bare = bare_base(base, sample)
+            assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
+
+            def elastic(i: int) -> FloatArray:
+                return derivative(lambda by: bare_base(base, sample.moved(i, by)).of(s.alpha * s.U))
+
+            pull = np.einsum("ijk,jk->ik", mass, acceleration) - bare.force
+            np.testing.assert_allclose(pull, -np.array([elastic(i) for i in range(n)]), rtol=1e-7, atol=1e-9)
+            return
+        if isinstance(instance, Joint):
+            assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
+            np.testing.assert_allclose(hinge_residual(base, sample), 0.0, atol=1e-6 * np.abs(added).max())
+            return
         if isinstance(instance, Memory):
             bare, slopes, states = bare_base(base, sample), slopes_of(base, sample), whole(base).states
             for state, slope in memory_states(instance, base).items():
@@ -155,16 +182,22 @@ class MechanicsContract:
         if instance.kind in ("kinetic", "potential") and effect != "linear_stiffness":
             stored += energy(instance, base)
 
+        hinged = isinstance(instance, Joint)
+        drift = slopes_of(base, sample)[2 * n :]
+
         def total(tau: float) -> FloatArray:
-            at = sample.along(tau, acceleration, n)
+            at = sample.along(tau, acceleration, n, drift)
             bare, rate = bare_base(base, at), at.state[n : 2 * n]
-            return np.einsum("ik,ijk,jk->k", rate, bare.mass, rate) / 2 + bare.of(stored)
+            kinetic = np.einsum("ik,ijk,jk->k", rate, bare.mass, rate) / 2
+            return kinetic + bare.of(stored) + (turning_energy(base, at) if hinged else 0.0)
 
         gained = derivative(total)
         scale = 1e-8 * np.abs(total(0.0)).max()
         if instance.kind == "dissipation":
             assert (gained < scale).all(), f"{effect} adds energy"
             assert gained.min() < -1e3 * scale, f"{effect} loses no energy"
+        elif hinged:
+            np.testing.assert_allclose(gained, joint_power(base, sample), rtol=5e-3, atol=1e2 * scale)
         elif instance.kind in ("load", "memory"):
             power = bare_base(base, sample).of(energy(instance, base))
             np.testing.assert_allclose(gained, power, rtol=1e-7, atol=scale)
@@ -178,7 +211,8 @@ class MechanicsContract:
         inertia of the changing radius is left out. The rod's mass adds its own terms, which are absent here.
         """
         n = get_base(base).n_coordinates
-        still, moving = sample_states(base, (), static=True), sample_states(base, ())
+        shapes = tuple(e for e in every_effect(base) if isinstance(get_effect(e), Shape))
+        still, moving = sample_states(base, shapes, static=True), sample_states(base, shapes)
         for sample in (still, moving):
             if "mu" in whole(base).parameters:
                 sample.parameters[whole(base).parameters.index("mu")] = 0.0

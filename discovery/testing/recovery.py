@@ -50,9 +50,10 @@ def _experiment(base: str, drive: Drive, time: FloatArray, output: FloatArray, n
 
 def recover(effect: str) -> tuple[Fit, dict[str, float]]:
     """Simulate a manoeuvre with one effect, fit it, and return the fit with the true values."""
-    base = "constant_radius" if ARM in get_effect(effect).systems else "oscillator"
+    bases = ("constant_radius", "reduced", "elastica_1") if ARM in get_effect(effect).systems else ("oscillator",)
+    base = next(b for b in bases if effect in every_effect(b))
     context = ("viscous_damping", "linear_stiffness")
-    known = {"length": 1.2} if base == "constant_radius" else {"g": 1.0}
+    known = {"length": 1.2} if get_base(base).system == ARM else {"g": 1.0}
     model = Model(base, (*context, *({effect} - set(context))), known)
     units = NaturalUnits(time=1 / 3, coordinate=1.0, length=1.2)
     truth = {}
@@ -68,7 +69,7 @@ def recover(effect: str) -> tuple[Fit, dict[str, float]]:
         edges[1:-1],
     )
     time, noise = np.linspace(0.0, 5.0, 401), 1e-4
-    nothing = _experiment(base, drive, time, np.zeros((time.size, 2 if base == "constant_radius" else 1)), noise)
+    nothing = _experiment(base, drive, time, np.zeros((time.size, 2 if get_base(base).system == ARM else 1)), noise)
     bench = Bench(base, every_effect(base), [nothing], _STEP)
     defaults = {n: p.default * units.scale(p) for n, p in Model(base, every_effect(base)).parameters.items()}
     values = np.array([[{**defaults, **known, **truth}[n]] for n in bench.names])

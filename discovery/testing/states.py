@@ -29,10 +29,12 @@ class Sample:
     state: FloatArray
     parameters: FloatArray
 
-    def along(self, tau: float, acceleration: FloatArray, n: int) -> Sample:
-        """Return the same motion a little later; explicit time stands still."""
+    def along(self, tau: float, acceleration: FloatArray, n: int, drift: FloatArray | float = 0.0) -> Sample:
+        """Return the same motion a little later, memory moving at the rate `drift`; explicit time stands still."""
         q, rate, rest = self.state[:n], self.state[n : 2 * n], self.state[2 * n :]
-        state = np.concatenate([q + tau * rate + 0.5 * tau**2 * acceleration, rate + tau * acceleration, rest])
+        state = np.concatenate(
+            [q + tau * rate + 0.5 * tau**2 * acceleration, rate + tau * acceleration, rest + tau * drift]
+        )
         angle, speed, change = self.recorded
         return replace(
             self,
