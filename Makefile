@@ -14,6 +14,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	"$$p" -c '$(FITS)' 2>/dev/null && { echo "$$p"; break; }; done)
 WORKERS ?= 2
 SEED ?= 1
+CASES ?= 300
 
 # What results are made from, and what only their pages are made from.
 PAGE := $(sort $(shell find discovery/report -type f ! -name '*.pyc'))
@@ -30,7 +31,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(MEASURED),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/loop.json)
 
-.PHONY: help reproduce test test-long lint bench datasets docs lock clean distclean setup
+.PHONY: help reproduce test test-long lint bench blind datasets docs lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -94,6 +95,12 @@ lint: $(READY) ## Check style, types and the layers of the package
 bench: $(READY) ## Measure speed and recovery; the figures are written to reports/bench
 	@mkdir -p reports/bench
 	@for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python "$$b" "reports/bench/$$(basename "$$b" .py).json" || exit 1; done
+
+# Finished cases are kept, so an interrupted benchmark goes on where it was; `make blind CASES=60` is a short one.
+blind: $(READY) ## Generate blind cases with sealed truth, run the loop and its peers on them, and score (hours)
+	$(BIN)/python -m benchmarks.blind.generate reports/blind --cases $(CASES) --seed $(SEED) --workers $(WORKERS)
+	$(BIN)/python -m benchmarks.blind.run reports/blind --workers $(WORKERS) --peers
+	$(BIN)/python -m benchmarks.blind.score reports/blind
 
 datasets: $(READY) ## Simulate the twin's recordings again
 	$(BIN)/python -m discovery_datasets.generate datasets

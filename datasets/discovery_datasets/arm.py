@@ -42,6 +42,8 @@ class ArmRig:
         EI [N m^2].
     disc_friction : float
         Viscous friction between disc and table [N s/m].
+    retardation : float
+        Kelvin-Voigt time of the rod's own material [s].
     """
 
     length: float
@@ -49,6 +51,7 @@ class ArmRig:
     beam_mass: float
     flexural_rigidity: float
     disc_friction: float
+    retardation: float = 0.0
 
     @property
     def effective_mass(self) -> float:
@@ -98,8 +101,16 @@ class Arm:
 
     @classmethod
     def of(cls, rig: ArmRig, disturbances: Sequence[Disturbance], modes: int, nodes: int) -> Arm:
-        """Discretise a rig and collect what the disturbances change once for all."""
+        """Discretise a rig and collect what the disturbances change once for all.
+
+        Raises
+        ------
+        ValueError
+            For two relaxation times, and for a disturbance that only the compiled engine knows.
+        """
         beam = discretise(rig.length, rig.beam_mass, rig.tip_mass, modes=modes, nodes=nodes)
+        if foreign := [d.id for d in disturbances if d.quick_only]:
+            raise ValueError(f"{foreign[0]} is known to the compiled engine alone; use discovery_datasets.quick")
         relaxing = [d.relaxation() for d in disturbances if d.relaxation()[0] != 0]
         if len(relaxing) > 1:
             raise ValueError("the twin's rod has one relaxation time; give a single viscoelastic disturbance")
@@ -109,7 +120,7 @@ class Arm:
             disturbances=tuple(disturbances),
             rest_angle=sum(d.rest_curvature() for d in disturbances) * rig.length * beam.position,
             gravity=sum((d.gravity() for d in disturbances), 0j),
-            retardation=sum(d.retardation_time() for d in disturbances),
+            retardation=rig.retardation + sum(d.retardation_time() for d in disturbances),
             relaxation=relaxing[0] if relaxing else (0.0, 1.0),
         )
 

@@ -76,6 +76,12 @@ def integration_matrix(nodes: int) -> tuple[FloatArray, FloatArray]:
     return (x + 1) / 2, integral
 
 
+def curvature_shapes(position: FloatArray, modes: int) -> FloatArray:
+    """Functions psi_k (n, K) of the curvature times length at positions sigma (n,)."""
+    order = np.arange(modes)
+    return np.sqrt(2 * order + 3) * (1 - position[:, None]) * eval_jacobi(order, 2, 0, 2 * position[:, None] - 1)
+
+
 def discretise(length: float, beam_mass: float, tip_mass: float, *, modes: int, nodes: int) -> Beam:
     """Matrices of a beam of given length [m], rod mass [kg] and tip mass [kg].
 
@@ -87,8 +93,7 @@ def discretise(length: float, beam_mass: float, tip_mass: float, *, modes: int, 
     if modes < 1 or nodes < modes + 2:
         raise ValueError(f"{modes} modes need at least {modes + 2} nodes (and at least one mode), not {nodes}")
     position, integral = integration_matrix(nodes)
-    order = np.arange(modes)
-    curvature = np.sqrt(2 * order + 3) * (1 - position[:, None]) * eval_jacobi(order, 2, 0, 2 * position[:, None] - 1)
+    curvature = curvature_shapes(position, modes)
     weights = integral[-1]
     rod = integral.T @ (weights[:, None] * integral)
     return Beam(

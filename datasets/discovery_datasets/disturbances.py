@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin, tanh
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ class Disturbance:
     """No effect; the hooks and their neutral values."""
 
     id: ClassVar[str] = ""
+    quick_only: ClassVar[bool] = False  # acts through the compiled engine alone
 
     def tip_force(self, time: float, position: complex, velocity: complex) -> complex:
         """Force on the disc [N]."""
@@ -35,8 +36,8 @@ class Disturbance:
         """Uniform curvature of the unloaded rod [1/m]."""
         return 0.0
 
-    def stiffness_factor(self, time: float) -> float:
-        """Flexural rigidity over its nominal value."""
+    def stiffness_factor(self, time: Any) -> Any:
+        """Flexural rigidity over its nominal value, at one time or many."""
         return 1.0
 
     def retardation_time(self) -> float:
@@ -47,13 +48,37 @@ class Disturbance:
         """Relaxing part of the flexural rigidity over the lasting part, and relaxation time [s]."""
         return 0.0, 1.0
 
-    def base_motion(self, angle: float, rate: float, acceleration: float) -> tuple[float, float, float]:
-        """Angle [rad], rate and acceleration of the base where the encoder reads the given ones."""
+    def base_motion(self, angle: Any, rate: Any, acceleration: Any) -> tuple[Any, Any, Any]:
+        """Angle [rad], rate and acceleration of the base where the encoder reads the given ones, once or often."""
         return angle, rate, acceleration
+
+    def physics(self) -> dict[str, float]:
+        """Coefficients of `engine.Physics` that are not zero."""
+        return {}
+
+    def push(self, time: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Force on the disc that depends on time alone [N]."""
+        return np.zeros(time.shape, complex)
+
+    def friction_factor(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Viscous friction of the disc over its nominal value."""
+        return np.ones(time.shape)
+
+    def lost_mass(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mass that the tip has lost [kg]."""
+        return np.zeros(time.shape)
+
+    def tension(self, hub_angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Tension of the cable [N] at an angle of the hub."""
+        return np.zeros(hub_angle.shape)
 
     def reading_delay(self) -> float:
         """Time by which the camera is late [s]."""
         return 0.0
+
+    def reading_time(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Time at which the tip was where the camera reports it at `time` [s]."""
+        return time - self.reading_delay()
 
     def reading(self, tip: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Tip position that the camera reports [m] where the tip is at `tip`."""
@@ -77,6 +102,10 @@ class CoulombFriction(Disturbance):
         ratio = tanh(v / self.speed) / v if v > 1e-12 else 1 / self.speed
         return -self.force * ratio * velocity
 
+    def physics(self) -> dict[str, float]:
+        """See the base class."""
+        return {"dry": self.force, "dry_speed": self.speed}
+
 
 @dataclass(frozen=True)
 class QuadraticDrag(Disturbance):
@@ -88,6 +117,10 @@ class QuadraticDrag(Disturbance):
     def tip_force(self, time: float, position: complex, velocity: complex) -> complex:
         """See the base class."""
         return -self.coefficient * abs(velocity) * velocity
+
+    def physics(self) -> dict[str, float]:
+        """See the base class."""
+        return {"drag": self.coefficient}
 
 
 @dataclass(frozen=True)
@@ -107,6 +140,10 @@ class PeriodicDisturbance(Disturbance):
         """See the base class."""
         strength = self.amplitude * sin(self.frequency * time + self.phase)
         return strength * complex(cos(self.direction), sin(self.direction))
+
+    def push(self, time: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """See the base class."""
+        return self.amplitude * np.exp(1j * self.direction) * np.sin(self.frequency * time + self.phase)
 
 
 @dataclass(frozen=True)
@@ -144,7 +181,7 @@ class StiffnessDrift(Disturbance):
     rate: float
     id: ClassVar[str] = "stiffness_drift"
 
-    def stiffness_factor(self, time: float) -> float:
+    def stiffness_factor(self, time: Any) -> Any:
         """See the base class."""
         return 1.0 + self.rate * time
 
@@ -186,10 +223,10 @@ class EncoderRipple(Disturbance):
     phase: float = 0.0
     id: ClassVar[str] = "encoder_ripple"
 
-    def base_motion(self, angle: float, rate: float, acceleration: float) -> tuple[float, float, float]:
+    def base_motion(self, angle: Any, rate: Any, acceleration: Any) -> tuple[Any, Any, Any]:
         """See the base class."""
         argument = self.cycles * angle + self.phase
-        ripple, slope = self.amplitude * sin(argument), self.amplitude * self.cycles * cos(argument)
+        ripple, slope = self.amplitude * np.sin(argument), self.amplitude * self.cycles * np.cos(argument)
         return angle + ripple, rate * (1 + slope), acceleration * (1 + slope) - self.cycles**2 * ripple * rate**2
 
 

@@ -1,0 +1,156 @@
+"""Run the loop and its peers on the cases: ``python -m benchmarks.blind.run OUT [--cases N] [--workers 2] [--peers]``.
+
+Reads nothing below ``OUT/truth``. Each case writes ``OUT/results/<case>/`` with loop.json and prediction.csv, as the
+command line does, and done.json with its time or what went wrong; finished cases are kept, failed ones are tried again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import signal
+import time
+import traceback
+from collections.abc import Iterator, Sequence
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from benchmarks.blind.generate import MEMORY
+
+
+def trainings(case: Path) -> list[Path]:
+    """Training recordings of a case."""
+    return sorted(case.glob("train*.csv"))
+
+
+def exact_arm(declared, dataset):
+    """Fit the exact arm with nothing added: what every effect must improve upon."""
+    from discovery.fit import fit, rig_uncertainty
+
+    start = {n: v for n, v in declared.values.items() if n in ("alpha", "xi")}
+    gaussian = rig_uncertainty(dataset.train[0])
+    return fit(declared.model.on_base("elastica"), dataset.train, start=start, gaussian=gaussian, tolerance=2e-5)
+
+
+def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
+    """Run the loop on one case, predict its hold-out from the drive alone, and return what is summarised."""
+    import pandas as pd
+
+    from discovery.dataset import load_dataset
+    from discovery.experiment import make_experiment
+    from discovery.pipeline import save_prediction, write_loop
+    from discovery.predict import predict
+    from discovery.recording import blind, read_recording
+    from discovery.stages import loop
+
+    out.mkdir(parents=True, exist_ok=True)
+    drive = out / "drive.csv"
+    pd.read_csv(case / "holdout.csv", usecols=["time_s", "motor_angle_rad"], dtype=str).to_csv(drive, index=False)
+    held = [case / "holdout.csv"] if with_holdout else []
+    dataset = load_dataset(case / "rig.toml", trainings(case), held)
+    wanted = make_experiment(blind(read_recording(drive, dataset.rig, require_output=False)), dataset.rig)
+    start = time.perf_counter()
+    result = loop(dataset, tell=lambda _: None)
+    seconds = time.perf_counter() - start
+    save_prediction(out / "prediction.csv", wanted, result.before, result.after)
+    bare = exact_arm(result.before, dataset)
+    table = pd.read_csv(out / "prediction.csv")
+    table[["tip_x_bare_m", "tip_y_bare_m"]] = predict(bare, wanted)[0]
+    table.to_csv(out / "prediction.csv", index=False, float_format="%.9g")
+    content = write_loop(out, result)
+    return {"seconds": seconds, "verdict": content["verdict"], "effects": [e["id"] for e in content["effects"]]}
+
+
+def compare(case: Path, out: Path) -> dict[str, Any]:
+    """Run the peers on one case."""
+    from benchmarks.blind.peers import peers
+
+    found = peers(case)
+    (out / "peers.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    return found
+
+
+def _late(*_: Any) -> None:
+    raise TimeoutError("the case took longer than its limit")
+
+
+def _attempt(job: tuple[Path, Path, bool, bool, int]) -> tuple[str, dict[str, Any]]:
+    """Do one case; a failure is a result too."""
+    case, out, with_holdout, with_peers, limit = job
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    signal.signal(signal.SIGALRM, _late)
+    signal.alarm(limit)
+    try:
+        done = close(case, out, with_holdout=with_holdout)
+        if with_peers:
+            compare(case, out)
+    except Exception as error:
+        out.mkdir(parents=True, exist_ok=True)
+        done = {"error": f"{type(error).__name__}: {error}", "trace": traceback.format_exc()}
+    finally:
+        signal.alarm(0)
+    draft = out / "done.part"
+    draft.write_text(json.dumps(done, indent=1) + "\n", encoding="utf-8")
+    os.replace(draft, out / "done.json")
+    return case.name, done
+
+
+def finished(out: Path) -> bool:
+    """Whether a case is done and need not be done again."""
+    return out.exists() and "error" not in json.loads(out.read_text())
+
+
+def run(
+    folder: Path,
+    cases: Sequence[Path],
+    *,
+    workers: int,
+    with_holdout: bool = False,
+    with_peers: bool = False,
+    limit: int = 1200,
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Run cases on several processes, each in at most `limit` seconds; yields name and result as they are done."""
+    jobs = [
+        (case, folder / "results" / case.name, with_holdout, with_peers, limit)
+        for case in cases
+        if not finished(folder / "results" / case.name / "done.json")
+    ]
+    if workers == 1:
+        yield from map(_attempt, jobs)
+        return
+    with get_context("spawn").Pool(workers, maxtasksperchild=50) as pool:
+        yield from pool.imap_unordered(_attempt, jobs)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--cases", type=int, help="only so many, from the first")
+    parser.add_argument("--only", nargs="*", help="only these")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--limit", type=int, default=1200, help="seconds that one case may take")
+    parser.add_argument("--holdout", action="store_true", help="let the loop judge on the hold-out recording")
+    parser.add_argument("--peers", action="store_true", help="run the peers, too")
+    options = parser.parse_args()
+    cases = sorted(p for p in (options.out / "cases").iterdir() if (options.out / "truth" / f"{p.name}.json").exists())
+    if options.only:
+        cases = [c for c in cases if c.name in options.only]
+    cases = cases[: options.cases]
+    progress = run(
+        options.out,
+        cases,
+        workers=options.workers,
+        with_holdout=options.holdout,
+        with_peers=options.peers,
+        limit=options.limit,
+    )
+    for i, (name, done) in enumerate(progress, 1):
+        said = done.get("error") or f"{done['verdict']} {', '.join(done['effects'])} ({done['seconds']:.1f} s)"
+        print(f"{i} {name}: {said}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

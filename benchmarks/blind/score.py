@@ -1,0 +1,294 @@
+"""Score the runs against the sealed truth: ``python -m benchmarks.blind.score OUT``.
+
+Writes summary.csv (a row a case), scores.json (every figure with its binomial 95 % interval, Clopper and Pearson,
+Biometrika 26 (1934) 404), misses.csv and the figures, and prints the tables.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from discovery_datasets.hidden import FAMILIES
+from scipy import stats
+
+from benchmarks.blind.truth import catalogue_values
+
+#: The arm's own mechanics: a clean case is one where nothing else is added.
+GEOMETRY = frozenset(
+    {
+        "elastica_geometry", "radius_inertia", "centrifugal_stiffening", "coriolis_coupling", "radial_inertia",
+        "distributed_mass", "second_mode", "radius_quartic", "radius_tension",
+    }
+)  # fmt: skip
+PAPER_NOISE, PLAIN = 3e-4, 4.0  # m; size over noise from which the goals count
+BINS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, np.inf)
+#: Two-sided normal quantile of a 90 % interval.
+NINETY = float(stats.norm.ppf(0.95))
+
+
+def proportion(hits: Any) -> dict[str, Any]:
+    """Share of hits with its exact 95 % interval."""
+    hits = np.asarray(list(hits), bool)
+    n, k = hits.size, int(hits.sum())
+    if n == 0:
+        return {"k": 0, "n": 0, "share": None, "low": None, "high": None}
+    interval = stats.binomtest(k, n).proportion_ci(0.95, method="exact")
+    return {"k": k, "n": n, "share": k / n, "low": float(interval.low), "high": float(interval.high)}
+
+
+def detection_limit(size: Any, named: Any) -> dict[str, float | None]:
+    """Size over noise at which half are named: logistic regression on its logarithm, 95 % likelihood interval."""
+    x, y = np.log(np.asarray(size, float)), np.asarray(named, bool)
+    if y.all() or not y.any():
+        return {"half": None, "low": None, "high": None}
+    centre, steep = np.meshgrid(np.linspace(np.log(0.03), np.log(300), 400), np.geomspace(0.3, 8, 40), indexing="ij")
+    argument = steep[..., None] * (x - centre[..., None])
+    likelihood = np.where(y, -np.logaddexp(0, -argument), -np.logaddexp(0, argument)).sum(axis=2).max(axis=1)
+    inside = np.flatnonzero(likelihood > likelihood.max() - stats.chi2.ppf(0.95, 1) / 2)
+    grid = np.exp(centre[:, 0])
+    return {"half": float(grid[likelihood.argmax()]), "low": float(grid[inside[0]]), "high": float(grid[inside[-1]])}
+
+
+def distance(prediction: pd.DataFrame, clean: pd.DataFrame, when: str) -> float:
+    """Rms distance between predicted and noise-free reading of the hold-out [m]."""
+    x, y = prediction[f"tip_x_{when}_m"] - clean["tip_x_m"], prediction[f"tip_y_{when}_m"] - clean["tip_y_m"]
+    return float(np.sqrt(np.mean(x**2 + y**2)))
+
+
+def coverage(truth: Mapping[str, Any], found: Mapping[str, Any], rig: Mapping[str, float]) -> list[dict[str, Any]]:
+    """For each parameter of a rightly named effect, how far the estimate is from the truth in standard deviations."""
+    rows = []
+    for name, value in catalogue_values(truth["id"], truth["parameters"], rig).items():
+        estimate = found["parameters"].get(name)
+        if estimate is not None and estimate["sd"]:
+            z = (estimate["value"] - value) / estimate["sd"]
+            rows.append(
+                {"effect": truth["id"], "parameter": name, "truth": value, "estimate": estimate["value"], "z": z}
+            )
+    return rows
+
+
+def judge(named: list[str], groups: Mapping[str, set[str]], truth: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """Compare named effects, each with its ambiguity group, with the true ones."""
+    accepted = [set(t["accepted"]) for t in truth]
+    return {
+        "in_set": [any(groups[n] & a for n in named) for a in accepted],
+        "alone": [any(n in a for n in named) for a in accepted],
+        "first": bool(named) and any(named[0] in a for a in accepted),
+        "invented": [n for n in named if not any(groups[n] & a for a in accepted)],
+    }
+
+
+def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Row of a case, and a row for each parameter with an interval."""
+    name, results = truth["case"], folder / "results" / truth["case"]
+    sizes = [t["unabsorbed_over_noise"] for t in truth["effects"]]
+    row: dict[str, Any] = {
+        "case": name,
+        "kind": truth["kind"],
+        "true": " + ".join(t["id"] for t in truth["effects"]) or "none",
+        "family": " + ".join(t["family"] for t in truth["effects"]) or "none",
+        "size": min(sizes, default=0.0),
+        "sizes": " + ".join(f"{s:.3g}" for s in sizes),
+        "noise_mm": 1e3 * truth["noise"],
+        "deflection": max(v for k, v in truth["deflection"].items() if k != "holdout"),
+        "holdout_deflection": truth["deflection"]["holdout"],
+    }
+    done = json.loads((results / "done.json").read_text())
+    if "error" in done:
+        return {**row, "error": done["error"]}, []
+    loop = json.loads((results / "loop.json").read_text())
+    effects = [e for e in loop["effects"] if e["id"] not in GEOMETRY]
+    groups = {e["id"]: {e["id"], *e["ambiguous_with"]} for e in effects}
+    verdict = judge([e["id"] for e in effects], groups, truth["effects"])
+    clean = pd.read_csv(folder / "truth" / f"{name}_holdout_clean.csv")
+    prediction = pd.read_csv(results / "prediction.csv")
+    rms = {when: distance(prediction, clean, when) for when in ("before", "bare", "after")}
+    row |= {
+        "verdict": loop["verdict"],
+        "named": " + ".join(e["id"] for e in effects) or "none",
+        "ambiguous": " + ".join(sorted({a for e in effects for a in e["ambiguous_with"]})),
+        "in_set": all(verdict["in_set"]) if truth["effects"] else None,
+        "alone": all(verdict["alone"]) if truth["effects"] else None,
+        "first": verdict["first"] if truth["effects"] else None,
+        "invented": " + ".join(verdict["invented"]),
+        "base": loop["model"]["after"]["model"]["base"],
+        "seconds": done["seconds"],
+        **{f"{when}_mm": 1e3 * v for when, v in rms.items()},
+        "after_over_noise": rms["after"] / truth["noise"],
+    }
+    compared = results / "peers.json"
+    for peer, names in json.loads(compared.read_text()).items() if compared.exists() else ():
+        own = judge(names, {n: {n} for n in names}, truth["effects"])
+        row |= {
+            f"{peer}_in_set": all(own["in_set"]) if truth["effects"] else None,
+            f"{peer}_first": own["first"] if truth["effects"] else None,
+            f"{peer}_invented": " + ".join(own["invented"]),
+        }
+    rows = [
+        {"case": name, **r}
+        for t in truth["effects"]
+        for e in effects
+        if e["id"] == t["id"]
+        for r in coverage(t, e, truth["rig"])
+    ]
+    return row, rows
+
+
+def headline(table: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
+    """Figures that the goals are stated in."""
+    ran = table[table["error"].isna()]
+    paper = ran[np.isclose(ran["noise_mm"], 1e3 * PAPER_NOISE)]
+    scores: dict[str, Any] = {"failed": proportion(table["error"].notna())}
+    for label, part in (("0.3 mm", paper), ("all noise levels", ran)):
+        plain = part[(part["size"] >= PLAIN) & part["kind"].isin(["single", "pair"])]
+        single, pair = plain[plain["kind"] == "single"], plain[plain["kind"] == "pair"]
+        clean, inside = part[part["kind"] == "none"], part[part["kind"] != "outside"]
+        outside = part[(part["kind"] == "outside") & (part["size"] >= PLAIN)]
+        settled = inside[inside["verdict"] != "unexplained"]
+        scores[label] = {
+            "single effect in the set or its group": proportion(single["in_set"]),
+            "single effect named": proportion(single["alone"]),
+            "single effect named first": proportion(single["first"]),
+            "one of two named first": proportion(pair["first"]),
+            "both of two in the set or groups": proportion(pair["in_set"]),
+            "nothing invented, all but outside": proportion(inside["invented"] == ""),
+            "nothing invented, clean": proportion(clean["invented"] == ""),
+            "clean: not called unexplained": proportion(clean["verdict"] != "unexplained"),
+            "outside flagged unexplained": proportion(outside["verdict"] == "unexplained"),
+            "outside not made worse": proportion(outside["after_mm"] <= 1.05 * outside["bare_mm"]),
+            "explained: hold-out within the noise": proportion(settled["after_over_noise"] <= 1),
+            "explained: hold-out within twice the noise": proportion(settled["after_over_noise"] <= 2),
+            "clean: bare exact arm within the noise": proportion(clean["bare_mm"] <= clean["noise_mm"]),
+        }
+        for peer in ("pysindy", "lasso"):
+            if f"{peer}_in_set" in part:
+                plain_peer = single[single[f"{peer}_in_set"].notna()]
+                scores[label] |= {
+                    f"{peer}: single effect in the set": proportion(plain_peer[f"{peer}_in_set"].astype(bool)),
+                    f"{peer}: single effect first": proportion(plain_peer[f"{peer}_first"].astype(bool)),
+                    f"{peer}: nothing invented": proportion(inside[f"{peer}_invented"].dropna() == ""),
+                }
+    scores["coverage of 90 % intervals"] = {
+        "all": proportion(intervals["z"].abs() <= NINETY),
+        **{p: proportion(g["z"].abs() <= NINETY) for p, g in intervals.groupby("effect")},
+    }
+    return scores
+
+
+def by_size(table: pd.DataFrame) -> dict[str, Any]:
+    """Named shares by family and size, and the detection limits, over cases with one effect at any noise."""
+    single = table[table["error"].isna() & (table["kind"] == "single")]
+    found: dict[str, Any] = {}
+    for family in (*FAMILIES, "all"):
+        part = single if family == "all" else single[single["family"] == family]
+        if part.empty:
+            continue
+        bins = pd.cut(part["size"], BINS, right=False)
+        found[family] = {
+            "bins": {
+                f"{b.left:g} to {b.right:g}": proportion(g["in_set"]) for b, g in part.groupby(bins, observed=True)
+            },
+            "limit": detection_limit(part["size"].clip(lower=1e-2), part["in_set"].astype(bool)),
+        }
+    return found
+
+
+def say(label: str, p: Mapping[str, Any]) -> str:
+    """One line of a table."""
+    if not p["n"]:
+        return f"  {label:50s}   no case"
+    share, low, high = (100 * p[k] for k in ("share", "low", "high"))
+    return f"  {label:50s} {p['k']:4d} of {p['n']:4d}  {share:5.1f} %  ({low:.0f} to {high:.0f})"
+
+
+def report(scores: Mapping[str, Any], sizes: Mapping[str, Any], table: pd.DataFrame) -> str:
+    """Everything as plain text."""
+    lines = [say("failed", scores["failed"])]
+    for block in ("0.3 mm", "all noise levels", "coverage of 90 % intervals"):
+        lines += ["", block, *(say(k, v) for k, v in scores[block].items())]
+    lines += ["", "single effects by size over noise, in the set or its group"]
+    for family, part in sizes.items():
+        limit = part["limit"]
+        half = (
+            f"half at {limit['half']:.2g} ({limit['low']:.2g} to {limit['high']:.2g})"
+            if limit["half"]
+            else "no limit seen"
+        )
+        shares = ", ".join(f"{b}: {p['k']}/{p['n']}" for b, p in part["bins"].items())
+        lines.append(f"  {family:16s} {shares}; {half}")
+    ran = table[table["error"].isna()]
+    lines += ["", "verdicts", pd.crosstab(ran["kind"], ran["verdict"]).to_string()]
+    return "\n".join(lines)
+
+
+def missed(table: pd.DataFrame) -> pd.DataFrame:
+    """Cases that failed, were missed though plain, got an invented effect, or whose trouble was explained away."""
+    inside = table["kind"].isin(["single", "pair"])
+    wrong = (
+        table["error"].notna()
+        | (inside & (table["size"] >= PLAIN) & (table["in_set"] == False))  # noqa: E712
+        | ((table["kind"] != "outside") & (table["invented"].fillna("") != ""))
+        | ((table["kind"] == "outside") & (table["size"] >= PLAIN) & (table["verdict"] != "unexplained"))
+        | ((table["kind"] != "outside") & (table["after_over_noise"] > 2))
+    )
+    return table[wrong]
+
+
+def collect(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Rows of all cases that were run, and of their intervals."""
+    rows: list[dict[str, Any]] = []
+    intervals: list[dict[str, Any]] = []
+    for sealed in sorted((folder / "truth").glob("case_*.json")):
+        if (folder / "results" / sealed.stem / "done.json").exists():
+            row, own = score_case(folder, json.loads(sealed.read_text()))
+            rows.append({"error": None, **row})
+            intervals += own
+    table = pd.DataFrame(rows)
+    for column in ("verdict", "in_set", "alone", "first", "invented", "after_over_noise", "after_mm", "bare_mm"):
+        if column not in table:
+            table[column] = None
+    return table, pd.DataFrame(intervals, columns=["case", "effect", "parameter", "truth", "estimate", "z"])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    folder = parser.parse_args().out
+    table, intervals = collect(folder)
+    scores, sizes = headline(table, intervals), by_size(table)
+    table.to_csv(folder / "summary.csv", index=False, float_format="%.5g")
+    table.astype({c: str for c in table.columns if table[c].dtype == object}).to_parquet(folder / "summary.parquet")
+    intervals.to_csv(folder / "intervals.csv", index=False, float_format="%.5g")
+    misses = missed(table)
+    misses.to_csv(folder / "misses.csv", index=False, float_format="%.4g")
+    (folder / "scores.json").write_text(
+        json.dumps({"goals": scores, "sizes": sizes}, indent=1) + "\n", encoding="utf-8"
+    )
+    print(report(scores, sizes, table))
+    shown = [
+        "case",
+        "true",
+        "sizes",
+        "noise_mm",
+        "verdict",
+        "named",
+        "ambiguous",
+        "invented",
+        "after_over_noise",
+        "error",
+    ]
+    print("\nto look at\n" + misses[shown].to_string(index=False, max_colwidth=44))
+    from benchmarks.blind.figures import draw
+
+    draw(folder, table, intervals, sizes)
+
+
+if __name__ == "__main__":
+    main()
