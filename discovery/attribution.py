@@ -1,36 +1,54 @@
-"""Which effect explains a residual: sensitivities of the whole catalogue in one call, then bounded refits of each.
+"""Which effect explains a residual: sensitivities of the whole catalogue in one call.
 
 The score of a candidate is how much of chi-square its linear effect could remove once the fitted parameters have
-absorbed what they can. Scores only rank and provide starts: every candidate is refitted, because finite effects mislead
-linear scores.
+absorbed what they can. Scores only rank and provide starts, see `discovery.refits`: finite effects mislead linear
+scores.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from discovery.batch import answer_on
 from discovery.effect import ARM, Effect
-from discovery.least_squares import Minimum, levenberg_marquardt, minimise
+from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.parameters import Parameter
-from discovery.problem import NaturalUnits, Problem
+from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.registry import catalogue
 
-__all__ = ["Candidate", "Refit", "candidates", "refit", "screen", "similarity"]
+__all__ = ["Candidate", "Direction", "candidates", "screen", "similarity"]
 
 FloatArray = NDArray[np.float64]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
 _SHAPE_GRID = 48
-#: Refits of one candidate start from its best so many linear solutions.
+#: An effect with at most so many shapes is tried at each of its declared sizes, else at the smallest.
+_FEW_SHAPES = 12
+#: Starts of a refit differ: the cosine between their sensitivities is at most this,
+_DISTINCT = 0.9
+#: and they are chosen among so many of the best.
+_COMPARED = 24
 _STARTS = 3
-#: So many of the best refits are finished with a differenced Jacobian.
-_FINISHED = 6
+
+
+@dataclass(frozen=True)
+class Direction:
+    """What one shape of an effect could do to the residual.
+
+    Parameters
+    ----------
+    basis : ndarray of float32, shape (n, k)
+        Orthonormal directions of its amplitudes, orthogonal to what the fitted parameters absorb.
+    gain : float
+        Chi-square that it removes within its bounds.
+    """
+
+    basis: NDArray[np.float32]
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -43,30 +61,19 @@ class Candidate:
         Id.
     score : float
         Chi-square that its linear sensitivity removes, fitted parameters re-adjusted.
-    starts : tuple of (mapping, Jacobian columns)
+    starts : tuple of (values, Jacobian columns)
         Best start values of a refit, with the sensitivity of each.
     sensitivity : ndarray, shape (n, k)
         Projected sensitivity of the best start (orthogonal to what fitted parameters absorb), normalised columns.
+    directions : tuple of Direction
+        Every shape on the grid.
     """
 
     effect: str
     score: float
     starts: tuple[tuple[FloatArray, FloatArray], ...]
     sensitivity: FloatArray
-
-
-@dataclass(frozen=True)
-class Refit:
-    """A model with a candidate added, refitted."""
-
-    effect: str
-    problem: Problem
-    minimum: Minimum
-
-    @property
-    def chi2(self) -> float:
-        """Sum of squared normalised residuals."""
-        return 2 * self.minimum.cost
+    directions: tuple[Direction, ...] = ()
 
 
 def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
@@ -90,8 +97,13 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
     )
 
 
-def _starts(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, float]]:
-    """Return finite start values of an effect in the problem's units: a grid over shapes, declared amplitudes."""
+def _sizes(parameter: Parameter) -> list[float]:
+    """Return the declared sizes of an amplitude, smallest first: small enough to be linear, large enough to matter."""
+    return sorted({abs(v) for v in parameter.starts if v}) or [1e-3 * parameter.prior.width]
+
+
+def _grid(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, float]]:
+    """Return finite values of an effect in the problem's units: a grid over shapes and sizes."""
     shapes = [p for p in effect.fitted(system) if p.shape]
     amplitudes = [p for p in effect.fitted(system) if not p.shape]
     grids: list[dict[str, float]] = [{}]
@@ -99,9 +111,33 @@ def _starts(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, 
         low, high = max(p.bounds[0], 1e-3 * p.prior.width), p.bounds[1]
         values = p.starts or tuple(np.geomspace(low, min(high, 20 * p.prior.width), _SHAPE_GRID))
         grids = [{**g, p.name: v * units.scale(p)} for g in grids for v in values]
-    # The smallest declared amplitude is small enough to be linear and large enough to be finite.
-    small = {p.name: min((abs(v) for v in p.starts), default=1e-3 * p.prior.width) * units.scale(p) for p in amplitudes}
-    return [{**g, **small} for g in grids]
+    sizes = {p: _sizes(p) for p in amplitudes}
+    levels = max((len(s) for s in sizes.values()), default=1) if len(grids) <= _FEW_SHAPES else 1
+    return [
+        {**g, **{p.name: s[min(level, len(s) - 1)] * units.scale(p) for p, s in sizes.items()}}
+        for g in grids
+        for level in range(levels)
+    ]
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One point of the grid of an effect."""
+
+    values: dict[str, float]
+    amplitudes: tuple[Parameter, ...]
+    where: slice
+
+
+def _simulated(bench: Bench, columns: Sequence[FloatArray], initial: FloatArray, n_rows: int) -> FloatArray:
+    """Return the residuals (n, k) of all parameter columns; memory stays bounded: a few hundred at a time."""
+    parameters = np.stack(columns, axis=1)
+    starts = np.repeat(initial, parameters.shape[1], axis=2)
+    width = max(64, int(4e7 / max(1, n_rows)))
+    found = np.empty((n_rows, parameters.shape[1]))
+    for a in range(0, parameters.shape[1], width):
+        found[:, a : a + width] = bench.residuals(parameters[:, a : a + width], starts[:, :, a : a + width])
+    return found
 
 
 def screen(
@@ -128,143 +164,95 @@ def screen(
         Highest score first.
     """
     bench, units, system = problem.bench, problem.units, model.mechanics.system
-    base_parameters, base_initial = problem.expand(minimum.x[:, None])
-    n_data = len(minimum.residual) - len(problem.prior_residuals(minimum.x[:, None]))
+    base, initial = problem.expand(minimum.x[:, None])
+    n_rows = bench.n_rows
     columns: list[FloatArray] = []
-    plan: list[tuple[str, dict[str, float], list[str]]] = []
+    plan: dict[str, list[_Trial]] = {name: [] for name in names}
     for name in names:
-        effect = catalogue()[name]
-        amplitudes = [p.name for p in effect.fitted(system) if not p.shape]
-        for start in _starts(effect, system, units):
-            plan.append((name, start, amplitudes))
-            for amplitude in amplitudes:
-                column = base_parameters[:, 0].copy()
-                for other, value in start.items():
-                    if other == amplitude or other not in amplitudes:
+        amplitudes = tuple(p for p in catalogue()[name].fitted(system) if not p.shape)
+        own = {p.name for p in amplitudes}
+        for values in _grid(catalogue()[name], system, units):
+            plan[name].append(_Trial(values, amplitudes, slice(len(columns), len(columns) + len(amplitudes))))
+            for p in amplitudes:
+                column = base[:, 0].copy()
+                for other, value in values.items():
+                    if other == p.name or other not in own:
                         column[bench.names.index(other)] = value
                 columns.append(column)
-    parameters = np.stack(columns, axis=1)
-    initial = np.repeat(base_initial, parameters.shape[1], axis=2)
-    # Memory stays bounded: a few hundred trajectories at a time.
-    width = max(64, int(4e7 / max(1, n_data)))
-    moved = np.concatenate(
-        [
-            bench.residuals(parameters[:, a : a + width], initial[:, :, a : a + width])
-            for a in range(0, parameters.shape[1], width)
-        ],
-        axis=1,
-    )
-    reference = minimum.residual[:n_data]
-    known, _ = np.linalg.qr(minimum.jacobian[:n_data])
+    moved = _simulated(bench, columns, initial, n_rows)
+    reference = minimum.residual[:n_rows]
+    moved -= reference[:, None]
+    moved[:, ~np.isfinite(moved).all(axis=0)] = 0.0
+    known, _ = np.linalg.qr(minimum.jacobian[:n_rows])
     target = reference - known @ (known.T @ reference)
-    found: dict[str, list[tuple[float, FloatArray, FloatArray, FloatArray]]] = {name: [] for name in names}
-    position = 0
-    for name, start, amplitudes in plan:
-        raw = moved[:, position : position + len(amplitudes)] - reference[:, None]
-        position += len(amplitudes)
-        size = np.array([start[a] for a in amplitudes])
-        raw = np.where(np.isfinite(raw), raw, 0.0) / size
-        projected = raw - known @ (known.T @ raw)
-        declared = {p.name: p for p in catalogue()[name].fitted(system)}
-        unit = np.array([units.scale(declared[a]) for a in amplitudes])
-        lower = np.array([declared[a].bounds[0] for a in amplitudes]) * unit
-        upper = np.array([declared[a].bounds[1] for a in amplitudes]) * unit
-        norm = np.maximum(np.linalg.norm(projected, axis=0), 1e-300)
-        solution = lsq_linear(projected / norm, -target, (lower * norm, upper * norm), tol=1e-10)
-        gain = float(target @ target - 2 * solution.cost)
-        values = {**start, **dict(zip(amplitudes, (solution.x / norm).tolist(), strict=True))}
-        vector = np.array([values[n] for n in declared])
-        found[name].append((gain, vector, raw, projected / norm))
+    projected = moved - known @ (known.T @ moved)
+    push = projected.T @ target
     result = []
-    for name, options in found.items():
-        options.sort(key=lambda o: -o[0])
-        best = options[:keep]
-        starts = [(o[1], _with_shapes(catalogue()[name].fitted(system), o[2])) for o in best]
-        result.append(Candidate(name, best[0][0], tuple(starts), best[0][3]))
+    for name, trials in plan.items():
+        fitted = catalogue()[name].fitted(system)
+        options = sorted((_weigh(t, projected, push, units, fitted) for t in trials), key=lambda o: -o.direction.gain)
+        starts = tuple((o.vector, _columns(o.trial, moved, fitted)) for o in _distinct(options, keep))
+        first = projected[:, options[0].trial.where]
+        sensitivity = first / np.maximum(np.linalg.norm(first, axis=0), 1e-300)
+        result.append(
+            Candidate(name, options[0].direction.gain, starts, sensitivity, tuple(o.direction for o in options))
+        )
     return sorted(result, key=lambda c: -c.score)
 
 
-def _with_shapes(fitted: Sequence[Parameter], amplitudes: FloatArray) -> FloatArray:
-    """Return columns for all free parameters of an effect: unknown derivatives of shapes start at zero."""
-    columns, k = [], 0
-    for p in fitted:
-        columns.append(np.zeros(len(amplitudes)) if p.shape else amplitudes[:, k])
-        k += 0 if p.shape else 1
-    return np.stack(columns, axis=1)
+@dataclass(frozen=True)
+class _Option:
+    """One point of the grid with its best amplitudes: a start of a refit."""
+
+    trial: _Trial
+    direction: Direction
+    vector: FloatArray
 
 
-def refit(
-    model: Model,
-    minimum: Minimum,
-    problem: Problem,
-    shortlist: Sequence[Candidate],
-    *,
-    iterations: int = 30,
-    on_round: Callable[[int], None] | None = None,
-) -> list[Refit]:
-    """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
+def _weigh(
+    trial: _Trial,
+    projected: FloatArray,
+    push: FloatArray,
+    units: NaturalUnits,
+    fitted: Sequence[Parameter],
+) -> _Option:
+    """Find the bounded amplitudes that remove most of the residual: a small problem in the triangular factor."""
+    part = projected[:, trial.where]
+    size = np.array([trial.values[p.name] for p in trial.amplitudes])
+    basis, upper_factor = np.linalg.qr(part)
+    lower = np.array([p.bounds[0] * units.scale(p) for p in trial.amplitudes]) / size
+    upper = np.array([p.bounds[1] * units.scale(p) for p in trial.amplitudes]) / size
+    norm = np.maximum(np.linalg.norm(upper_factor, axis=0), 1e-300)
+    wanted = -np.linalg.lstsq(upper_factor.T, push[trial.where], rcond=None)[0]
+    found = lsq_linear(upper_factor / norm, wanted, (lower * norm, upper * norm), method="bvls", tol=1e-10)
+    gain = float(wanted @ wanted - 2 * found.cost)
+    values = {**trial.values, **{p.name: v for p, v in zip(trial.amplitudes, found.x / norm * size, strict=True)}}
+    vector = np.array([values[p.name] for p in fitted])
+    return _Option(trial, Direction(basis.astype(np.float32), gain), vector)
 
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first.
-    """
-    problems: list[Problem] = []
-    requests = []
-    labels: list[str] = []
-    for candidate in shortlist:
-        extended = Problem(model.with_effect(candidate.effect), problem.bench, problem.units, problem.gaussian)
-        where = [extended.free.index(n) for n in problem.free]
-        added = [i for i in range(len(extended.free)) if i not in where]
-        tail = len(extended.names) - len(extended.free)
-        for vector, columns in candidate.starts:
-            x = np.empty(len(extended.names))
-            jacobian = np.zeros((len(minimum.residual), x.size))
-            x[where], x[added] = minimum.x[: len(problem.free)], vector
-            x[-tail:] = minimum.x[-tail:]
-            jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
-            jacobian[:, -tail:] = minimum.jacobian[:, -tail:]
-            jacobian[: len(columns), added] = columns
-            # The fitted parameters move with the effect: first-order compensation.
-            push = minimum.residual + jacobian[:, added] @ vector
-            old = [*where, *range(x.size - tail, x.size)]
-            step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
-            lower, upper = extended.bounds
-            x[old] = np.clip(x[old] + step, lower[old], upper[old])
-            problems.append(extended)
-            labels.append(candidate.effect)
-            requests.append(
-                levenberg_marquardt(
-                    x, lower, upper, extended.scale, iterations=iterations, tolerance=1e-3, jacobian=jacobian
-                )
-            )
-    minima = minimise(requests, answer_on(problems), on_round=on_round)
-    # A quick search may stall on its carried Jacobian: the best ones, and those that a nested model cannot be worse
-    # than, are finished with differences.
-    order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
-    stalled = [i for i in order if not minima[i].cost <= minimum.cost]
-    chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
-    finished = minimise(
-        [
-            levenberg_marquardt(
-                np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})),
-                *problems[i].bounds,
-                problems[i].scale,
-                iterations=6,
-                tolerance=1e-4,
-            )
-            for i in chosen
-        ],
-        answer_on([problems[i] for i in chosen]),
-    )
-    for i, found in zip(chosen, finished, strict=True):
-        if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
-            minima[i] = found
-    best: dict[str, Refit] = {}
-    for label, extended, found in zip(labels, problems, minima, strict=True):
-        if np.isfinite(found.cost) and (label not in best or found.cost < best[label].minimum.cost):
-            best[label] = Refit(label, extended, found)
-    return sorted(best.values(), key=lambda r: r.chi2)
+
+def _columns(trial: _Trial, moved: FloatArray, fitted: Sequence[Parameter]) -> FloatArray:
+    """Return the sensitivity of every free parameter; unknown derivatives of shapes start at zero."""
+    columns = np.zeros((len(moved), len(fitted)))
+    at = {p.name: trial.where.start + k for k, p in enumerate(trial.amplitudes)}
+    for k, p in enumerate(fitted):
+        if not p.shape:
+            columns[:, k] = moved[:, at[p.name]] / trial.values[p.name]
+    return columns
+
+
+def _distinct(options: Sequence[_Option], keep: int) -> list[_Option]:
+    """Return the best options that differ from each other: peaks of the grid, not neighbours on one of them."""
+    chosen: list[_Option] = []
+    for option in options[:_COMPARED]:
+        likeness = [
+            float(np.linalg.svd(option.direction.basis.T @ c.direction.basis, compute_uv=False)[-1]) for c in chosen
+        ]
+        if all(v < _DISTINCT for v in likeness):
+            chosen.append(option)
+        if len(chosen) == keep:
+            break
+    return chosen
 
 
 def similarity(first: FloatArray, second: FloatArray) -> float:

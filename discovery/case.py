@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from discovery.fit import Fit, fit
 from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits
-from discovery.residual import examine
+from discovery.refits import Refit
+from discovery.residual import systematic_share
 from discovery.step import choose_step
 
 __all__ = ["Case", "LoopSettings", "Step", "Tell"]
@@ -43,15 +45,24 @@ class LoopSettings:
         Chi-square that an effect must remove: far beyond the largest of 20 chance gains.
     least_share : float
         Share of the excess chi-square that an effect must remove on the training recordings.
+    price : float
+        Chi-square that one free parameter more must gain for a candidate to count as better.
     tie : float
         Candidates whose excess chi-square is within this share of the best one count as equally good: the one with
         fewer parameters is taken and the others are reported as ambiguous.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
     pair_share : float
-        Share of the excess chi-square that two effects must remove together where neither passes alone.
+        Share of the excess chi-square that two effects must remove together where neither passes alone, and that every
+        one of several effects must remove from what the others leave.
+    least_known : float
+        Where the residual stays unexplained, effects are named only if at most this share of the excess is left.
     most_effects : int
         Largest number of effects added.
+    seed : int
+        Of everything random.
+    follow_up : bool
+        Test the answer against the rig, and design manoeuvres for what the recordings cannot tell apart.
     """
 
     tolerance: float = 2e-5
@@ -60,10 +71,14 @@ class LoopSettings:
     ceiling: float = 1.0
     least_gain: float = 40.0
     least_share: float = 0.2
+    price: float = 10.0
     tie: float = 0.05
     tie_pliable: float = 0.25
     pair_share: float = 0.7
+    least_known: float = 0.12
     most_effects: int = 4
+    seed: int = 1
+    follow_up: bool = True
 
     def limit(self, first_rough: float) -> float:
         """Return the systematic residual [noise sds] up to which a held-out residual counts as noise.
@@ -136,6 +151,18 @@ class Case:
         bench = Bench(model.base, effects, self.train, step)
         return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)
 
+    def finished(self, found: Refit) -> Fit:
+        """Return a refit of the search with its intervals."""
+        problem = found.problem
+        return fit(
+            problem.model,
+            self.train,
+            start=found.values,
+            bench=problem.bench,
+            units=self.units,
+            gaussian=problem.gaussian,
+        )
+
     def polish(self, fitted: Fit) -> Fit:
         """Return the fit on steps so fine that the solver shifts no estimate by more than a twentieth of its sd."""
         for _ in range(3):
@@ -156,6 +183,32 @@ class Case:
         model = (fitted.model, fitted.values, fitted.predict())
         return self.judge.predictions(fitted.problem.bench, [model])[0]
 
-    def roughness(self, fitted: Fit) -> float:
-        """Return the systematic residual on the training recordings [noise sds]."""
-        return examine(self.train, fitted.predict(), 2 * np.pi * self.units.time).systematic
+    def roughness(self, predictions: Sequence[FloatArray]) -> float:
+        """Return the systematic part of what predictions leave of the training recordings [noise sds]."""
+        period = 2 * np.pi * self.units.time
+        shares = [
+            systematic_share(
+                np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan), e.recording.time, period
+            )
+            for e, p in zip(self.train, predictions, strict=True)
+        ]
+        return float(np.sqrt(np.mean(np.square(shares))))
+
+    @cached_property
+    def n_data(self) -> int:
+        """Number of fitted values."""
+        return int(sum((e.weights() > 0).sum() for e in self.train))
+
+    @cached_property
+    def n_held(self) -> int:
+        """Number of held-out values that decide."""
+        outputs = self.judge.outputs()
+        return int(sum(np.isfinite(outputs[i]).sum() for i in self.judge.deciding()))
+
+    def excess(self, chi2: float) -> float:
+        """Return how much a chi-square on the training recordings exceeds that of noise."""
+        return max(chi2 - self.n_data, 0.0)
+
+    def held_excess(self, chi2: float) -> float:
+        """Return how much a chi-square on the held-out recordings exceeds that of noise."""
+        return max(chi2 - self.n_held, 0.0)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from discovery.effect import ARM, Effect
 from discovery.io import atomic_write
+from discovery.mechanics import base_names, get_base
 from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
 from discovery.registry import catalogue
 
@@ -39,15 +40,22 @@ Written by `make docs` from the declarations in `discovery/effects`; [how to add
 Energies are per unit of inertia, lengths in lengths of the arm, q is the unit of the coordinate (rad for an arm, the
 output's unit for an oscillator). Bounds and priors are in natural units: time in 1/omega of the small oscillation, an
 oscillator's coordinate in its largest amplitude. A shape parameter does not switch its effect; a fixed one is not
-fitted unless asked for.
+fitted unless asked for. Where bases are named, the others contain the effect or cannot show it.
 """
+
+
+def _block(found: re.Match[str]) -> str:
+    """Return a displayed formula, its lines below each other."""
+    lines = [line.strip().removesuffix(r"\qquad") for line in found[1].splitlines()]
+    body = lines[0] if len(lines) == 1 else "\n".join([r"\begin{gathered}", " \\\\\n".join(lines), r"\end{gathered}"])
+    return f"```math\n{body}\n```"
 
 
 def _formula(text: str) -> str:
     """Return a docstring with its mathematics as Markdown knows it."""
     text = re.sub(r"``([^`]*)``", r"`\1`", text)
     text = re.sub(r":math:`([^`]*)`", r"$`\1`$", text)
-    return re.sub(r"^\.\. math:: (.*)$", r"```math\n\1\n```", text, flags=re.MULTILINE)
+    return re.sub(r"^\.\. math:: (.*(?:\n +\S.*)*)$", _block, text, flags=re.MULTILINE)
 
 
 def _prior(parameter: Parameter) -> str:
@@ -75,9 +83,17 @@ def _row(parameter: Parameter) -> str:
     )
 
 
-def _section(effect_id: str, effect: Effect) -> list[str]:
+def _where(effect_id: str, effect: Effect) -> str:
+    """Return on what an effect acts, with its bases where that is not all of them."""
     systems = "arms" if effect.systems == {ARM} else "arms and oscillators" if ARM in effect.systems else "oscillators"
-    lines = [f"### `{effect_id}`", "", _formula(inspect.getdoc(type(effect)) or ""), "", f"Acts on {systems}."]
+    bases = [b for b in base_names() if get_base(b).system in effect.systems]
+    open_to = [f"`{b}`" for b in bases if effect_id not in get_base(b).provides]
+    return systems if len(open_to) == len(bases) else f"{systems} (bases: {', '.join(open_to)})"
+
+
+def _section(effect_id: str, effect: Effect) -> list[str]:
+    words = _formula(inspect.getdoc(type(effect)) or "")
+    lines = [f"### `{effect_id}`", "", words, "", f"Acts on {_where(effect_id, effect)}."]
     lines += [f"Source: {effect.cite}.", ""]
     if effect.parameters():
         lines += ["| symbol | name | unit | meaning | role | bounds | prior |", "|---|---|---|---|---|---|---|"]

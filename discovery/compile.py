@@ -14,60 +14,22 @@ import importlib.util
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import sympy as sp
-from sympy.printing.pycode import PythonCodePrinter
+import numpy as np
+from numpy.typing import NDArray
 
+from discovery.kernel_source import assignments, kernel_source, printed
 from discovery.mechanics import get_base
 from discovery.program import RECORDED, Program, build_program
+from discovery.registry import get_effect
 
 __all__ = ["Kernel", "compile_kernel", "numpy_derivative"]
-
-_TEMPLATE = Path(__file__).with_name("kernel_template.txt")
-
-
-class _Printer(PythonCodePrinter):
-    """Prints sympy as Python that both numpy and the compiler read; powers become products."""
-
-    def _print_Pow(self, expr, rational=False):
-        base, exponent = expr.as_base_exp()
-        if exponent.is_Rational and exponent.q in (1, 2, 4) and 0 < abs(exponent.p) <= 12:
-            factor = f"({self._print(base)})"
-            for _ in range(exponent.q // 2):
-                factor = f"_sqrt({factor})"
-            product = "*".join([factor] * abs(exponent.p))
-            return f"({product})" if exponent > 0 else f"(1.0/({product}))"
-        return f"({self._print(base)})**({self._print(exponent)})"
-
-    def _print_sin(self, expr):
-        return f"_sin({self._print(expr.args[0])})"
-
-    def _print_cos(self, expr):
-        return f"_cos({self._print(expr.args[0])})"
-
-    def _print_atan2(self, expr):
-        return f"_atan2({self._print(expr.args[0])}, {self._print(expr.args[1])})"
-
-    def _print_atan(self, expr):
-        return f"_atan2({self._print(expr.args[0])}, 1.0)"
-
-    def _print_Rational(self, expr):
-        return repr(float(expr))
-
-    def _print_Integer(self, expr):
-        return f"{int(expr)}.0"
-
-    def _print_Pi(self, expr):
-        return repr(float(sp.pi))
-
-
-_print = _Printer({"fully_qualified_modules": True}).doprint
 
 
 @dataclass(frozen=True)
@@ -82,83 +44,24 @@ class Kernel:
         What it computes.
     lanes : int
         Parameter sets in one block.
+    switches : ndarray, shape (e, p)
+        One where a parameter is an amplitude of an effect; an effect is absent where all of its amplitudes are zero.
     """
 
     run: Callable[..., None]
     program: Program
     lanes: int
+    switches: NDArray[np.float64]
 
 
-def _assignments(pairs, indent: str) -> list[str]:
-    return [f"{indent}{symbol.name} = {_print(expression)}" for symbol, expression in pairs]
-
-
-def _source(program: Program, lanes: int) -> str:
-    """Return the text of the kernel's module."""
-    n_parameters, n_states, n_q = len(program.parameters), len(program.states), program.n_coordinates
-    seen = set().union(*[e.free_symbols for e in program.reading], program.lateness.free_symbols)
-    drive_used = any(a in seen for a, _ in program.drive)
-    if drive_used:
-        seen |= set().union(*[e.free_symbols for _, e in program.drive[:1]])
-    # Rates and memory are interpolated where the reading needs them.
-    n_rates = max((k + 1 - n_q for k, y in enumerate(program.states) if k >= n_q and y in seen), default=0)
-    offset = {}
-    position = 0
-    for label, rows in (
-        ("P", n_parameters),
-        ("Y", n_states),
-        ("S", n_states),
-        ("K", n_states),
-        ("F", n_states),
-        ("A", n_states),
-        ("Q", n_q + n_rates),
-        ("D", 3),
-        ("R", len(program.reading)),
-    ):
-        offset[label] = position
-        position += rows * lanes
-    used = set().union(
-        *[e.free_symbols for _, e in (*program.drive, *program.derivative)], *[e.free_symbols for e in program.slopes]
-    )
-    indent = " " * 8
-    derivative = [
-        f"{indent}{p} = w[{offset['P'] + k * lanes} + i]"
-        for k, p in enumerate(program.parameters)
-        if sp.Symbol(p, real=True) in used
-    ]
-    derivative += [f"{indent}{y.name} = w[{offset['S'] + k * lanes} + i]" for k, y in enumerate(program.states)]
-    derivative += _assignments(program.drive, indent) + _assignments(program.derivative, indent)
-    derivative += [f"{indent}w[{offset['K'] + k * lanes} + i] = {_print(e)}" for k, e in enumerate(program.slopes)]
-    parameters = [
-        f"{indent}{p} = w[{offset['P'] + k * lanes} + i]"
-        for k, p in enumerate(program.parameters)
-        if sp.Symbol(p, real=True) in seen
-    ]
-    observe = list(parameters)
-    sampled = program.states[: n_q + n_rates]
-    observe += [f"{indent}{y.name} = w[{offset['Q'] + k * lanes} + i]" for k, y in enumerate(sampled)]
-    if drive_used:
-        observe += [f"{indent}{r.name} = w[{offset['D'] + k * lanes} + i]" for k, r in enumerate(RECORDED)]
-        observe += _assignments(program.drive[:1], indent)
-    observe += [f"{indent}w[{offset['R'] + k * lanes} + i] = {_print(e)}" for k, e in enumerate(program.reading)]
-    late = [line[4:] for line in parameters] + [f"    return {_print(program.lateness)} + 0.0 * t"]
-    text = _TEMPLATE.read_text(encoding="utf-8")
-    for key, value in {
-        "@LANES@": str(lanes),
-        "@N_PARAMETERS@": str(n_parameters),
-        "@N_STATES@": str(n_states),
-        "@N_Q@": str(n_q),
-        "@N_V@": str(n_rates),
-        "@N_READING@": str(len(program.reading)),
-        "@SIZE@": str(position),
-        "@LATE@": str(program.lateness != 0),
-        "@DERIVATIVE@": "\n".join(derivative),
-        "@OBSERVE@": "\n".join(observe),
-        "@LATENESS@": "\n".join(late),
-        **{f"@{label}@": str(value) for label, value in offset.items()},
-    }.items():
-        text = text.replace(key, value)
-    return text
+def _switches(effect_ids: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Return the amplitudes of every effect that can be absent, which it is where they are all zero."""
+    found = {}
+    for effect in map(get_effect, effect_ids):
+        sizes = [p for p in effect.parameters() if not p.shape]
+        if sizes and all(p.default == 0.0 and p.bounds[0] <= 0.0 for p in sizes):
+            found[effect.id()] = tuple(p.name for p in sizes)
+    return found
 
 
 def _cache_folder() -> Path:
@@ -218,7 +121,10 @@ def compile_kernel(base_name: str, effect_ids: tuple[str, ...]) -> Kernel:
     """
     program = build_program(base_name, effect_ids)
     lanes = get_base(base_name).lanes
-    return Kernel(_load(_source(program, lanes)).run, program, lanes)
+    switches = _switches(effect_ids)
+    rows = np.array([np.isin(program.parameters, names) for names in switches.values()], float)
+    rows = rows.reshape(len(switches), len(program.parameters))
+    return Kernel(_load(kernel_source(program, lanes, switches)).run, program, lanes, rows)
 
 
 def numpy_derivative(program: Program) -> Callable[..., list]:
@@ -227,13 +133,11 @@ def numpy_derivative(program: Program) -> Callable[..., list]:
     `recorded` holds the input and its two derivatives, `state` and `parameters` are sequences in the program's order;
     any of them may be arrays. It serves as the reference for the kernel and for static equilibria.
     """
-    import numpy as np
-
     lines = [f"    {', '.join(program.parameters)}, = parameters"] if program.parameters else []
     lines += [f"    {', '.join(y.name for y in program.states)}, = state"]
     lines += [f"    {', '.join(r.name for r in RECORDED)}, = recorded"]
-    lines += _assignments(program.drive, "    ") + _assignments(program.derivative, "    ")
-    lines.append(f"    return [{', '.join(_print(e) for e in program.slopes)}]")
+    lines += assignments(program.drive, "    ") + assignments(program.derivative, "    ")
+    lines.append(f"    return [{', '.join(printed(e) for e in program.slopes)}]")
     functions = {"_sin": np.sin, "_cos": np.cos, "_atan2": np.arctan2, "_sqrt": np.sqrt, "abs": np.abs}
     namespace: dict[str, Any] = {**functions, "math": np}
     exec("def derivative(t, recorded, state, parameters):\n" + "\n".join(lines), namespace)

@@ -11,6 +11,9 @@ from discovery.problem import Bench, Problem
 __all__ = ["covariance_of", "solver_shift"]
 
 FloatArray = NDArray[np.float64]
+#: The residual's spectrum is averaged over a 32nd of all frequencies, and over nine lines at least.
+_BANDS = 64
+_NARROWEST = 4
 
 
 def covariance_of(
@@ -28,7 +31,8 @@ def covariance_of(
     Returns
     -------
     covariance : ndarray, shape (p, p)
-        Scaled by the reduced chi-square where that is above one; NaN rows where an interval is missing.
+        For residuals as correlated as those that are left, never below the instrument's white noise; NaN rows where an
+        interval is missing.
     reasons : dict of str to str
         Why an interval is missing, by parameter.
     directions : tuple of dict
@@ -57,12 +61,43 @@ def covariance_of(
             for n in direction:
                 reasons[n] = "not identifiable from these recordings"
         inverse = (rows[~weak].T / singular[~weak] ** 2) @ rows[~weak]
-        variance = max(1.0, 2 * minimum.cost / max(1, problem.bench.n_data - p))
-        covariance[np.ix_(use, use)] = inverse / np.outer(size[use], size[use]) * variance
+        honest = inverse @ _score_covariance(scaled, minimum.residual, problem.bench) @ inverse
+        covariance[np.ix_(use, use)] = honest / np.outer(size[use], size[use])
         for n in reasons:
             k = names.index(n)
             covariance[k, :] = covariance[:, k] = np.nan
     return covariance, reasons, tuple(directions)
+
+
+def _score_covariance(jacobian: FloatArray, residual: FloatArray, bench: Bench) -> FloatArray:
+    """Return the covariance of J^T r for noise with the smoothed spectrum of the residual, never below white noise.
+
+    With the inverse of J^T J on both sides it is the sandwich of Huber and White for correlated residuals, in the
+    frequency domain (Hannan, Multiple Time Series, 1970, chapter VII).
+    """
+    rows = bench.n_rows
+    # What the rig states is independent of the recordings.
+    total = jacobian[rows:].T @ jacobian[rows:]
+    position = 0
+    for e in bench.experiments:
+        n, channels = e.recording.output.shape
+        part = slice(position, position + n * channels)
+        left, slopes = residual[part].reshape(n, channels), jacobian[part].reshape(n, channels, -1)
+        present = (e.weights() > 0).sum(axis=0)
+        position += n * channels
+        for c in range(channels):
+            power = np.abs(np.fft.rfft(left[:, c])) ** 2 / max(1, int(present[c]))
+            width = max(_NARROWEST, power.size // _BANDS)
+            around = np.pad(power, width, mode="reflect" if power.size > width else "edge")
+            smooth = np.convolve(around, np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
+            spectrum = np.fft.rfft(slopes[:, c], axis=0)
+            twice = np.full(power.size, 2.0)
+            twice[0] = 1.0
+            if n % 2 == 0:
+                twice[-1] = 1.0
+            weight = twice * np.maximum(smooth, 1.0) / n
+            total += np.real(spectrum.conj().T @ (spectrum * weight[:, None]))
+    return total
 
 
 def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:

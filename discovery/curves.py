@@ -15,7 +15,7 @@ from discovery.dataset import Dataset
 from discovery.experiment import Experiment, largest_deflection
 from discovery.io import atomic_write
 
-__all__ = ["backbones", "laws", "lines", "measured_radius", "noise_free", "save_groups", "trajectories"]
+__all__ = ["backbones", "forces", "laws", "lines", "measured_radius", "noise_free", "save_groups", "trajectories"]
 
 FloatArray = NDArray[np.float64]
 
@@ -112,6 +112,21 @@ def laws(posterior, delta_max: float, gamma_names: tuple[str, str, str] = ("alph
         for q, values in zip(("q05", "q50", "q95"), np.quantile(curves, (0.05, 0.5, 0.95), axis=0), strict=True):
             variables[f"posterior_radius_{q}"] = (("delta",), values)
     return xr.Dataset(variables, {"delta": delta}, {"delta_max": delta_max})
+
+
+def forces(reconstructed) -> dict[str, xr.Dataset]:
+    """Return missing forces [q s^-2] with their standard deviations and the states along, by recording."""
+    return {
+        f.name: xr.Dataset(
+            {
+                "force": (("time",), f.mean),
+                "sd": (("time",), f.sd),
+                **{n: (("time",), v) for n, v in f.variables.items() if n != "time"},
+            },
+            {"time": f.time},
+        )
+        for f in reconstructed
+    }
 
 
 def lines(multisine) -> xr.Dataset:

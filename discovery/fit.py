@@ -37,7 +37,7 @@ class Fit:
     minimum : Minimum
         Where the minimisation ended.
     covariance : ndarray, shape (p, p)
-        From the Jacobian, scaled by the reduced chi-square where that is above one; NaN rows where an interval is
+        From the Jacobian and the spectrum of the residual, see `discovery.covariance`; NaN rows where an interval is
         missing.
     reasons : mapping of str to str
         Why an interval is missing, by parameter.
@@ -184,9 +184,10 @@ def _staged(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
     """Return start values from fits in which what the rig states is held.
 
     The ringing of the rod has local minima in its mass while the stiffness is off. Where the rig hardly knows the mass,
-    several are tried and the best one is kept.
+    several are tried and the best one is kept. What is known to be small and positive, its damping, is held at a usual
+    size: undamped ringing has no smooth answer to a change of stiffness.
     """
-    known = dict(problem.model.known)
+    known = {**problem.model.known, **{n: sd for n, (mean, sd) in problem.gaussian.items() if mean == 0}}
     wide = [n for n, (mean, sd) in problem.gaussian.items() if sd > 0.3 * mean > 0 and n not in values]
     grids = [{n: known[n] * f for n in wide} for f in (_WIDE if wide else (1.0,))]
     held = [
@@ -194,7 +195,7 @@ def _staged(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
     ]
     minima = fit_problems(held, [p.start(values) for p in held])
     best = min(range(len(minima)), key=lambda i: minima[i].cost)
-    return {**values, **grids[best], **dict(zip(held[best].names, minima[best].x.tolist(), strict=True))}
+    return {**known, **values, **grids[best], **dict(zip(held[best].names, minima[best].x.tolist(), strict=True))}
 
 
 def fit(

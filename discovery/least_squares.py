@@ -39,6 +39,8 @@ class Minimum:
         Whether the stopping rule was met before the iterations ran out.
     iterations : int
         Number of Jacobians.
+    blown : bool
+        Whether a trial blew up: the solver's step may stand between the start and the minimum.
     """
 
     x: FloatArray
@@ -48,6 +50,7 @@ class Minimum:
     at_bound: NDArray[np.bool_]
     converged: bool
     iterations: int
+    blown: bool = False
 
 
 def _cost(residuals: FloatArray) -> FloatArray:
@@ -66,7 +69,9 @@ def _differences(
     around[which, np.arange(which.size)] = high
     around[which, which.size + np.arange(which.size)] = low
     answers = yield np.concatenate([x[:, None], around], axis=1)
-    columns = (answers[:, 1 : which.size + 1] - answers[:, which.size + 1 :]) / np.where(high > low, high - low, 1.0)
+    with np.errstate(invalid="ignore"):
+        change = answers[:, 1 : which.size + 1] - answers[:, which.size + 1 :]
+    columns = change / np.where(high > low, high - low, 1.0)
     columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
     return answers[:, 0], columns
 
@@ -117,8 +122,8 @@ def levenberg_marquardt(
         unknown = np.flatnonzero(~jacobian.any(axis=0))
         residual, jacobian[:, unknown] = yield from _differences(x, lower, upper, step, unknown)
     cost = float(_cost(residual[:, None])[0])
-    fresh, converged, count = not quick, False, 0
-    while count < iterations and np.isfinite(cost):
+    fresh, converged, count, blown = not quick, False, 0, not np.isfinite(cost)
+    while count < iterations and np.isfinite(cost) and np.isfinite(residual).all():
         count += 1
         gradient = jacobian.T @ residual
         normal = jacobian.T @ jacobian
@@ -139,6 +144,7 @@ def levenberg_marquardt(
             trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
         answers = yield trials
         costs = _cost(answers)
+        blown |= not np.isfinite(costs).all()
         best = int(np.argmin(costs))
         gain = cost - costs[best]
         small = max(tolerance * cost, 1e-7 if not quick else 0.05)
@@ -153,6 +159,7 @@ def levenberg_marquardt(
                 fresh = False
             else:
                 residual, jacobian = yield from _differences(x, lower, upper, step, every)
+                blown |= not np.isfinite(residual).all()
         elif gain > 0 or damping > 1e9:
             # A tiny step: the end, unless the Jacobian is only carried along.
             if fresh or quick:
@@ -163,7 +170,7 @@ def levenberg_marquardt(
         else:
             residual, jacobian = yield from _differences(x, lower, upper, step, every)
             fresh = True
-    return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count)
+    return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count, blown)
 
 
 def minimise(

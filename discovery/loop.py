@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.case import Case, LoopSettings, Step
+from discovery.contradiction import ContradictionReport, check_contradictions
 from discovery.experiment import Experiment
 from discovery.fit import Fit, declared_model, fit, rig_uncertainty
 from discovery.holdout import HoldOut
@@ -17,12 +18,15 @@ from discovery.problem import natural_units
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
+from discovery.separation import Separation, separate
 
 __all__ = ["LoopResult", "close_loop"]
 
 FloatArray = NDArray[np.float64]
 #: What a base upgrade is called when the loop finds it.
 UPGRADES = (("reduced", "radius_inertia"), ("elastica", "elastica_geometry"))
+#: Manoeuvres that are tried for each group of rivals.
+_DESIGNS = 200
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,10 @@ class LoopResult:
         "before" and "after": prediction of every recording, training first.
     test : str
         The test by which the held-out residual counts as noise, with its numbers.
+    contradiction : ContradictionReport, optional
+        Fitted values against what the rig and the elastica predict.
+    separations : tuple of Separation
+        The manoeuvres that would tell apart what these recordings cannot.
     """
 
     verdict: str
@@ -66,6 +74,8 @@ class LoopResult:
     residual_after: ResidualReport
     predictions: Mapping[str, list[FloatArray]]
     test: str
+    contradiction: ContradictionReport | None = None
+    separations: tuple[Separation, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
@@ -95,6 +105,8 @@ class LoopResult:
             "effects": effects,
             "errors": dict(self.errors),
             "test": self.test,
+            **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
+            **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
             "residual": {"before": self.residual_before.summary(), "after": self.residual_after.summary()},
             "steps": [
@@ -149,15 +161,16 @@ def close_loop(
         search, geometry, steps = Search(before, case), [], []
         search.run()
 
-    after = case.polish(search.fit)
+    after = case.polish(case.finished(search.best.refit))
     before_train, after_train = before.predict(), after.predict()
     before_held, after_held = case.held(before), case.held(after)
-    noise, test = _is_noise(after_held, search.first_rough, case)
+    noise, test = _is_noise(after_held, search.root.held_rough, case)
     added = (*geometry, *search.added)
+    verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time
     only_train = case.judge.continued
     return LoopResult(
-        verdict="unexplained" if not noise else "explained" if added else "nothing_missing",
+        verdict=verdict,
         declared=declared.effects,
         added=added,
         before=before,
@@ -179,7 +192,29 @@ def close_loop(
             "after": after_train if only_train else [*after_train, *after_held],
         },
         test=test,
+        contradiction=_contradiction(after, case) if noise else None,
+        separations=_separations(search, after, case),
     )
+
+
+def _contradiction(after: Fit, case: Case) -> ContradictionReport | None:
+    """Test the final values against what the rig and the elastica predict."""
+    if not case.settings.follow_up or not case.train[0].is_arm:
+        return None
+    case.tell("comparing with the rig")
+    return check_contradictions(after, np.random.default_rng([case.settings.seed, 1]), progress=case.tell)
+
+
+def _separations(search: Search, after: Fit, case: Case) -> tuple[Separation, ...]:
+    """Design a manoeuvre for every added effect that others explain as well."""
+    if not case.settings.follow_up or not case.train[0].is_arm:
+        return ()
+    found = []
+    for effect, rivals in search.rivals().items():
+        case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
+        fits = {effect: after, **{name: case.finished(r) for name, r in rivals.items()}}
+        found.append(separate(fits, np.random.default_rng([case.settings.seed, 2]), evaluations=_DESIGNS))
+    return tuple(found)
 
 
 def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]) -> dict[str, float]:
@@ -214,7 +249,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
         # Rare: the exact mechanics predicts no better than the declared one; then the declared one is searched.
         plain = Search(before, case)
         plain.run()
-        if plain.held_chi2 < search.held_chi2:
+        if plain.best.held < search.best.held:
             return plain, [], steps
         geometry.append("elastica_geometry")
     return search, geometry, steps
@@ -226,14 +261,14 @@ def _judge_geometry(before: Fit, search: Search, case: Case) -> tuple[list[str],
     steps: list[Step] = []
     held_before, train_before = float("inf"), float("inf")
     for base, name in (("constant_radius", ""), *UPGRADES):
-        if base == search.fit.model.base:
-            found = search.fit
+        if base == search.best.refit.problem.model.base:
+            found = case.finished(search.best.refit)
         elif base == "constant_radius" and not search.added:
             found = before
         else:
             case.tell(f"comparing mechanics: {base}")
             model = before.model.with_effect(*[e for e in search.added if e not in before.model.effects]).on_base(base)
-            values = {n: v for n, v in search.fit.values.items() if "[" not in n and n in model.parameters}
+            values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
             found = case.fit(model, values, {})
         held, count, _ = case.judge.score(case.held(found))
         if name:

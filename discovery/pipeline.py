@@ -18,6 +18,7 @@ from discovery.export import FittedModel
 from discovery.fit import Fit
 from discovery.io import atomic_write
 from discovery.loop import LoopResult
+from discovery.missing_force import MissingForce
 from discovery.predict import held_out, predict
 from discovery.problem import Bench, natural_units
 from discovery.provenance import provenance, write_json
@@ -33,6 +34,7 @@ RESULTS = (
     "amplitude.nc",
     "laws.nc",
     "multisine.nc",
+    "force.nc",
     "loop.json",
     "results.json",
 )
@@ -101,9 +103,19 @@ def _models(result: LoopResult) -> dict[str, Any]:
     }
 
 
-def write_loop(out: Path, result: LoopResult, *, alone: bool = True) -> dict[str, Any]:
-    """Write loop.json and return its content; where it stands alone, its models are in it, ready to be exported."""
+def write_loop(
+    out: Path, result: LoopResult, *, alone: bool = True, missing: MissingForce | None = None
+) -> dict[str, Any]:
+    """Write loop.json and return its content; where it stands alone, its models are in it, ready to be exported.
+
+    A designed manoeuvre is written beside it as a course of the motor.
+    """
     content = result.summary()
+    if missing is not None:
+        content["missing_force"] = missing.summary()
+    for i, separation in enumerate(getattr(result, "separations", ()), 1):
+        with atomic_write(out / f"manoeuvre_{i}.csv") as draft:
+            draft.write_text(separation.csv(), encoding="utf-8")
     if alone and isinstance(result, LoopResult):
         content["models"] = _models(result)
     write_json(out / "loop.json", content)
@@ -138,7 +150,8 @@ def run(
     out.mkdir(parents=True, exist_ok=True)
     discovered = stages.discover(dataset, seed=seed, tell=tell)
     fits = stages.estimate(dataset, tell=tell)
-    loop = stages.loop(dataset, tell=tell)
+    loop = stages.loop(dataset, seed=seed, tell=tell)
+    missing = stages.unexplained(loop, dataset, tell=tell)
     # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere that of the final model.
     arm = dataset.train[0].is_arm
     subject = fits.models["declared"] if arm else loop.after.specialised()
@@ -170,6 +183,7 @@ def run(
         },
         "elastica": elastica,
         "loop": loop.summary(),
+        "missing_force": None if missing is None else missing.summary(),
         "clean": _to_clean(dataset, predictions),
         "models": _models(loop),
     }
@@ -178,6 +192,8 @@ def run(
         beside = Path(folder)
         posterior.to_netcdf(beside / "posterior.nc")
         _save_curves(beside, dataset, predictions, posterior, discovered, elastica, seed)
+        if missing is not None:
+            curves.save_groups(beside / "force.nc", curves.forces(missing.forces))
         write_loop(beside, loop, alone=False)
         write_json(beside / "results.json", content)
         for name in RESULTS:

@@ -133,13 +133,21 @@ class Bench:
         """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k)."""
         k = parameters.shape[1]
         predicted = self.predict(parameters, initial)
-        # A trial that blows up is refused later, by its infinite cost.
         with np.errstate(over="ignore", invalid="ignore"):
             parts = [
                 ((channels - target[:, :, None]) * weight[:, :, None]).reshape(-1, k)
                 for channels, target, weight in zip(predicted, self._targets, self._weights, strict=True)
             ]
-        return np.concatenate(parts)
+            residuals = np.concatenate(parts)
+            # A trial that blows up is refused by its infinite cost, even where it stays finite to the end.
+            residuals[:, ~(np.abs(residuals).max(axis=0) < self._absurd)] = np.inf
+        return residuals
+
+    @cached_property
+    def _absurd(self) -> float:
+        """A hundred times the largest measured value, in noise sds."""
+        largest = [float((np.abs(t) * w).max()) for t, w in zip(self._targets, self._weights, strict=True) if w.size]
+        return 100 * max([1.0, *largest])
 
     @cached_property
     def n_rows(self) -> int:

@@ -26,6 +26,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _LONGEST_TUNED = 4000  # samples
 
+_STILL = 12  # readings at an end that show whether it is a rest
+
 _DENSE = 60  # a phase of fewer readings gets a knot between each two as well
 
 
@@ -83,6 +85,8 @@ def _assemble(
     rows = [vstack([straight, level]) @ acceleration]
     if len(rests):
         rows.append(BSpline.design_matrix(np.asarray(rests), knots[1:-1], 2) @ first)
+        # A rest at an end of the record is nothing but its end: the acceleration vanishes there too.
+        rows.append(acceleration[[node for node, end in ((0, t[0]), (-1, t[-1])) if end in rests]])
     roughness = []
     for number, phase in enumerate(phases):
         inside = owner == number
@@ -157,7 +161,7 @@ def likeliest_roughness(t: FloatArray, y: FloatArray, noise: float, phase: Phase
 
 
 def fit_phases(t: FloatArray, y: FloatArray, noise: float, phases: Sequence[Phase]) -> Drive:
-    """Fit all phases together, and once more with zero rate in those gaps that are rests."""
+    """Fit all phases together, and once more with zero rate in those gaps, and at those ends, that are rests."""
     rests: list[float] = []
     spline = _solve(t, y, noise, phases, rests)
     edges = [
@@ -171,12 +175,29 @@ def fit_phases(t: FloatArray, y: FloatArray, noise: float, phases: Sequence[Phas
         # Four sds of a fitted slope.
         if readings > 2 and abs(spline(middle, 1)) * (stop - start) < 4.0 * noise * np.sqrt(12.0 / readings):
             rests.append(middle)
+    rests += _still_ends(t, y, noise, phases)
     if rests:
         spline = _solve(t, y, noise, phases, rests)
     pieces = PPoly.from_spline(spline.tck)
     keep = np.flatnonzero(np.diff(pieces.x) > 0)
     kinks = np.concatenate([np.empty(0), *(p.kinks for p in phases if p.kinks is not None)])
     return Drive(np.append(pieces.x[keep], pieces.x[-1]), pieces.c[:, keep], kinks)
+
+
+def _still_ends(t: FloatArray, y: FloatArray, noise: float, phases: Sequence[Phase]) -> list[float]:
+    """Return the ends of the record at which a smooth phase lies although the readings there do not move yet."""
+    ends = []
+    for phase in phases:
+        at_start, at_stop = phase.first == 0, phase.last == t.size - 1
+        for part, end, touched in ((slice(None, _STILL), t[0], at_start), (slice(-_STILL, None), t[-1], at_stop)):
+            if phase.kinks is not None or not touched:
+                continue
+            centred = t[part] - t[part].mean()
+            drift = np.ptp(t[part]) * float(centred @ y[part]) / float(centred @ centred)
+            # Four sds of a fitted slope.
+            if abs(drift) < 4.0 * noise * np.sqrt(12.0 / _STILL):
+                ends.append(float(end))
+    return ends
 
 
 def _solve(t: FloatArray, y: FloatArray, noise: float, phases: Sequence[Phase], rests: Sequence[float]) -> BSpline:

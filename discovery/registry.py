@@ -12,6 +12,7 @@ from types import ModuleType
 
 from discovery.effect import Effect
 from discovery.errors import InputError
+from discovery.external_force import ExternalForce
 
 __all__ = ["catalogue", "get_effect"]
 
@@ -46,7 +47,7 @@ def catalogue() -> dict[str, Effect]:
 
 
 def get_effect(effect_id: str) -> Effect:
-    """Return one effect.
+    """Return one effect, or the external force that no catalogue lists.
 
     Raises
     ------
@@ -55,6 +56,8 @@ def get_effect(effect_id: str) -> Effect:
     """
     import difflib
 
+    if effect_id == ExternalForce.id():
+        return ExternalForce()
     known = catalogue()
     if effect_id not in known:
         near = difflib.get_close_matches(effect_id, known, n=3, cutoff=0.4)

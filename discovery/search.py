@@ -1,29 +1,52 @@
-"""The search of the loop: which effects of the catalogue join the model, and why."""
+"""The search of the loop: which set of effects of the catalogue joins the model, and why.
+
+A beam search: every candidate is refitted beside each of a few sets; the sets that an effect joins must pass on the
+training and on the held-out recordings. What was found is then tried in reverse: every member is taken out, dropped if
+it is idle, and exchanged where another effect serves better in its place.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from discovery.attribution import Candidate, Refit, candidates, refit, screen, similarity
+import numpy as np
+
+from discovery.attribution import Candidate, candidates, screen, similarity
 from discovery.case import Case, Step
-from discovery.fit import Fit, fit
-from discovery.least_squares import Minimum
-from discovery.model import Model
-from discovery.problem import Problem
+from discovery.fit import Fit
+from discovery.node import Node, merit
+from discovery.refits import Refit, finish, held_fixed, refit, relaxed, unstiffened
 from discovery.registry import catalogue
-from discovery.residual import correlation_length
+from discovery.significance import chance_gains, surrogates
+from discovery.weighing import weigh
 
 __all__ = ["Search"]
 
-#: So many candidates of equal merit are weighed by a full refit,
+#: So many of the best quick refits are finished with everything free;
+_FINISHED = 8
+#: so many that are equally good are judged on held-out data,
 _TRIED = 4
-#: and so many of the best are paired with so many partners.
-_PAIRED = 2
+#: and so many sets are extended side by side,
+_BEAM = 2
+#: a rival only if it leaves at most so many times what the best one leaves.
+_RIVAL = 5.0
+#: So many rivals of an effect are told apart from it.
+_RIVALS = 2
+#: Rounds of removal and exchange.
+_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class _Branch:
+    """What the catalogue offers beside one set of effects."""
+
+    scored: Mapping[str, Candidate]
+    refits: tuple[Refit, ...]
 
 
 class Search:
-    """Adds effects one at a time while each explains enough of training and held-out data, then removes idle ones.
+    """Finds a set of effects, each of which explains enough of training and held-out data.
 
     Parameters
     ----------
@@ -34,258 +57,258 @@ class Search:
 
     Attributes
     ----------
-    fit : Fit
-        The model so far.
-    added : list of str
-        Effects in the order in which they were added.
+    root, best : Node
+        The start, and the set found so far.
     steps : list of Step
         The story.
     evidence, ambiguous : dict
         By added effect.
-    held_chi2, held_count, first_rough : float, int, float
-        Chi-square and number of the deciding held-out samples, and their systematic residual before anything is added.
     """
 
     def __init__(self, start: Fit, case: Case) -> None:
         self.case = case
-        self.gaussian = start.problem.gaussian
         whole = start.problem.bench.effects == case.kernel_effects(start.model)
-        self.fit = start if whole else case.fit(start.model, start.values, self.gaussian)
+        start = start if whole else case.fit(start.model, start.values, start.problem.gaussian)
+        self.root = self.best = Node.of((), Refit("", start.problem, start.minimum), case)
         self.steps: list[Step] = []
-        self.added: list[str] = []
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
-        self._scored: dict[str, Candidate] = {}
-        self.held_chi2, self.held_count, self.first_rough = case.judge.score(case.held(self.fit))
-        self.held_rough = self.first_rough
+        self._branches: dict[frozenset[str], _Branch] = {}
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Effects in the order in which they were added."""
+        return self.best.added
 
     def run(self) -> None:
         """Search until both the training and the held-out residual are noise, or nothing passes."""
+        self._extend()
+        self._refine()
+        self._conclude()
+
+    def _quiet(self, node: Node) -> bool:
+        """Return whether what a set leaves is noise, on the training and on the held-out recordings."""
         settings = self.case.settings
-        while len(self.added) < settings.most_effects:
-            rough = self.case.roughness(self.fit)
-            if rough <= settings.floor and self.held_rough <= settings.limit(self.first_rough):
-                reason = f"the training residual is noise: its systematic part is {rough:.2g} noise sds"
+        return node.rough <= settings.floor and node.held_rough <= settings.limit(self.root.held_rough)
+
+    def _extend(self) -> None:
+        """Add effects, one at a time or two together, while they pass."""
+        settings = self.case.settings
+        beam, level = [self.best], 0
+        while level < settings.most_effects:
+            if self._quiet(self.best):
+                reason = f"the training residual is noise: its systematic part is {self.best.rough:.2g} noise sds"
                 self.steps.append(Step("stop", "", True, reason))
-                break
-            if not self._add(alone=rough <= settings.floor):
-                break
-        if len(self.added) > 1:
-            self._remove()
+                return
+            # Effects hide each other: one may help only once another is there, so a step may fail once.
+            if level > len(self.best.added) and self.best.rough <= settings.floor:
+                return
+            if level > len(self.best.added) + 1:
+                return
+            level += 1
+            children = self._children(beam)
+            ranked = self._ordered(children)
+            chosen = next((node for node in ranked if self._passes(node)), None)
+            if chosen is not None:
+                self.best = chosen
+            pursued = [node for node in self._distinct(children) if self._worth_pursuing(node)]
+            beam = list(dict.fromkeys([*([chosen] if chosen else []), *pursued]))[:_BEAM]
+            if not beam:
+                return
 
-    def _frozen(self) -> tuple[Problem, Minimum]:
-        """Return the fit with what the rig knows held at its fitted value: the rod's ringing would trap the search."""
-        problem, minimum = self.fit.problem, self.fit.minimum
-        nuisance = [n for n in problem.gaussian if n in problem.free]
-        known = {**self.fit.model.known, **{n: self.fit.values[n] for n in nuisance}}
-        model = Model(self.fit.model.base, self.fit.model.effects, known)
-        keep = [i for i, n in enumerate(problem.names) if n not in nuisance]
-        rows = problem.bench.n_rows
-        residual = minimum.residual[:rows]
-        return Problem(model, problem.bench, self.case.units, {}), Minimum(
-            minimum.x[keep],
-            0.5 * float(residual @ residual),
-            residual,
-            minimum.jacobian[:rows, keep],
-            minimum.at_bound[keep],
-            minimum.converged,
-            minimum.iterations,
-        )
+    def _branch(self, node: Node) -> _Branch:
+        """Screen the catalogue and refit every candidate beside a set of effects."""
+        key = frozenset(node.added)
+        if key not in self._branches:
+            problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+            names = candidates(problem.model, self.case.train[0].recording.units[0])
+            beside = f" beside {' and '.join(node.added)}" if node.added else ""
+            self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
+            scored = screen(problem.model, minimum, problem, names)
+            self.case.tell(f"refitting every candidate{beside}")
+            quick = refit(problem.model, minimum, problem, scored)
+            quick = unstiffened(problem.model, minimum, problem, scored, quick)
+            full = finish(node.refit.problem, node.refit.minimum, quick[:_FINISHED])
+            done = {r.effect for r in full}
+            rest = [r for r in quick if r.effect not in done]
+            self._branches[key] = _Branch({c.effect: c for c in scored}, (*full, *rest))
+        return self._branches[key]
 
-    def _add(self, *, alone: bool) -> bool:
-        """Try candidates, best first, and pairs where none passes alone; return whether any joined the model.
+    def _children(self, beam: Sequence[Node]) -> list[tuple[Node, Refit]]:
+        """Return every set with one effect more, smallest chi-square first."""
+        found: dict[frozenset[str], tuple[Node, Refit]] = {}
+        for node in beam:
+            for r in self._branch(node).refits[:_FINISHED]:
+                key = frozenset((*node.added, r.effect))
+                if key not in found or r.chi2 < found[key][1].chi2:
+                    found[key] = node, r
+        return sorted(found.values(), key=lambda pair: pair[1].chi2)
 
-        Parameters
-        ----------
-        alone : bool
-            Do not try pairs: the training residual is noise already.
-        """
-        start = self.fit
-        singles = self._refits()
-        for single in self._order(singles):
-            if self._try(start, (single,), singles):
-                return True
-        if alone or len(self.added) + 2 > self.case.settings.most_effects:
-            return False
-        # Effects hide each other: one may help the held-out data only once the other is there.
-        excess = max(start.chi2 - start.problem.bench.n_data, 0.0)
-        first = [r for r in singles if start.chi2 - r.chi2 > self.case.settings.least_share * excess]
-        for single in first[:_PAIRED]:
-            self.fit = self._refit(start.model.with_effect(single.effect), _values(single))
-            seconds = self._refits()
-            self.fit, partners = start, self._order(seconds)[:_PAIRED]
-            for second in partners:
-                if start.chi2 - second.chi2 < self.case.settings.pair_share * excess:
-                    break
-                if self._try(start, (single, second), singles):
-                    return True
-        return False
-
-    def _refits(self) -> list[Refit]:
-        """Screen the catalogue and refit every candidate beside the model so far."""
-        problem, minimum = self._frozen()
-        names = candidates(problem.model, self.case.train[0].recording.units[0])
-        self.case.tell(f"screening the catalogue ({len(names)} effects)")
-        scored = screen(problem.model, minimum, problem, names)
-        self._scored = {c.effect: c for c in scored}
-        self.case.tell("refitting every candidate")
-        return refit(problem.model, minimum, problem, scored)
-
-    def _order(self, refits: list[Refit]) -> list[Refit]:
-        """Return the refits that are as good as the best one, simplest first, then by the held-out error."""
-        n = self.fit.problem.bench.n_data
-        settings, best = self.case.settings, refits[0]
-        limit = self._tie_limit(best, settings.tie_pliable if _pliable(best) else settings.tie)
-        tied = [r for r in refits if r.chi2 <= limit][:_TRIED]
-        held = dict(zip((r.effect for r in tied), self._held_chi2(tied), strict=True))
-        # A thousandth of the held-out error is no difference; then a force is simpler than a faulty instrument.
-        least = 1.001 * min(held.values(), default=0.0)
-        tied.sort(key=lambda r: (_pliable(r), len(r.problem.free), max(held[r.effect], least), _is_sensor(r)))
-        if all(_pliable(r) for r in tied):
+    def _ordered(self, children: Sequence[tuple[Node, Refit]]) -> list[Node]:
+        """Return the sets that are as good as the best one, simplest first."""
+        if not children:
+            return []
+        price, excess = self.case.settings.price, self.case.excess
+        best = min((r for _, r in children), key=lambda r: r.chi2 + price * len(r.problem.free))
+        share = self.case.settings.tie_pliable if _pliable(best) else self.case.settings.tie
+        limit = self._tie_limit(best, share)
+        tied = [(p, r) for p, r in children if r.chi2 + price * len(r.problem.free) <= limit][:_TRIED]
+        nodes = [Node.of((*parent.added, r.effect), r, self.case) for parent, r in tied]
+        least = min(n.chi2 + n.held for n in nodes)
+        nodes.sort(key=lambda n: merit(n, least, price))
+        if all(_pliable(n.refit) for n in nodes):
             # What a pliable law imitates deserves a try of its own, if it explains nearly all.
-            enough = self.fit.chi2 - settings.pair_share * max(self.fit.chi2 - n, 0.0)
-            tied += [r for r in refits if not _pliable(r) and r.chi2 < enough][:1]
-        return tied
+            enough = self.best.chi2 - self.case.settings.pair_share * excess(self.best.chi2)
+            plain = [(p, r) for p, r in children if not _pliable(r) and r.chi2 < enough][:1]
+            nodes += [Node.of((*p.added, r.effect), r, self.case) for p, r in plain]
+        return nodes
 
-    def _try(self, start: Fit, chosen: tuple[Refit, ...], ranked: list[Refit]) -> bool:
-        """Refit with one or two effects, what the rig knows free again, and keep them if they explain enough."""
-        names = tuple(r.effect for r in chosen)
-        self.case.tell(f"trying {' with '.join(names)}")
-        trial = self._refit(start.model.with_effect(*names), _values(chosen[-1]))
-        held, _, held_rough = self.case.judge.score(self.case.held(trial))
-        verdict = self._weigh(start, trial, held, names)
-        ranking = tuple(
-            {
-                "effect": r.effect,
-                "score": self._scored[r.effect].score,
-                "chi2": r.chi2,
-                "parameters": len(catalogue()[r.effect].fitted(start.model.mechanics.system)),
-            }
-            for r in ranked
-            if r.effect in self._scored
-        )
-        for name in names:
-            self.steps.append(Step("add", name, verdict.accepted, verdict.reason, verdict.numbers, ranking))
-        if not verdict.accepted:
-            return False
-        tied = self._equals(ranked, chosen[0])
-        others = [r.chi2 for r in ranked if r.effect not in names]
-        runner_up = {"runner_up_delta_chi2": start.chi2 - min(others, default=start.chi2)}
-        for name in names:
-            self.evidence[name] = {**verdict.evidence, **runner_up, **self._standing(name)}
-            self.ambiguous[name] = tied if name == names[0] else ()
-            self.added.append(name)
-        self.fit, self.held_chi2, self.held_rough = trial, held, held_rough
-        return True
+    def _distinct(self, children: Sequence[tuple[Node, Refit]]) -> list[Node]:
+        return [Node.of((*p.added, r.effect), r, self.case) for p, r in children[: _BEAM + 1]]
+
+    def _worth_pursuing(self, node: Node) -> bool:
+        """Return whether a set that is not accepted may be a step towards a better one."""
+        settings, excess = self.case.settings, self.case.excess
+        if len(node.added) == len(self.best.added):
+            return excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
+        return self.best.chi2 - node.chi2 > settings.least_share * excess(self.best.chi2)
 
     def _tie_limit(self, best: Refit, share: float) -> float:
-        """Return the chi-square up to which a refit is as good as `best`: a share more of what that one leaves."""
-        return best.chi2 + max(10.0, share * max(best.chi2 - self.fit.problem.bench.n_data, 0.0))
+        """Return the priced chi-square up to which a refit is as good as `best`: a share more of what that leaves."""
+        settings = self.case.settings
+        priced = best.chi2 + settings.price * len(best.problem.free)
+        return priced + max(settings.price, share * self.case.excess(best.chi2))
 
-    def _equals(self, ranked: list[Refit], chosen: Refit) -> tuple[str, ...]:
-        """Return the effects that explain the training recordings as well as the chosen one."""
-        limit = self._tie_limit(chosen, self.case.settings.tie)
-        return tuple(r.effect for r in ranked if r.effect != chosen.effect and r.chi2 <= limit)
+    def _passes(self, node: Node) -> bool:
+        """Decide whether a set replaces the best one so far, and tell the story."""
+        new = tuple(e for e in node.added if e not in self.best.added)
+        parent = self._branches[frozenset(node.added[:-1])]
+        chance = self._chance(parent, node)
+        verdict = weigh(self.case, self.root, self.best, node, new, chance)
+        ranking = self._ranking(parent)
+        for name in new:
+            self.steps.append(Step("add", name, verdict.accepted, verdict.reason, verdict.numbers, ranking))
+        return verdict.accepted
 
-    def _standing(self, name: str) -> dict[str, float]:
-        """Return an effect's linear score, and its likeness to its nearest rival, from the latest screening."""
-        if name not in self._scored:
-            return {}
-        own = self._scored[name]
-        rivals = [c.sensitivity for n, c in self._scored.items() if n != name]
-        likeness = max((similarity(own.sensitivity, v) for v in rivals), default=0.0)
-        return {"linear_score": own.score, "largest_similarity": likeness}
+    def _chance(self, smaller: _Branch, node: Node) -> np.ndarray:
+        """Return the gains that noise alone would give the best candidate beside the smaller set, sorted."""
+        bench = node.refit.problem.bench
+        rng = np.random.default_rng([self.case.settings.seed, len(node.added)])
+        noise = surrogates(node.refit.minimum.residual[: bench.n_rows], bench, rng)
+        # What every set absorbs, the new effect's own directions excepted.
+        inherited = [i for i, n in enumerate(node.refit.problem.names) if not self._owned(n, node.added[-1])]
+        return chance_gains(list(smaller.scored.values()), node.refit.minimum.jacobian[:, inherited], noise)
 
-    def _weigh(self, start: Fit, trial: Fit, held: float, names: tuple[str, ...]) -> _Verdict:
-        """Decide whether effects explain enough of both the training and the held-out recordings."""
-        s = self.case.settings
-        n = start.problem.bench.n_data
-        excess, held_excess = max(start.chi2 - n, 0.0), max(self.held_chi2 - self.held_count, 0.0)
-        gain, held_gain = start.chi2 - trial.chi2, self.held_chi2 - held
-        # Where the residual stays correlated, chance gains are larger by its correlation length.
-        least = s.least_gain * correlation_length(self.case.train, trial.predict())
-        passes = {
-            f"it removes {gain:.0f} of {excess:.0f} excess chi-square on the training recordings": gain
-            > max(least, s.least_share * excess),
-            f"it removes {held_gain:.0f} of {held_excess:.0f} on the held-out ones": held_gain
-            > max(0.25 * s.least_gain, 0.5 * s.least_share * held_excess),
-        }
-        vague = [name for name in names if not _determined(trial, name)]
-        if vague:
-            passes[f"no parameter of {' and '.join(vague)} is determined"] = False
-        accepted = all(passes.values())
-        failed = [reason for reason, passed in passes.items() if not passed]
-        return _Verdict(
-            accepted,
-            "; ".join(passes) if accepted else "not enough: " + "; ".join(failed),
+    @staticmethod
+    def _owned(parameter: str, effect: str) -> bool:
+        return parameter in {p.name for p in catalogue()[effect].parameters()}
+
+    def _ranking(self, branch: _Branch) -> tuple[Mapping[str, object], ...]:
+        system = self.root.refit.problem.model.mechanics.system
+        return tuple(
             {
-                "chi2_before": start.chi2,
-                "chi2_after": trial.chi2,
-                "n_data": float(n),
-                "chi2_holdout_before": self.held_chi2,
-                "chi2_holdout_after": held,
-                "n_holdout": float(self.held_count),
-            },
-            {
-                "delta_chi2_train": gain,
-                "delta_chi2_holdout": held_gain,
-                "share_of_excess": gain / excess if excess else 0.0,
-            },
+                "effect": r.effect,
+                "score": branch.scored[r.effect].score,
+                "chi2": r.chi2,
+                "parameters": len(catalogue()[r.effect].fitted(system)),
+            }
+            for r in branch.refits
         )
 
-    def _refit(self, model: Model, values: Mapping[str, float]) -> Fit:
-        bench = self.fit.problem.bench
-        return fit(model, self.case.train, start=values, bench=bench, units=self.case.units, gaussian=self.gaussian)
+    def _without(self, effect: str) -> Node:
+        """Return the best set without one of its members, refitted."""
+        rest = tuple(e for e in self.best.added if e != effect)
+        if not rest:
+            return self.root
+        return Node.of(rest, relaxed(self.best.refit, [effect]), self.case)
 
-    def _held_chi2(self, refits: Sequence[Refit]) -> list[float]:
-        bench, judge = self.fit.problem.bench, self.case.judge
-        models = []
-        for r in refits:
-            on_train = bench.predict(*r.problem.expand(r.minimum.x[:, None])) if judge.continued else []
-            models.append((r.problem.model, _values(r), [c[:, :, 0] for c in on_train]))
-        return [judge.score(p)[0] for p in judge.predictions(bench, models)]
+    def _refine(self) -> None:
+        """Take every member out: drop it if it is idle, exchange it where another serves better."""
+        for _ in range(_ROUNDS):
+            before = self.best.added
+            for effect in before:
+                if len(self.best.added) > 1 and effect in self.best.added:
+                    self._retry(effect)
+            if self.best.added == before:
+                break
 
-    def _remove(self) -> None:
-        """Drop an effect that the later ones have made superfluous."""
-        for effect in tuple(self.added[:-1]):
-            trial = self._refit(self.fit.model.without([effect]), self.fit.values)
-            loss = trial.chi2 - self.fit.chi2
-            superfluous = loss < self.case.settings.least_gain
-            numbers = {"chi2_before": self.fit.chi2, "chi2_after": trial.chi2}
-            reason = f"without it chi-square rises by {loss:.0f}"
-            self.steps.append(Step("remove", effect, superfluous, reason, numbers))
-            if superfluous:
-                self.fit = trial
-                self.added.remove(effect)
-                self.evidence.pop(effect)
-                self.ambiguous.pop(effect)
+    def _retry(self, effect: str) -> None:
+        smaller = self._without(effect)
+        verdict = weigh(self.case, self.root, smaller, self.best, (effect,), None, strict=True)
+        if not verdict.accepted:
+            self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
+            self.best = smaller
+            return
+        ranked = self._ordered(self._children([smaller]))
+        others = [n for n in ranked if n.added[-1] != effect]
+        price = self.case.settings.price
+        for node in others:
+            gain = self.best.priced(price) - node.priced(price)
+            least = max(price, self.case.settings.tie * self.case.excess(self.best.chi2))
+            if gain > least and node.held < self.best.held:
+                reason = f"in its place {node.added[-1]} lowers chi-square by {gain:.0f} more"
+                numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
+                self.steps.append(Step("exchange", effect, True, reason, numbers, self._ranking(self._branch(smaller))))
+                self.best = node
+                return
 
+    def rivals(self) -> dict[str, dict[str, Refit]]:
+        """Return, for each added effect that others explain as well, the refits with those in its place."""
+        found = {}
+        for effect, names in self.ambiguous.items():
+            if names:
+                branch = self._branch(self._without(effect))
+                found[effect] = {r.effect: r for r in branch.refits if r.effect in names[:_RIVALS]}
+        return found
 
-def _values(refitted: Refit) -> dict[str, float]:
-    """Return the values of a refit by name."""
-    return dict(zip(refitted.problem.names, refitted.minimum.x.tolist(), strict=True))
+    def _conclude(self) -> None:
+        """Withdraw what does not explain enough of an unexplained residual; collect the evidence of the rest."""
+        settings = self.case.settings
+        if self.best.added and self.best.held_rough > settings.limit(self.root.held_rough):
+            kept = self.case.excess(self.best.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
+            held = self.case.held_excess(self.best.held) / max(self.case.held_excess(self.root.held), 1e-300)
+            if max(kept, held) > settings.least_known:
+                reason = (
+                    f"what is left is not noise, and {100 * max(kept, held):.0f} % of the excess chi-square is still "
+                    "there: no effect of the catalogue is named"
+                )
+                self.steps += [Step("withdraw", e, True, reason) for e in self.best.added]
+                self.best = self.root
+        for effect in self.best.added:
+            self._collect(effect)
+
+    def _collect(self, effect: str) -> None:
+        """Compute the evidence of one effect against the set without it."""
+        smaller = self._without(effect)
+        branch = self._branch(smaller)
+        node = Node((*smaller.added, effect), self.best.refit, self.best.rough, self.best.held, self.best.held_rough)
+        chance = self._chance(branch, node)
+        gain, held_gain = smaller.chi2 - node.chi2, smaller.held - node.held
+        excess = self.case.excess(smaller.chi2)
+        others = [r for r in branch.refits if r.effect != effect]
+        limit = self._tie_limit(self.best.refit, self.case.settings.tie)
+        price = self.case.settings.price
+        tied = tuple(r.effect for r in others if r.chi2 + price * len(r.problem.free) <= limit)
+        own = branch.scored[effect]
+        likeness = {c.effect: similarity(own.sensitivity, c.sensitivity) for c in branch.scored.values()}
+        likeness.pop(effect)
+        moved = [a - b for a, b in zip(smaller.refit.predict(), node.refit.predict(), strict=True)]
+        self.ambiguous[effect] = tied
+        self.evidence[effect] = {
+            "delta_chi2_train": gain,
+            "delta_chi2_holdout": held_gain,
+            "share_of_excess": gain / excess if excess else 0.0,
+            "share_of_residual_power": gain / smaller.chi2,
+            "effect_rms": float(np.sqrt(np.mean(np.concatenate([np.sum(m**2, axis=1) for m in moved])))),
+            "chance_gain_99": float(np.quantile(chance, 0.99)),
+            "p_value": float((1 + np.sum(chance >= gain)) / (1 + chance.size)),
+            "runner_up_delta_chi2": smaller.chi2 - min((r.chi2 for r in others), default=smaller.chi2),
+            "linear_score": own.score,
+            "largest_similarity": max(likeness.values(), default=0.0),
+        }
+        for other in tied:
+            self.evidence[effect][f"similarity_{other}"] = likeness.get(other, 0.0)
 
 
 def _pliable(refitted: Refit) -> bool:
     return catalogue()[refitted.effect].pliable
-
-
-def _is_sensor(refitted: Refit) -> bool:
-    return catalogue()[refitted.effect].kind == "sensor"
-
-
-def _determined(trial: Fit, name: str) -> bool:
-    """Return whether at least one amplitude of an effect is three standard deviations from zero."""
-    amplitudes = [p.name for p in catalogue()[name].parameters() if not p.shape]
-    sd, values = trial.sd, trial.values
-    return any(abs(values[n]) > 3 * sd[n] for n in amplitudes if n in values)
-
-
-@dataclass(frozen=True)
-class _Verdict:
-    """Whether a candidate joins, why, and the numbers behind it."""
-
-    accepted: bool
-    reason: str
-    numbers: Mapping[str, float]
-    evidence: Mapping[str, float]

@@ -10,22 +10,36 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
+from discovery.case import LoopSettings
 from discovery.dataset import Dataset
 from discovery.effect import ARM
+from discovery.errors import ComputationError
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit, declared_model, fit
 from discovery.loop import LoopResult, close_loop
+from discovery.missing_force import MissingForce, missing_force
 from discovery.model import Model
 from discovery.problem import natural_units
 from discovery.residual import errors
 
-__all__ = ["Discovered", "Fits", "Tell", "discover", "estimate", "loop", "predicted", "sampled", "stage_seed"]
+__all__ = [
+    "Discovered",
+    "Fits",
+    "Tell",
+    "discover",
+    "estimate",
+    "loop",
+    "predicted",
+    "sampled",
+    "stage_seed",
+    "unexplained",
+]
 
 FloatArray = NDArray[np.float64]
 Tell = Callable[[str], None]
 #: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
 DISCOVERY_SAMPLES = 16_384
-_ORDER = ("discover", "posterior", "predictive", "elastica")
+_ORDER = ("discover", "posterior", "predictive", "elastica", "loop")
 
 
 def stage_seed(seed: int, stage: str) -> int:
@@ -214,6 +228,19 @@ def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str
     }
 
 
-def loop(dataset: Dataset, *, tell: Tell) -> LoopResult:
+def loop(dataset: Dataset, *, seed: int = 1, follow_up: bool = True, tell: Tell) -> LoopResult:
     """Close the loop on a data set."""
-    return close_loop(dataset.train, dataset.holdout, progress=tell)
+    settings = LoopSettings(seed=stage_seed(seed, "loop"), follow_up=follow_up)
+    return close_loop(dataset.train, dataset.holdout, settings=settings, progress=tell)
+
+
+def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingForce | None:
+    """Return the force that the final model lacks where the loop explains not all; None where it does."""
+    if result.verdict != "unexplained":
+        return None
+    tell("reconstructing the missing force")
+    try:
+        return missing_force(result.after, dataset.holdout)
+    except ComputationError as failure:
+        tell(f"no missing force: {failure}")
+        return None

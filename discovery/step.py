@@ -15,6 +15,8 @@ __all__ = ["TOLERANCE", "choose_step"]
 
 #: Trajectory error by default: rad for an arm, of the largest amplitude for an oscillator.
 TOLERANCE = 1e-6
+#: After so many attempts that gained less than a decade there is no convergence: the motion is chaotic.
+_HOPELESS = 4
 
 
 def choose_step(
@@ -48,6 +50,9 @@ def choose_step(
     ComputationError
         If no step reaches the tolerance.
     """
+    values = model.mechanics.calmed(values)
+    held = {n: v for n, v in values.items() if n in model.parameters and n not in model.free}
+    model = Model(model.base, model.effects, {**model.known, **held})
     alpha = values.get("alpha", units.time**-2)
     fastest = np.sqrt(abs(alpha)) * model.mechanics.highest_frequency({**model.known, **values})
     gap = float(np.median(np.diff(experiments[0].recording.time)))
@@ -55,7 +60,8 @@ def choose_step(
     rough = experiments[0].drive is not None and not experiments[0].is_arm
     step = min(1.0 / fastest, 0.05 * units.time, gap if rough else np.inf)
     size = units.length if experiments[0].is_arm else units.coordinate
-    for _ in range(12):
+    first = np.inf
+    for attempt in range(12):
         bench = Bench(model.base, effects or model.effects, experiments, step)
         problem = Problem(model, bench, units, {})
         vector = problem.start(values)[:, None]
@@ -69,6 +75,9 @@ def choose_step(
             return step
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
         step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.25
+        first = first if np.isfinite(first) else error
+        if attempt >= _HOPELESS and error > 0.1 * first:
+            break
     raise ComputationError(
         f"No step gives a trajectory error below {tolerance:g}; the last one tried was {step:.3g} s."
     )

@@ -9,15 +9,44 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 
-__all__ = ["atan2", "cos", "sin", "sqrt"]
+__all__ = ["atan2", "barrier", "cos", "rolled", "sin", "sqrt"]
 
 _fast = njit(forceinline=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 
 _TWO_OVER_PI = 2 / math.pi
 # pi/2 in two parts, so that the reduction keeps its digits.
 _P1, _P2 = 1.5707963267948966, 6.123233995736766e-17
+
+
+@intrinsic
+def barrier(context):
+    """Make the compiler leave numbers in memory here; no instruction.
+
+    Else it carries them in registers past every branch between two loops, whether the branch is taken or not.
+    """
+
+    def build(context, builder, signature, arguments):
+        builder.fence("acq_rel", "singlethread")
+        return context.get_dummy_value()
+
+    return types.none(), build
+
+
+@intrinsic
+def rolled(context):
+    """Keep the compiler from unrolling short loops of the function that calls this before it vectorises them.
+
+    Unrolled, they stay scalar in part, and lanes may be rounded differently.
+    """
+
+    def build(context, builder, signature, arguments):
+        builder.function.attributes.add("optsize")
+        return context.get_dummy_value()
+
+    return types.none(), build
 
 
 @_fast

@@ -5,13 +5,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from discovery.attribution import Candidate, Refit, candidates, refit, screen, similarity
+from discovery.attribution import Candidate, candidates, screen, similarity
 from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.fit import Fit, fit
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.recording import Recording
+from discovery.refits import Refit, refit
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.testing.states import every_effect
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from discovery_datasets import registry
+from discovery_datasets import recordings, registry
 
 from discovery.cli import cli, main
 from discovery.provenance import surroundings
@@ -274,7 +274,8 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Did you mean coulomb_friction" in unknown.err
 
 
-def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recordings, "DURATION", 2.0)
     first, same, other = (tmp_path / f"{n}.csv" for n in ("first", "same", "other"))
     for path, seed in ((first, 1), (same, 1), (other, 2)):
         arguments = ["simulate", "train_paper", "--effect", "camera_origin_offset:x=0.01,y=-0.02"]
@@ -284,7 +285,7 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert first.read_bytes() == same.read_bytes() != other.read_bytes()
     table = pd.read_csv(first)
     assert list(table.columns) == ["time_s", "motor_angle_rad", "tip_x_m", "tip_y_m"]
-    assert len(table) == 2501
+    assert len(table) == 201
     # Where the camera says that the hub's far end is, while the arm still rests.
     np.testing.assert_allclose(table.loc[:40, ["tip_x_m", "tip_y_m"]].mean(), [1.01, -0.02], atol=2e-4)
 

@@ -84,6 +84,10 @@ def test_the_catalogue_page_shows_every_effect_and_parameter() -> None:
         assert effect.cite in sections[effect_id]
         for parameter in effect.parameters():
             assert f"| `{parameter.name}` | {parameter.unit} | {parameter.meaning} |" in sections[effect_id]
+    # All of a formula stands in its block, and no word of another markup is left.
+    outside = re.sub(r"```math\n.*?\n```", "", catalogue_page(), flags=re.DOTALL)
+    assert not re.search(r"^    |::|:math:", outside, re.MULTILINE)
+    assert "Acts on arms (bases: `elastica`, `elastica_2`, `elastica_1`)." in sections["base_backlash"]
 
 
 def test_the_catalogue_page_is_written_by_its_command(tmp_path: Path) -> None:

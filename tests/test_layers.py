@@ -13,7 +13,7 @@ CONTRACTS = Path(__file__).parents[1] / ".importlinter"
 #: Heavy libraries are known in one place each.
 HOMES = {
     "numba": {"discovery.vectormath", "discovery_datasets.beam", "discovery_datasets.engine"},
-    "pysindy": {"discovery.sindy", "discovery.subset", "discovery.candidates"},
+    "pysindy": {"discovery.sindy", "discovery.subset", "discovery.candidates", "discovery.force_law"},
     "emcee": {"discovery.ensembles", "discovery.checkpoint", "discovery.diagnostics"},
     "matplotlib": {"discovery.report"},
     "corner": {"discovery.report"},

@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 
 from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
-from discovery.registry import catalogue
+from discovery.registry import catalogue, get_effect
 from discovery.report import build_report
-from discovery.report.equations import effect_formula, model_formulas
+from discovery.report.effect_formulas import effect_formula
+from discovery.report.equations import model_formulas
 from discovery.report.formula import formula
 from discovery.report.mathml import block
 from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
@@ -421,6 +422,32 @@ def test_an_oscillator_is_written_in_its_own_coordinate() -> None:
     effects = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "quadratic_drag"]
     (line,) = model_formulas({"base": "oscillator", "effects": effects}, "oscillator")
     assert _text(block(line.body)) == "q..+ξq.+αq+βq3+c2q.|q.|=gu"
+
+
+def test_what_effects_change_together_is_one_law() -> None:
+    """Two offsets of the camera, two delays, two gains of the drive: what is read is what all of them leave."""
+    effects = ["angle_offset", "sensor_delay", "input_gain", "position_scale", "time_base_error", "input_offset"]
+    law = ["radius_law", "radius_quartic"]
+    lines = model_formulas({"base": "constant_radius", "effects": effects + law}, "flexible_arm")[2:]
+    texts = [_text(block(line.body)) for line in lines]
+    assert texts[0] == "xread=(s+1)(xtcos(θ0)-ytsin(θ0)),yread=(s+1)(xtsin(θ0)+ytcos(θ0))"
+    assert re.fullmatch(r"tread=t−dtt−j\(.*\)−τ", texts[1])
+    assert texts[2:] == ["θm→θh+θm(kh+1)", "ρt/l=r4δ4+cos(γδ)"]
+    assert lines[3].words == f"{get_effect('radius_law').title()}. {get_effect('radius_quartic').title()}"
+
+
+def test_an_inner_law_acts_on_each_place_of_the_rod() -> None:
+    memory = {"effects": ["linear_stiffness", "hysteresis", "asymmetric_viscous_damping"]}
+    (equation, _, hysteresis) = model_formulas({"base": "constant_radius", **memory}, "flexible_arm")
+    assert _text(block(equation.body)) == "θ..t+αδ+3∫01(1−s)(αhbzh)ds+ξa|θ.t|=0"
+    assert _text(block(hysteresis.body)).startswith("P=3∫01(−αhbzhb.)ds,z.h=b.-")
+    line, _ = model_formulas({"base": "oscillator", **memory}, "oscillator")
+    assert _text(block(line.body)) == "q..+αq+αhbzh+ξa|q.|=gu"
+
+
+def test_a_joint_turns_the_rod() -> None:
+    lines = model_formulas({"base": "elastica", "effects": ["linear_stiffness", "base_backlash"]}, "flexible_arm")
+    assert _text(block(lines[-1].body)).startswith("θ→θ+p,p=3cpb+wpb")
 
 
 def test_a_discovered_input_stands_on_the_right(oscillator: Made) -> None:

@@ -297,6 +297,52 @@ def test_lanes_do_not_know_each_other(base: str) -> None:
         np.testing.assert_array_equal(sim(sets[:, one], deflection[one], rate[one]), together[:, :, one])
 
 
+@pytest.mark.parametrize("base", ["constant_radius", "elastica_2", "oscillator"])
+def test_effects_of_a_neighbour_change_no_digit(base: str) -> None:
+    time = np.linspace(0.0, 1.0, 21)
+    sim = simulator(base, time, trapezoid(1.0, 1.25), 0.02)
+    values = {"xi": 0.05, "alpha": 9.0, "mu": 0.3}
+    # One effect a column, those of odd columns with a second one; the last columns have none.
+    effects = [e for e in every_effect(base) if e not in ("viscous_damping", "linear_stiffness")]
+    sets = columns(sim.names, values, len(effects) + 3)
+    for k, effect in enumerate(effects):
+        for name in (effect, *effects[k % 2 * 7 : k % 2 * 8]):
+            for p in catalogue()[name].parameters():
+                if p.name in sim.names and not p.shape:
+                    sets[sim.names.index(p.name), k] = p.starts[0] if p.starts else 1e-3
+    start = np.full(sets.shape[1], 0.3), np.zeros(sets.shape[1])
+    together = sim(sets, *start)
+    assert np.isfinite(together).all()
+    moved = np.abs(together - together[:, :, -1:]).max(axis=(0, 1))
+    assert (moved[: len(effects)] > 0).mean() > 0.9
+    order = np.random.default_rng(2).permutation(sets.shape[1])
+    np.testing.assert_array_equal(sim(sets[:, order], *start), together[:, :, order])
+    for k in range(sets.shape[1]):
+        one = slice(k, k + 1)
+        np.testing.assert_array_equal(sim(sets[:, one], start[0][one], start[1][one]), together[:, :, one])
+
+
+@pytest.mark.parametrize("base", ["constant_radius", "elastica_2", "oscillator"])
+def test_absent_effects_leave_the_motion_to_the_others(base: str) -> None:
+    time, drive = np.linspace(0.0, 2.0, 41), trapezoid(1.0, 1.25)
+    values = {"xi": 0.05, "alpha": 9.0, "mu": 0.3, "c_2": 0.1, "tau": 0.02, "v": 0.05}
+    effects = ("viscous_damping", "linear_stiffness", "quadratic_drag", "sensor_delay", "viscoelastic_relaxation")
+    few = Simulator(base, effects, time, drive, step=0.01)
+    whole = run(simulator(base, time, drive, 0.01), values)
+    np.testing.assert_allclose(whole, run(few, values), rtol=0, atol=1e-13)
+
+
+def test_a_late_instrument_leaves_a_prompt_one_beside_it_alone() -> None:
+    # Samples on the steps, where a prompt and a late reading lie in different ones.
+    time = np.linspace(0.0, 2.0, 101)
+    sim = simulator("constant_radius", time, trapezoid(1.0, 1.25), 0.02)
+    sets = columns(sim.names, {"xi": 0.05, "alpha": 9.0}, 2)
+    sets[sim.names.index("tau"), 1] = 0.013
+    both = sim(sets, np.full(2, 0.2), np.zeros(2))
+    np.testing.assert_array_equal(both[:, :, :1], sim(sets[:, :1], np.full(1, 0.2), np.zeros(1)))
+    np.testing.assert_array_equal(both[:, :, 1:], sim(sets[:, 1:], np.full(1, 0.2), np.zeros(1)))
+
+
 def test_a_lane_that_blows_up_leaves_its_neighbours_alone() -> None:
     sim = simulator("oscillator", np.linspace(0.0, 3.0, 31), None, 0.02)
     sets = columns(sim.names, {"alpha": 9.0}, 3)

@@ -53,7 +53,7 @@ def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     dataset = load_dataset(case / "rig.toml", trainings(case), held)
     wanted = make_experiment(blind(read_recording(drive, dataset.rig, require_output=False)), dataset.rig)
     start = time.perf_counter()
-    result = loop(dataset, tell=lambda _: None)
+    result = loop(dataset, follow_up=False, tell=lambda _: None)
     seconds = time.perf_counter() - start
     save_prediction(out / "prediction.csv", wanted, result.before, result.after)
     bare = exact_arm(result.before, dataset)

@@ -43,6 +43,7 @@ def loop(
 ) -> None:
     """Find what the declared model lacks."""
     from discovery.stages import loop as close
+    from discovery.stages import unexplained
 
     initial = _initial(initial_state)
     if initial is not None and target is None:
@@ -56,14 +57,18 @@ def loop(
         wanted = make_experiment(blind(read_recording(target, dataset.rig, require_output=False)), dataset.rig)
     folder = results_folder(out)
     with progress(quiet) as tell:
-        result = close(dataset, tell=tell)
+        result = close(dataset, seed=seed, tell=tell)
+        missing = unexplained(result, dataset, tell=tell)
         from discovery.pipeline import save_prediction, write_loop
 
         if wanted is not None:
             tell("predicting")
             save_prediction(folder / "prediction.csv", wanted, result.before, result.after, initial)
-        write_loop(folder, result)
+        write_loop(folder, result, missing=missing)
     _say_loop(result)
+    if missing is not None and missing.depends:
+        of = " or ".join(", ".join(d.variables) for d in missing.depends)
+        click.echo(f"missing force: depends on {of}; {'a patch is' if missing.patch else 'no patch is'} offered")
 
 
 def _initial(text: str | None) -> tuple[float, float] | None:
@@ -89,7 +94,12 @@ def _say_loop(result) -> None:
             f"{n} = {p['value']:.6g}" + (f" +- {p['sd']:.2g}" if p["sd"] is not None else "") + f" {p['unit']}"
             for n, p in effect["parameters"].items()
         )
-        click.echo(f"added: {effect['id']}" + (f" ({values})" if values else ""))
+        rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
+        click.echo(f"added: {effect['id']}" + (f" ({values})" if values else "") + rivals)
+    for contradiction in result.contradiction.contradictions if result.contradiction else ():
+        click.echo(f"contradiction: {contradiction.sentence}")
+    for separation in result.separations:
+        click.echo(separation.sentence)
     for when in ("before", "after"):
         found = result.errors[when]
         click.echo(

@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import Joint
+from discovery.effect import Effect, Joint, Memory
 from discovery.equation import EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.errors import InputError
 from discovery.export.fitted import FittedModel, given_numbers
@@ -21,7 +21,7 @@ from discovery.program import RECORDED, build_program
 if TYPE_CHECKING:
     from discovery.fit import Fit
 
-__all__ = ["Assignments", "SymbolicModel", "closed_form", "equation_text", "program_of", "to_sympy"]
+__all__ = ["Assignments", "SymbolicModel", "closed_form", "equation_text", "program_of", "received", "to_sympy"]
 
 Assignments = tuple[tuple[sp.Symbol, sp.Expr], ...]
 #: Initial deflection [q] and rate [q/s] in `SymbolicModel.initial`.
@@ -187,14 +187,38 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     return _substituted(found, numbers) if numbers else found
 
 
-#: Letters of the energies, of the power of a load or a memory, and of the turn of the root in a joint.
-LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P", "joint": "p"}
+#: Letters of the energies, and of the power of a load or a memory.
+LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+
+
+def received(model: Model) -> tuple[sp.Symbol, sp.Expr]:
+    """Return what the root of a rod or an oscillator receives, from what is recorded; joints turn it by p."""
+    rigid = tuple(effect.id() for effect in model.terms if not isinstance(effect, Joint))
+    symbol, value = build_program(model.base, rigid).drive[0]
+    return symbol, value if len(rigid) == len(model.effects) else value + sp.Symbol("p", real=True)
+
+
+def _declared(effect: Effect) -> list[str]:
+    """Return what an effect adds to Lagrange's equations of a rod, and the rates of its states."""
+    lines = []
+    if effect.kind in LETTERS:
+        letter, body = LETTERS[effect.kind], f"{effect.expression()}"  # type: ignore[attr-defined]
+        if isinstance(effect, Memory):
+            body = (
+                f"3 int_0^1 ({body}) ds, bend = kappa(s, t)/3" if effect.local else f"sum ({body}), U = sum bend**2/2"
+            )
+        lines.append(f"{effect.id()}: {'F' if getattr(effect, 'on', None) is not None else letter} = {body}")
+    elif isinstance(effect, Joint):
+        lines.append(f"{effect.id()}: p = {effect.expression()}, P = -alpha*root*p', root = kappa(0, t)/3")
+    if isinstance(effect, Memory | Joint):
+        lines += [f"{z}' = {slope}" for z, slope in effect.states().items()]
+    return lines
 
 
 def equation_text(model: Model) -> tuple[str, ...]:
     """Return the equations of motion as plain text, one a line; of a rod, Lagrange's with each effect's energy."""
-    received, from_recorded = build_program(model.base, model.effects).drive[0]
-    drive = () if from_recorded in RECORDED else (f"{received} = {from_recorded}, r_0 being what is recorded",)
+    symbol, from_recorded = received(model)
+    drive = () if from_recorded in RECORDED else (f"{symbol} = {from_recorded}, r_0 being what is recorded",)
     terms = closed_form(model)
     if terms is not None:
         equation = equation_of_motion(model)
@@ -206,10 +230,4 @@ def equation_text(model: Model) -> tuple[str, ...]:
         f"theta(s, t) = theta_m(t){rest} + sum_k q_k(t) {shapes}",
         "d/dt dT/dq_k' - dT/dq_k + dV/dq_k + dD/dq_k' - dP/dq_k' = 0",
     ]
-    for effect in model.terms:
-        if effect.kind in LETTERS:
-            letter = LETTERS[effect.kind] if getattr(effect, "on", None) is None else "F"
-            lines.append(f"{effect.id()}: {letter} = {effect.expression()}")  # type: ignore[attr-defined]
-        if isinstance(effect, Joint):
-            lines += [f"{z}' = {slope}" for z, slope in effect.states().items()]
-    return (*lines, *drive)
+    return (*lines, *[line for effect in model.terms for line in _declared(effect)], *drive)

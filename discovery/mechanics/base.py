@@ -139,6 +139,10 @@ class Base(ABC):
         rod [q] and the turn of its root per curvature [-], see `discovery.program.Program.form`.
         """
 
+    def calmed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the values at which the integration step is chosen: as they are, where every motion converges."""
+        return dict(values)
+
     def highest_frequency(self, values: Mapping[str, float]) -> float:
         """Return the highest small-amplitude angular frequency over sqrt(alpha); it limits the step."""
         return 1.0

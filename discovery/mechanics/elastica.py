@@ -24,6 +24,8 @@ from discovery.mechanics.rod_shapes import (
 )
 from discovery.parameters import HalfNormal, Normal, Parameter
 
+#: Retardation time [s] below which the ringing of a light rod may be chaotic: no step would be small enough.
+_CALM = 1.5e-4
 __all__ = ["BASE", "ONE_MODE", "TWO_MODES", "Elastica", "ElasticaOneMode", "ElasticaTwoModes"]
 
 
@@ -108,49 +110,68 @@ class Elastica(ArmBase):
             sine.append(name(f"sn_{a}", sp.sin(bend)))
             cosine.append(name(f"cs_{a}", sp.cos(bend)))
             rate.append(name(f"rt_{a}", s.omega_m + sum(phi[k][a] * qd[k] for k in range(n))))
-        # Rows 0 .. nodes-1 are the quadrature points, row `nodes` is the tip.
-        points = range(nodes + 1)
+        # The mass that two pieces of the rod carry together: what lies beyond both, the tip included.
+        path = cumulative[:nodes]
+        both = (path.T * weights) @ path
+        carried = {
+            (b, c): name(f"W_{b}{c}", tip_share * (float(both[b, c]) * self.mu + float(weights[b] * weights[c])))
+            for b in range(nodes)
+            for c in range(b + 1)
+        }
+        # Along a turn of the other piece, and along its centripetal acceleration.
+        along = [[carried[max(b, c), min(b, c)] for c in range(nodes)] for b in range(nodes)]
+        across = [[sp.Integer(0)] * nodes for _ in range(nodes)]
+        for b in range(nodes):
+            for c in range(b):
+                turn = name(f"cc_{b}{c}", cosine[b] * cosine[c] + sine[b] * sine[c])
+                along[b][c] = along[c][b] = name(f"G_{b}{c}", carried[b, c] * turn)
+                turn = name(f"ss_{b}{c}", sine[b] * cosine[c] - cosine[b] * sine[c])
+                across[b][c] = name(f"E_{b}{c}", carried[b, c] * turn)
+                across[c][b] = -across[b][c]
+        square = [name(f"rr_{b}", rate[b] ** 2) for b in range(nodes)]
+        whole = [name(f"G_{b}", sum(along[b])) for b in range(nodes)]
+        # Inertial forces at zero q'': base acceleration and centripetal part.
+        pull = [
+            name(f"P_{b}", s.alpha_m * whole[b] + sum(across[b][c] * square[c] for c in range(nodes)))
+            for b in range(nodes)
+        ]
 
-        def integrate(label: str, density: list[sp.Expr]) -> list[sp.Symbol]:
-            named = [name(f"{label}d{b}", density[b]) for b in range(nodes)]
-            return [name(f"{label}{a}", sum(float(cumulative[a, b]) * named[b] for b in range(nodes))) for a in points]
-
-        px = [integrate(f"px{k}_", [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
-        py = [integrate(f"py{k}_", [phi[k][b] * cosine[b] for b in range(nodes)]) for k in range(n)]
-        tip_x = name("tip_x", sum(float(weights[b]) * cosine[b] for b in range(nodes)))
-        tip_y = name("tip_y", sum(float(weights[b]) * sine[b] for b in range(nodes)))
-        # Acceleration at zero q'': base acceleration and centripetal part.
-        ax = integrate("ax_", [-s.alpha_m * sine[b] - rate[b] ** 2 * cosine[b] for b in range(nodes)])
-        ay = integrate("ay_", [s.alpha_m * cosine[b] - rate[b] ** 2 * sine[b] for b in range(nodes)])
-        share = [self.mu * float(weights[a]) for a in range(nodes)] + [sp.Integer(1)]
-
-        def inner(ux, uy, vx, vy) -> sp.Expr:
-            return tip_share * sum(share[a] * (ux[a] * vx[a] + uy[a] * vy[a]) for a in points)
+        def shaped(k: int, at: Sequence[sp.Expr]) -> sp.Expr:
+            return sum(phi[k][b] * at[b] for b in range(nodes))
 
         mass = [[sp.Integer(0)] * n for _ in range(n)]
-        for i in range(n):
-            for j in range(i + 1):
-                mass[i][j] = mass[j][i] = name(f"M_{i}{j}", inner(px[i], py[i], px[j], py[j]))
+        for j in range(n):
+            row = [name(f"G{j}_{b}", shaped(j, along[b])) for b in range(nodes)]
+            for i in range(j, n):
+                mass[i][j] = mass[j][i] = name(f"M_{i}{j}", shaped(i, row))
         stiffness = bending_matrix(self._weights) / 3
         # Kelvin-Voigt: the bending moment follows the curvature rate a little; it calms the ringing of the rod.
         loss = [s.alpha * self.tau_r * sum(float(stiffness[i, j]) * qd[j] for j in range(n)) for i in range(n)]
-        force = tuple(name(f"B_{i}", -inner(px[i], py[i], ax, ay) - loss[i]) for i in range(n))
+        force = tuple(name(f"B_{i}", -shaped(i, pull) - loss[i]) for i in range(n))
 
-        jx, jy = [px[k][nodes] for k in range(n)], [py[k][nodes] for k in range(n)]
+        def total(label: str, share: Sequence[sp.Expr], at: Sequence[sp.Expr]) -> sp.Symbol:
+            return name(label, sum(share[b] * at[b] for b in range(nodes)))
+
+        ends = [sp.Float(float(w)) for w in weights]
+        tip_x, tip_y = total("tip_x", ends, cosine), total("tip_y", ends, sine)
+        jx = [total(f"px_{k}", ends, [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
+        jy = [total(f"py_{k}", ends, [phi[k][b] * cosine[b] for b in range(nodes)]) for k in range(n)]
+        ax = total("ax", ends, [-s.alpha_m * sine[b] - square[b] * cosine[b] for b in range(nodes)])
+        ay = total("ay", ends, [s.alpha_m * cosine[b] - square[b] * sine[b] for b in range(nodes)])
         vx = name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
         vy = name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
-        channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax[nodes], ay[nodes], q, qd)
+        channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd)
         curved = self._weights @ curvatures(quadrature(nodes)[0])
         kappa = [name(f"kp_{a}", sum(float(curved[k, a]) * q[k] for k in range(n))) for a in range(nodes)]
         cube = [name(f"kc_{a}", float(weights[a] / 3) * kappa[a] ** 3) for a in range(nodes)]
         quartic = sum(kappa[a] * cube[a] for a in range(nodes)) / 4
         hardening = tuple(sum(float(curved[k, a]) * cube[a] for a in range(nodes)) for k in range(n))
         channels |= {s.U_4: Channel(quartic, hardening), **self._rod_channels(rod)}
-        path_x, path_y = integrate("hx_", cosine), integrate("hy_", sine)
-        moment_x = tip_share * sum(share[a] * path_x[a] for a in points)
-        moment_y = tip_share * sum(share[a] * path_y[a] for a in points)
-        lever_x = [tip_share * sum(share[a] * px[k][a] for a in points) for k in range(n)]
-        lever_y = [tip_share * sum(share[a] * py[k][a] for a in points) for k in range(n)]
+        beyond = weights @ path
+        first = [name(f"W_{b}", tip_share * (float(beyond[b]) * self.mu + float(weights[b]))) for b in range(nodes)]
+        moment_x, moment_y = total("mx", first, cosine), total("my", first, sine)
+        lever_x = [total(f"lx_{k}", first, [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
+        lever_y = [total(f"ly_{k}", first, [phi[k][b] * cosine[b] for b in range(nodes)]) for k in range(n)]
         c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
         channels[s.x_g] = Channel(
             c * moment_x - sn * moment_y, tuple(c * a - sn * b for a, b in zip(lever_x, lever_y, strict=True))
@@ -159,13 +180,9 @@ class Elastica(ArmBase):
             sn * moment_x + c * moment_y, tuple(sn * a + c * b for a, b in zip(lever_x, lever_y, strict=True))
         )
         # Angular momentum, the sum of p x v; its rate is that of p x a.
-        speed_x = [-s.omega_m * path_y[a] + sum(px[k][a] * qd[k] for k in range(n)) for a in points]
-        speed_y = [s.omega_m * path_x[a] + sum(py[k][a] * qd[k] for k in range(n)) for a in points]
-
-        def moment(ux, uy) -> sp.Expr:
-            return tip_share * sum(share[a] * (path_x[a] * uy[a] - path_y[a] * ux[a]) for a in points)
-
-        channels[s.h] = Channel(moment(speed_x, speed_y), tuple(moment(px[k], py[k]) for k in range(n)), moment(ax, ay))
+        arms = [name(f"h_{k}", shaped(k, whole)) for k in range(n)]
+        momentum = s.omega_m * sum(whole) + sum(arms[k] * qd[k] for k in range(n))
+        channels[s.h] = Channel(momentum, tuple(arms), sum(pull))
         # U = |L^T q|^2 / 2 with L L^T the bending matrix: its components relax, each by itself.
         root = np.linalg.cholesky(stiffness)
         components = tuple(
@@ -266,6 +283,10 @@ class Elastica(ArmBase):
             bend = bend - ahead / (1 + root * (curvature @ (exponents * bend ** (exponents - 1))))
         slope = exponents * bend ** (exponents - 1)
         return self._static_fit @ bend**exponents, self._static_fit @ slope * rate / (1 + root * (curvature @ slope))
+
+    def calmed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the values with the least damping of the rod at which its ringing has a converged solution."""
+        return {**values, "tau_r": max(values.get("tau_r", 0.0), _CALM)}
 
     def highest_frequency(self, values: Mapping[str, float]) -> float:
         """Return the highest small-amplitude angular frequency over sqrt(alpha)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,16 @@ from discovery.dynamic_reduction import DYNAMIC_REDUCTION
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
 from discovery.registry import get_effect
+from discovery.report.effect_formulas import (
+    LETTERS,
+    along_the_rod,
+    coordinate_name,
+    effect_formula,
+    equal,
+    laws,
+    signed,
+    together,
+)
 from discovery.report.mathml import expression, number, power, row, symbol, total
 
 if TYPE_CHECKING:
@@ -18,10 +28,7 @@ if TYPE_CHECKING:
     from discovery.effect import Effect
     from discovery.mechanics.base import Mechanics
 
-__all__ = ["Formula", "discovered_equation", "effect_formula", "model_formulas"]
-
-#: Letters of the energies, of the power of a load or a memory, and of the turn of the root in a joint.
-_LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P", "joint": "p"}
+__all__ = ["Formula", "discovered_equation", "model_formulas"]
 
 
 @dataclass(frozen=True)
@@ -40,57 +47,6 @@ class Formula:
     body: str
 
 
-def _coordinate(system: str) -> str:
-    return "theta_t" if system == "flexible_arm" else "q"
-
-
-def _equal(left: str, right: str) -> str:
-    return row(left, "<mo>=</mo>", right)
-
-
-def effect_formula(effect: Effect, system: str) -> str:
-    """Return what an effect declares: its energy, power, law or what the instrument reports.
-
-    Parameters
-    ----------
-    effect : Effect
-        The effect.
-    system : str
-        Kind of system.
-    """
-    import sympy as sp
-
-    name = _coordinate(system)
-    if effect.kind in _LETTERS:
-        letter = "F" if getattr(effect, "on", None) is not None else _LETTERS[effect.kind]
-        lines = [_equal(symbol(letter), expression(effect.expression(), name))]  # type: ignore[attr-defined]
-        if effect.kind in ("memory", "joint"):
-            for state, rate in effect.states().items():  # type: ignore[attr-defined]
-                lines.append(_equal(symbol(state.name, 1), expression(rate, name)))
-        return row('<mo>,</mo><mspace width="1em"/>'.join(lines))
-    if effect.kind == "shape":
-        # Kappa_r is the curvature at the root.
-        added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
-        return row(symbol("theta"), "<mo>→</mo>", symbol("theta"), "<mo>+</mo>", expression(added, name))
-    if effect.kind == "closure":
-        ratio = row(symbol("rho_t"), "<mo>/</mo>", symbol("l"))
-        return _equal(ratio, expression(effect.expression(), name))  # type: ignore[attr-defined]
-    if effect.kind == "drive":
-        entered = symbol("theta_m" if system == "flexible_arm" else "u")
-        return row(entered, "<mo>→</mo>", expression(effect.expression(), name))  # type: ignore[attr-defined]
-    late = effect.lateness()  # type: ignore[attr-defined]
-    if late != 0:
-        return _equal(symbol("t_read"), row(symbol("t"), "<mo>−</mo>", expression(late, name)))
-    if system == "flexible_arm":
-        true = sp.symbols("tip_x tip_y", real=True)
-        read = effect.arm_reading(*true)  # type: ignore[attr-defined]
-        names = ("x_read", "y_read")
-        lines = [_equal(symbol(n), expression(e, name)) for n, e in zip(names, read, strict=True)]
-        return row('<mo>,</mo><mspace width="1em"/>'.join(lines))
-    true_output = sp.Symbol("q", real=True)
-    return _equal(symbol("q_read"), expression(effect.oscillator_reading(true_output), name))  # type: ignore[attr-defined]
-
-
 def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
     """Return what an effect adds to the left-hand side of an equation of one coordinate."""
     import sympy as sp
@@ -106,8 +62,9 @@ def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
         acceleration = sp.Symbol("acceleration", real=True)
         pairs = ((s.theta_m, s.omega_m), (s.omega_m, s.alpha_m), (s.theta, s.omega), (s.omega, acceleration))
         return sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(declared, s.theta)
+    simple = {s.rho: 1, s.v2: s.omega**2, s.w2: s.delta_dot**2}
     if getattr(effect, "on", None) is not None:
-        return -declared * _lever(effect.on, mechanics)  # type: ignore[attr-defined]
+        return (-declared * _lever(effect.on, mechanics)).subs(simple)  # type: ignore[attr-defined]
     channels = s.POSITION_CHANNELS if effect.kind == "potential" else s.RATE_CHANNELS
     sign = -1 if effect.kind == "load" else 1
     added = sp.Integer(0)
@@ -115,7 +72,7 @@ def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
         force = sp.diff(declared, channel)
         if force != 0:
             added += sign * force * _lever(channel, mechanics)
-    return added.subs({s.rho: 1, s.v2: s.omega**2, s.w2: s.delta_dot**2}).doit()
+    return added.subs(simple).doit()
 
 
 def _lever(channel: sp.Symbol, mechanics: Mechanics) -> sp.Expr:
@@ -140,21 +97,19 @@ def _rounded(value: sp.Expr) -> sp.Expr:
 def _scalar_equation(model: Mapping, system: str) -> str:
     """Return the equation of motion of the paper's arm or of an oscillator."""
     mechanics = get_base(model["base"]).mechanics(rod_of(map(get_effect, model["effects"])))
-    name = _coordinate(system)
+    name = coordinate_name(system)
     parts = [symbol(name, 2)]
     for effect_id in model["effects"]:
         effect = get_effect(effect_id)
-        if effect.kind in _LETTERS:
+        if effect.kind in LETTERS:
             pushes = _rounded(_push(effect, mechanics)).as_ordered_terms()
-            parts += [_signed(expression(push, name)) for push in pushes if push != 0]
+            written = [expression(push, name) for push in pushes if push != 0]
+            if getattr(effect, "local", False) and system == "flexible_arm":
+                # The static shape has the bending (1 - s) delta.
+                written = [along_the_rod(row("<mn>1</mn><mo>−</mo>", symbol("s")), *written)]
+            parts += [signed(body) for body in written]
     right = "<mn>0</mn>" if system == "flexible_arm" else row(symbol("g"), '<mspace width="0.12em"/>', symbol("u"))
-    return _equal(row(*parts), right)
-
-
-def _signed(body: str) -> str:
-    """Return a term of a sum with its sign in front."""
-    minus = "<mrow><mo>−</mo>"
-    return f"<mo>−</mo><mrow>{body.removeprefix(minus)}" if body.startswith(minus) else f"<mo>+</mo>{body}"
+    return equal(row(*parts), right)
 
 
 def _exact_arm() -> list[Formula]:
@@ -165,7 +120,7 @@ def _exact_arm() -> list[Formula]:
         return f"<mfrac>{row('<mo>∂</mo>', symbol(letter))}{row('<mo>∂</mo>', symbol('q_k', dots))}</mfrac>"
 
     modes = row("<munder><mo>∑</mo><mi>k</mi></munder>", symbol("q_k"), at("t"), symbol("phi_k"), at("s"))
-    shape = _equal(row(symbol("theta"), at("s", "t")), row(symbol("theta_m"), at("t"), "<mo>+</mo>", modes))
+    shape = equal(row(symbol("theta"), at("s", "t")), row(symbol("theta_m"), at("t"), "<mo>+</mo>", modes))
     lagrange = row(
         f"<mfrac><mi>d</mi>{row('<mi>d</mi>', symbol('t'))}</mfrac>", partial("T", 1), "<mo>−</mo>", partial("T", 0),
         "<mo>+</mo>", partial("V", 0), "<mo>+</mo>", partial("D", 1), "<mo>=</mo>", symbol("Q_k"),
@@ -181,9 +136,7 @@ def _exact_arm() -> list[Formula]:
     return [
         Formula("Shape of the rod, inextensible, in a few curvature modes", shape),
         Formula("Lagrange’s equations, T the kinetic energy of the rod and of the tip", lagrange),
-        Formula(
-            "Elastic energy of the rod per unit of stiffness, s in lengths of the arm", _equal(symbol("U"), energy)
-        ),
+        Formula("Elastic energy of the rod per unit of stiffness, s in lengths of the arm", equal(symbol("U"), energy)),
     ]
 
 
@@ -201,7 +154,7 @@ def _reduced_arm() -> list[Formula]:
         ("", row(symbol("alpha"), "<mo>(</mo>", spring, "<mo>)</mo>")),
     ]
     words = "Mass on the elastica’s radius law, to third order, without a free parameter; effects add"
-    return [Formula(words, _equal(row(total(terms), "<mo>+</mo><mo>…</mo>"), number("0")))]
+    return [Formula(words, equal(row(total(terms), "<mo>+</mo><mo>…</mo>"), number("0")))]
 
 
 def model_formulas(model: Mapping, system: str) -> list[Formula]:
@@ -227,16 +180,18 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
             found.append(
                 Formula(
                     "with the deflection",
-                    _equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m"))),
+                    equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m"))),
                 )
             )
     else:
         found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
-    for effect_id in model["effects"]:
-        effect = get_effect(effect_id)
-        if not scalar or effect.kind not in _LETTERS or effect.kind == "memory":
-            found.append(Formula(effect.title(), effect_formula(effect, system)))
-    return found
+    effects = [get_effect(e) for e in model["effects"]]
+    shown = [e for e in effects if not scalar or e.kind not in LETTERS or e.kind == "memory"]
+    return found + [Formula(". ".join(e.title() for e in group), _of(group, system)) for group in together(shown)]
+
+
+def _of(group: Sequence[Effect], system: str) -> str:
+    return effect_formula(group[0], system) if len(group) == 1 else laws(group, system)
 
 
 def discovered_equation(terms: list[tuple[str, str]], inputs: list[tuple[str, str]], system: str) -> str:
@@ -249,4 +204,4 @@ def discovered_equation(terms: list[tuple[str, str]], inputs: list[tuple[str, st
     system : str
         Kind of system.
     """
-    return _equal(total([("", symbol(_coordinate(system), 2)), *terms]), total(inputs))
+    return equal(total([("", symbol(coordinate_name(system), 2)), *terms]), total(inputs))

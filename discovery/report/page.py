@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from discovery.io import atomic_write
-from discovery.report import evidence, measures
+from discovery.report import ambiguity, evidence, latent, measures
 from discovery.report.equations import Formula, discovered_equation, model_formulas
 from discovery.report.estimates import (
     elastica_table,
@@ -127,6 +127,11 @@ def _tables(run: Run) -> dict[str, Table]:
         evidence.dependence_table(run),
         evidence.effects_table(run),
         evidence.ranking_table(run),
+        latent.dependence_table(run),
+        latent.patches_table(run),
+        ambiguity.separation_table(run),
+        ambiguity.moves_table(run),
+        ambiguity.contradictions_table(run),
         final_table(run),
     ]
     return {table.name: table for table in made if table is not None}
@@ -238,6 +243,7 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "elastica": r.get("elastica") if "elastica" in tables else None,
         "paper": published(run).get("source", ""),
         "steps": _steps(run),
+        "unexplained": latent.sentences(run),
         "is_arm": run.is_arm,
         "provenance": r["provenance"],
         "effects": effects_used(run),

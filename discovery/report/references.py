@@ -10,7 +10,7 @@ from importlib.resources import files
 from markupsafe import Markup
 
 from discovery.registry import catalogue
-from discovery.report.equations import effect_formula
+from discovery.report.effect_formulas import effect_formula
 from discovery.report.mathml import inline
 from discovery.report.results import Run
 from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title

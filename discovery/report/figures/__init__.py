@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from discovery.report import latent
 from discovery.report.figures import (
     amplitude,
     corner_plot,
@@ -11,6 +12,7 @@ from discovery.report.figures import (
     errors,
     inclusion,
     laws,
+    manoeuvre,
     motion,
     phase,
     ranking,
@@ -32,6 +34,8 @@ SECTIONS: dict[str, tuple[Draw, ...]] = {
     "elastica": (laws.draw,),
     "residual": (residual.draw, residual.draw_spectrum, amplitude.draw),
     "story": (ranking.draw_steps, ranking.draw),
+    "undecided": (manoeuvre.draw,),
+    "unexplained": (latent.draw_time, latent.draw_states, latent.draw_map),
     "predictions": (time_history.draw,),
 }
 

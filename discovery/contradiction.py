@@ -1,0 +1,302 @@
+r"""Fitted values that contradict the rig or the elastica: an effect that free parameters absorb leaves no residual.
+
+Base compliance hides in alpha, a camera's scale in the length, a nonlinear material in beta. So each fitted value is
+tested against the distribution that first principles predict for it:
+
+* alpha against :math:`3EI / (m_\mathrm{eff} l^3)` of the rig, see `discovery.prediction`;
+* the rod's mass ratio mu and, where it is free, the length against what the rig states;
+* on the bases with one coordinate alpha, beta / alpha and gamma against what the same model would find if the arm were
+  the exact one: fitted to the exact arm in the same manoeuvre, it has the same errors of its own.
+
+A contradiction is a difference of more than three combined standard deviations, with the error of the whole family of
+tests controlled (Holm, Scandinavian Journal of Statistics 6 (1979) 65).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from discovery.attribution import candidates as possible
+from discovery.batch import fit_problems
+from discovery.covariance import covariance_of
+from discovery.exact_counterpart import exact_counterpart
+from discovery.fit import Fit
+from discovery.mechanics import get_base
+from discovery.prediction import predict
+from discovery.problem import Problem
+from discovery.reconciliation import Reconciliation, reconcile
+from discovery.residual import correlation_length
+
+__all__ = ["Check", "Contradiction", "ContradictionReport", "check_contradictions"]
+
+#: A difference of so many standard deviations is a contradiction.
+LIMIT = 3.0
+#: What is known of the rig alone is freed beyond so many of its standard deviations.
+_WIDE = 30.0
+#: Where a value that was held back by its bound is looked for, in these standard deviations.
+_AWAY = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+#: Standard deviation of what the exact arm predicts for beta / alpha and gamma of a model of another kind.
+_LAW = 0.005
+
+
+@dataclass(frozen=True)
+class Check:
+    """One fitted value against its predicted distribution.
+
+    Parameters
+    ----------
+    parameter, unit : str
+        What is tested; ``beta/alpha`` is the ratio.
+    value, sd : float
+        From the recordings alone, whose residual may be correlated.
+    predicted, predicted_sd : float
+        Mean and standard deviation of the prediction.
+    z : float
+        Their difference over the root of the sum of both variances.
+    p : float
+        Two-sided probability of such a difference, multiplied as Holm's method asks for the number of tests.
+    source : str
+        Where the prediction comes from.
+    """
+
+    parameter: str
+    unit: str
+    value: float
+    sd: float
+    predicted: float
+    predicted_sd: float
+    z: float
+    p: float
+    source: str
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the value and its prediction exclude each other."""
+        return self.p < math.erfc(LIMIT / math.sqrt(2))
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A value that contradicts its prediction, and what could reconcile them.
+
+    Parameters
+    ----------
+    check : Check
+        The test.
+    tried : tuple of Reconciliation
+        Effects that could take the value to its prediction, those that reconcile first, the best or simplest of them
+        at the head.
+    """
+
+    check: Check
+    tried: tuple[Reconciliation, ...]
+
+    @property
+    def reconciling(self) -> tuple[str, ...]:
+        """Effects that reconcile; more than one are ambiguous."""
+        return tuple(r.effect for r in self.tried if r.reconciles)
+
+    @property
+    def sentence(self) -> str:
+        """The contradiction in words."""
+        c = self.check
+        head = (
+            f"{c.parameter} = {c.value:.5g} ± {c.sd:.2g} {c.unit} contradicts {c.source}, "
+            f"{c.predicted:.5g} ± {c.predicted_sd:.2g} (z = {c.z:.1f}, p = {c.p:.1g}); "
+        )
+        if not self.reconciling:
+            return head + "no effect of the catalogue reconciles them."
+        best = self.tried[0]
+        also = f"; so would {', '.join(self.reconciling[1:])}" if len(self.reconciling) > 1 else ""
+        return head + f"{best.effect} reconciles them and removes {best.evidence:.3g} of the total chi-square{also}."
+
+
+@dataclass(frozen=True)
+class ContradictionReport:
+    """All tests of a fit, and the contradictions among them."""
+
+    checks: tuple[Check, ...]
+    contradictions: tuple[Contradiction, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {
+            "checks": [
+                {
+                    "parameter": c.parameter,
+                    "unit": c.unit,
+                    "value": c.value,
+                    "sd": c.sd,
+                    "predicted": c.predicted,
+                    "predicted_sd": c.predicted_sd,
+                    "z": c.z,
+                    "p": c.p,
+                    "source": c.source,
+                    "contradicts": c.contradicts,
+                }
+                for c in self.checks
+            ],
+            "contradictions": [
+                {
+                    "parameter": c.check.parameter,
+                    "reconciling": list(c.reconciling),
+                    "tried": [r.summary() for r in c.tried],
+                    "sentence": c.sentence,
+                }
+                for c in self.contradictions
+            ],
+        }
+
+
+def check_contradictions(
+    fit: Fit,
+    rng: np.random.Generator,
+    *,
+    candidates: Sequence[str] | None = None,
+    least_gain: float = 40.0,
+    progress: Callable[[str], None] | None = None,
+) -> ContradictionReport:
+    """Test a fit against the rig and the elastica, and look for effects that reconcile what contradicts.
+
+    Parameters
+    ----------
+    fit : Fit
+        The final fit of an arm; of any other system nothing is predicted. Its bench should hold the candidates, or
+        another kernel is compiled.
+    rng : numpy.random.Generator
+        Source of the draws of the rig's quantities.
+    candidates : sequence of str, optional
+        Effects that may reconcile; by default all that could be missing.
+    least_gain : float
+        Chi-square by which a reconciled fit may be worse on the recordings.
+    progress : callable, optional
+        Receives one sentence before every longer piece of work.
+
+    Returns
+    -------
+    ContradictionReport
+    """
+    experiments = fit.problem.bench.experiments
+    if not experiments[0].is_arm:
+        return ContradictionReport((), ())
+    found: list[tuple[Check, Fit]] = [*_against_rig(fit), *_against_mechanics(fit, rng)]
+    checks = _adjusted([c for c, _ in found])
+    if candidates is None:
+        # What the exact arm contains is in the prediction already.
+        provided = get_base("elastica").provides
+        candidates = [e for e in possible(fit.model, experiments[0].recording.units[0]) if e not in provided]
+    contradictions = []
+    for check, (_, freed) in zip(checks, found, strict=True):
+        if check.contradicts:
+            name, scale = check.parameter, 1.0
+            if name == "beta/alpha":
+                name, scale = "beta", fit.values["alpha"]
+            target = (scale * check.predicted, abs(scale) * check.predicted_sd)
+            tried = reconcile(freed, name, target, candidates, z=check.z, least_gain=least_gain, progress=progress)
+            contradictions.append(Contradiction(check, tried))
+    return ContradictionReport(tuple(checks), tuple(contradictions))
+
+
+def _check(parameter: str, unit: str, value: tuple[float, float], predicted: tuple[float, float], source: str) -> Check:
+    z = (value[0] - predicted[0]) / math.hypot(value[1], predicted[1])
+    return Check(parameter, unit, *value, *predicted, z, math.erfc(abs(z) / math.sqrt(2)), source)
+
+
+def _adjusted(checks: Sequence[Check]) -> list[Check]:
+    """Return the checks with Holm's adjusted probabilities: k times the smallest, then k - 1 times the next, ..."""
+    order = sorted(range(len(checks)), key=lambda i: checks[i].p)
+    adjusted, largest = list(checks), 0.0
+    for rank, i in enumerate(order):
+        largest = min(1.0, max(largest, (len(checks) - rank) * checks[i].p))
+        adjusted[i] = replace(checks[i], p=largest)
+    return adjusted
+
+
+def _length(fit: Fit) -> float:
+    """Return how many samples of the residual count as one."""
+    return correlation_length(fit.problem.bench.experiments, fit.predict())
+
+
+def _estimate(fit: Fit, name: str) -> tuple[float, float]:
+    """Return a fitted value and its standard deviation; samples whose residuals are correlated count for fewer."""
+    return fit.values[name], fit.sd[name] * math.sqrt(_length(fit))
+
+
+def _against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
+    """Test what the rig knows and the fit may move, each with the fit that is free of the rig's opinion."""
+    rig = fit.problem.bench.experiments[0].rig
+    stated: dict[str, tuple[float, float, str]] = {}
+    if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
+        spread = math.hypot(rig.beam_mass.sd / rig.beam_mass.value, rig.tip_mass.sd / rig.tip_mass.value)
+        ratio = rig.beam_mass.value / rig.tip_mass.value
+        stated["mu"] = (ratio, ratio * spread, "the rig's masses")
+    if rig.length is not None:
+        stated["length"] = (rig.length.value, rig.length.sd, "the rig's length")
+    found = []
+    for name, (mean, sd, source) in stated.items():
+        if not sd or name not in fit.problem.gaussian or name not in fit.problem.free:
+            continue
+        freed = _freed(fit, name, (mean, sd))
+        if name in freed.reasons:
+            continue
+        value, spread = _estimate(freed, name)
+        # Far from its minimum the likelihood may be flatter than its curvature there says: its ratio has the last word.
+        inside = fit.values[name]
+        gain = 2 * (fit.minimum.cost - freed.minimum.cost) + ((inside - mean) / sd) ** 2
+        gain -= ((inside - fit.problem.gaussian[name][0]) / fit.problem.gaussian[name][1]) ** 2
+        scale = max(1.0, freed.reduced_chi2) * _length(freed)
+        spread = math.sqrt(max(spread**2, scale * (value - mean) ** 2 / max(gain, 1e-9) - sd**2))
+        found.append((_check(name, fit.model.parameters[name].unit, (value, spread), (mean, sd), source), freed))
+    return found
+
+
+def _freed(fit: Fit, name: str, stated: tuple[float, float]) -> Fit:
+    """Return the fit without what the rig says about one parameter."""
+    old, (mean, sd) = fit.problem, stated
+    problem = Problem(old.model, old.bench, old.units, {**old.gaussian, name: (mean, _WIDE * sd)})
+    starts = [fit.minimum.x]
+    if name in fit.reasons:
+        # Held back by a bound: the nearest minimum beyond it need not be the lowest, for the rod rings.
+        for away in _AWAY:
+            x = fit.minimum.x.copy()
+            x[old.free.index(name)] = mean + away * sd
+            starts.append(x)
+    minimum = min(fit_problems([problem] * len(starts), starts, iterations=25), key=lambda m: m.cost)
+    covariance, reasons, directions = covariance_of(problem, minimum)
+    return Fit(problem, minimum, covariance, reasons, directions, fit.solver_shift)
+
+
+def _against_mechanics(fit: Fit, rng: np.random.Generator) -> list[tuple[Check, Fit]]:
+    """Test alpha against the rig, and the laws of bases with one coordinate against the exact arm."""
+    rig = fit.problem.bench.experiments[0].rig
+    exact = fit.model.base.startswith("elastica")
+    laws = [n for n in ("beta", "gamma") if n in fit.problem.free and n not in fit.reasons]
+    if not exact:
+        same = exact_counterpart(fit)
+        # A wrong length looks like another radius law.
+        longer = exact_counterpart(fit, longer=0.0 if rig.length is None else rig.length.sd / rig.length.value)
+        # Errors that the model has of its own are in the prediction too: only what is left beside them counts.
+        left = math.sqrt(max(1.0, fit.reduced_chi2 - same.chi2 / fit.problem.bench.n_data) / max(1.0, fit.reduced_chi2))
+    found = []
+    needed = (rig.length, rig.tip_mass, rig.beam_mass, rig.flexural_rigidity)
+    if "alpha" in fit.problem.free and "alpha" not in fit.reasons and None not in needed:
+        draws = predict(rig, rng).draws["rod_counted", "dynamic"]["alpha"]
+        # A simpler base reads another stiffness from the same arm.
+        bias = 1.0 if exact else same.found["alpha"] / same.arm["alpha"]
+        predicted = (bias * float(np.mean(draws)), bias * float(np.std(draws)))
+        source = "3 EI / (m_eff l^3) of the rig"
+        found.append((_check("alpha", "s^-2", _estimate(fit, "alpha"), predicted, source), fit))
+    for law in () if exact else laws:
+        ratio = law == "beta"
+        name, unit = ("beta/alpha", "rad^-2") if ratio else (law, "1")
+        compared = (fit.values, same.found, longer.found)
+        value, mean, other = (v[law] / v["alpha"] if ratio else v[law] for v in compared)
+        sd = left * fit.sd[law] / (fit.values["alpha"] if ratio else 1.0)
+        predicted = (mean, math.hypot(_LAW, other - mean))
+        found.append((_check(name, unit, (value, sd), predicted, "the elastica"), fit))
+    return found

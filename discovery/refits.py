@@ -1,0 +1,244 @@
+"""Bounded refits of a model with every candidate effect added: finite effects decide, all together in one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.attribution import Candidate
+from discovery.batch import answer_on, fit_problems
+from discovery.least_squares import Minimum, levenberg_marquardt, minimise
+from discovery.model import Model
+from discovery.problem import Bench, Problem
+
+__all__ = ["Refit", "finish", "held_fixed", "refit", "relaxed", "unstiffened"]
+
+FloatArray = NDArray[np.float64]
+#: So many of the best quick refits are finished with a differenced Jacobian.
+_FINISHED = 6
+#: A refit that blew up is promising if its linear score is such a share of the best gain;
+_PROMISING = 0.5
+#: finer steps are kept if they lower chi-square by this much.
+_WORTH = 5.0
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A model with a candidate added, refitted."""
+
+    effect: str
+    problem: Problem
+    minimum: Minimum
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared normalised residuals."""
+        return 2 * self.minimum.cost
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name, initial states included."""
+        return dict(zip(self.problem.names, self.minimum.x.tolist(), strict=True))
+
+    def predict(self) -> list[FloatArray]:
+        """Return the channels of every fitted recording, each (n, c)."""
+        return [c[:, :, 0] for c in self.problem.bench.predict(*self.problem.expand(self.minimum.x[:, None]))]
+
+
+def held_fixed(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
+    """Return a fit with what the rig knows held at its fitted value: the rod's ringing would trap a search."""
+    nuisance = [n for n in problem.gaussian if n in problem.free]
+    known = {**problem.model.known, **{n: float(minimum.x[problem.names.index(n)]) for n in nuisance}}
+    model = Model(problem.model.base, problem.model.effects, known)
+    keep = [i for i, n in enumerate(problem.names) if n not in nuisance]
+    rows = problem.bench.n_rows
+    residual = minimum.residual[:rows]
+    return Problem(model, problem.bench, problem.units, {}), Minimum(
+        minimum.x[keep],
+        0.5 * float(residual @ residual),
+        residual,
+        minimum.jacobian[:rows, keep],
+        minimum.at_bound[keep],
+        minimum.converged,
+        minimum.iterations,
+    )
+
+
+def refit(
+    model: Model,
+    minimum: Minimum,
+    problem: Problem,
+    shortlist: Sequence[Candidate],
+    *,
+    iterations: int = 30,
+    on_round: Callable[[int], None] | None = None,
+) -> list[Refit]:
+    """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
+
+    Parameters
+    ----------
+    model, minimum, problem : Model, Minimum, Problem
+        The fit so far.
+    shortlist : sequence of Candidate
+        From `discovery.attribution.screen`.
+    iterations : int
+        Largest number of steps of each refit.
+    on_round : callable, optional
+        Called with the number of unfinished refits after every round.
+
+    Returns
+    -------
+    list of Refit
+        Smallest chi-square first.
+    """
+    problems: list[Problem] = []
+    requests = []
+    labels: list[str] = []
+    for candidate in shortlist:
+        extended = Problem(model.with_effect(candidate.effect), problem.bench, problem.units, problem.gaussian)
+        where = [extended.free.index(n) for n in problem.free]
+        added = [i for i in range(len(extended.free)) if i not in where]
+        tail = len(extended.names) - len(extended.free)
+        for vector, columns in candidate.starts:
+            x = np.empty(len(extended.names))
+            jacobian = np.zeros((len(minimum.residual), x.size))
+            x[where], x[added] = minimum.x[: len(problem.free)], vector
+            x[-tail:] = minimum.x[-tail:]
+            jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
+            jacobian[:, -tail:] = minimum.jacobian[:, -tail:]
+            jacobian[: len(columns), added] = columns
+            # The fitted parameters move with the effect: first-order compensation.
+            push = minimum.residual + jacobian[:, added] @ vector
+            old = [*where, *range(x.size - tail, x.size)]
+            step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
+            lower, upper = extended.bounds
+            x[old] = np.clip(x[old] + step, lower[old], upper[old])
+            problems.append(extended)
+            labels.append(candidate.effect)
+            requests.append(
+                levenberg_marquardt(
+                    x, lower, upper, extended.scale, iterations=iterations, tolerance=1e-3, jacobian=jacobian
+                )
+            )
+    minima = minimise(requests, answer_on(problems), on_round=on_round)
+    # A quick search may stall on its carried Jacobian: the best ones, and those that a nested model cannot be worse
+    # than, are finished with differences.
+    order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
+    stalled = [i for i in order if not minima[i].cost <= minimum.cost]
+    chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
+    starts = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
+    finished = _differenced([problems[i] for i in chosen], starts)
+    for i, found in zip(chosen, finished, strict=True):
+        if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
+            minima[i] = found
+    return _best(zip(labels, problems, minima, strict=True))
+
+
+def unstiffened(
+    model: Model, minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate], quick: Sequence[Refit]
+) -> list[Refit]:
+    """Repeat promising refits that blew up with finer steps: strong damping of the rod makes its ringing stiff.
+
+    Parameters
+    ----------
+    model, minimum, problem, shortlist
+        As for `refit`.
+    quick : sequence of Refit
+        What `refit` found.
+
+    Returns
+    -------
+    list of Refit
+        Smallest chi-square first.
+    """
+    best = {r.effect: r for r in quick}
+    scores = {c.effect: c.score for c in shortlist}
+    checked: set[str] = set()
+    for finer in (2, 4, 8):
+        ranked = sorted(best.values(), key=lambda r: r.chi2)
+        gain = 2 * minimum.cost - ranked[0].chi2
+        promising = [r for i, r in enumerate(ranked) if i < _FINISHED or scores[r.effect] > _PROMISING * gain]
+        promising = [r for r in promising if r.effect not in checked]
+        fine = Problem(problem.model, Bench.like(problem.bench, problem.bench.step / finer), problem.units, {})
+        rough = {r.effect for r in promising if r.minimum.blown or _solver_error(r, fine.bench) > _WORTH}
+        checked |= {r.effect for r in promising} - rough
+        if not rough:
+            break
+        for r in refit(problem.model, minimum, fine, [c for c in shortlist if c.effect in rough]):
+            # Kept where it helps: the finer bench costs more from then on.
+            if r.chi2 < best[r.effect].chi2 - _WORTH:
+                best[r.effect] = r
+            else:
+                checked.add(r.effect)
+    return sorted(best.values(), key=lambda r: r.chi2)
+
+
+def _solver_error(r: Refit, finer: Bench) -> float:
+    """Return how far a finer step moves the residual [noise sds, squared]."""
+    problem = Problem(r.problem.model, finer, r.problem.units, r.problem.gaussian)
+    change = finer.residuals(*problem.expand(r.minimum.x[:, None]))[:, 0] - r.minimum.residual[: finer.n_rows]
+    return float(change @ change) if np.isfinite(change).all() else np.inf
+
+
+def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[Refit]:
+    """Refit with what the rig knows free again: a missing effect may have pushed it off what the rig states.
+
+    Parameters
+    ----------
+    problem, minimum : Problem, Minimum
+        The fit so far, with what the rig knows free.
+    quick : sequence of Refit
+        Refits with it held.
+
+    Returns
+    -------
+    list of Refit
+        Smallest chi-square first.
+    """
+    nuisance = [n for n in problem.gaussian if n in problem.free]
+    fitted = dict(zip(problem.names, minimum.x.tolist(), strict=True))
+    # As fitted so far, and as the rig states; what may not be negative, from inside its bounds.
+    stated = {n: mean if mean > 0 else 0.5 * sd for n, (mean, sd) in problem.gaussian.items()}
+    starts = [{n: fitted[n] for n in nuisance}, {n: stated[n] for n in nuisance}] if nuisance else [{}]
+    problems, vectors, labels = [], [], []
+    for r in quick:
+        model = Model(problem.model.base, r.problem.model.effects, problem.model.known)
+        extended = Problem(model, r.problem.bench, problem.units, problem.gaussian)
+        for known in starts:
+            problems.append(extended)
+            vectors.append(extended.start({**r.values, **known}))
+            labels.append(r.effect)
+    return _best(zip(labels, problems, _differenced(problems, vectors), strict=True))
+
+
+def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
+    """Return a refit without some of its effects, fitted again."""
+    problem = fitted.problem
+    smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
+    (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)])
+    return Refit(smaller.model.effects[-1], smaller, minimum)
+
+
+def _differenced(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
+    """Minimise with differenced Jacobians, together where problems share a bench."""
+    found: dict[int, Minimum] = {}
+    for bench in dict.fromkeys(p.bench for p in problems):
+        own = [i for i, p in enumerate(problems) if p.bench is bench]
+        requests = [
+            levenberg_marquardt(starts[i], *problems[i].bounds, problems[i].scale, iterations=6, tolerance=1e-4)
+            for i in own
+        ]
+        found.update(zip(own, minimise(requests, answer_on([problems[i] for i in own])), strict=True))
+    return [found[i] for i in range(len(problems))]
+
+
+def _best(found) -> list[Refit]:
+    """Return the best refit of each effect, smallest chi-square first."""
+    best: dict[str, Refit] = {}
+    for label, problem, minimum in found:
+        if np.isfinite(minimum.cost) and (label not in best or minimum.cost < best[label].minimum.cost):
+            best[label] = Refit(label, problem, minimum)
+    return sorted(best.values(), key=lambda r: r.chi2)

@@ -1,0 +1,91 @@
+"""Tables of what the recordings cannot decide: rivals with the manoeuvre that separates them, and contradictions."""
+
+from __future__ import annotations
+
+from discovery.report.estimates import symbol_of
+from discovery.report.numbers import MISSING, significant, uncertain, unit_text
+from discovery.report.results import Run
+from discovery.report.tables import Table
+from discovery.report.words import effect_name, listed
+
+__all__ = ["contradictions_table", "moves_table", "separation_table"]
+
+
+def separation_table(run: Run) -> Table | None:
+    """Return how far rival effects lie apart, on the given recordings and on the designed manoeuvre."""
+    designs = run.loop.get("separation")
+    if not designs:
+        return None
+    cells, raw = [], []
+    for i, d in enumerate(designs):
+        pairs = [v for j, row in enumerate(d["similarity"]) for v in row[j + 1 :] if v is not None]
+        alike = max(pairs, default=None)
+        values = [alike, d["given"]["projected"], d["designed"]["projected"], d["designed"]["chi2"]]
+        cells.append([f"{i + 1}", listed(effect_name(e) for e in d["rivals"]), *(significant(v) for v in values)])
+        raw.append([i + 1, "; ".join(d["rivals"]), *values])
+    head = (
+        "manoeuvre",
+        "rivals, simplest first",
+        "similarity",
+        "apart, given",
+        "apart, designed",
+        "chi-square expected",
+    )
+    keys = ("manoeuvre", "rivals", "similarity", "given_projected", "designed_projected", "designed_chi2")
+    caption = (
+        "Effects that these recordings cannot tell apart. Similarity: largest cosine between their sensitivities. "
+        "Apart: rms difference of their predictions that readjusted parameters cannot absorb [noise sds]. Expected: "
+        "chi-square by which the right one will win once the designed manoeuvre is recorded."
+    )
+    return Table("separation", caption, head, cells, keys, raw, (0, 1))
+
+
+def moves_table(run: Run) -> Table | None:
+    """Return the moves of the hub in every designed manoeuvre."""
+    designs = run.loop.get("separation")
+    if not designs:
+        return None
+    cells, raw = [], []
+    for i, d in enumerate(designs):
+        for m in d["moves"]:
+            # A trapezoid of this angle, speed and share of ramps.
+            ramp = m["ramp"] * abs(m["angle"]) / m["speed"] / (1 - m["ramp"])
+            values = [m["start"], m["angle"], m["speed"], ramp]
+            cells.append([f"{i + 1}", *(significant(v) for v in values)])
+            raw.append([i + 1, *values])
+    head = ("manoeuvre", "start [s]", "turn [rad]", "speed [rad/s]", "each ramp [s]")
+    keys = ("manoeuvre", "start_s", "angle_rad", "speed_rad_per_s", "ramp_s")
+    return Table("moves", "Moves of the designed manoeuvres, with a trapezoidal speed.", head, cells, keys, raw)
+
+
+def contradictions_table(run: Run) -> Table | None:
+    """Return every fitted value that was tested against the rig and the elastica."""
+    tested = run.loop.get("contradiction")
+    if not tested or not tested["checks"]:
+        return None
+    reconciling = {c["parameter"]: c["reconciling"] for c in tested["contradictions"]}
+    cells, raw = [], []
+    for c in tested["checks"]:
+        names = reconciling.get(c["parameter"], [])
+        outcome = listed(effect_name(e) for e in names) or "nothing in the catalogue" if c["contradicts"] else MISSING
+        unit = unit_text(c["unit"], run.coordinate_unit)
+        cells.append(
+            [
+                symbol_of(c["parameter"]),
+                uncertain(c["value"], c["sd"]),
+                uncertain(c["predicted"], c["predicted_sd"]),
+                unit,
+                significant(c["z"], 2),
+                significant(c["p"], 2),
+                outcome,
+            ]
+        )
+        keys = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "p")
+        raw.append([*(c[k] for k in keys), "; ".join(names)])
+    head = ("parameter", "fitted ± sd", "predicted ± sd", "unit", "difference [sds]", "p value", "reconciled by")
+    raw_head = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "p", "reconciled_by")
+    caption = (
+        "Fitted values against what the rig and the elastica predict; p values two-sided, corrected for the number of "
+        "tests. An effect that free parameters absorb leaves no residual, but contradicts a prediction."
+    )
+    return Table("contradictions", caption, head, cells, raw_head, raw, (0, 3, 6))

@@ -1,0 +1,129 @@
+"""What effects declare, as formulas: energies, powers, laws, and what the instrument reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from discovery.report.mathml import expression, row, symbol
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from discovery.effect import Effect
+
+__all__ = ["LETTERS", "along_the_rod", "coordinate_name", "effect_formula", "equal", "laws", "signed", "together"]
+
+#: Letters of the energies, and of the power of a load or a memory.
+LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+_NEXT = '<mo>,</mo><mspace width="1em"/>'
+
+
+def coordinate_name(system: str) -> str:
+    """Return what the coordinate of a kind of system is called."""
+    return "theta_t" if system == "flexible_arm" else "q"
+
+
+def equal(left: str, right: str) -> str:
+    """Return an equation."""
+    return row(left, "<mo>=</mo>", right)
+
+
+def signed(body: str) -> str:
+    """Return a term of a sum with its sign in front."""
+    minus = "<mrow><mo>−</mo>"
+    return f"<mo>−</mo><mrow>{body.removeprefix(minus)}" if body.startswith(minus) else f"<mo>+</mo>{body}"
+
+
+def along_the_rod(*factors: str) -> str:
+    """Return three times the integral of a product of formulas along the rod."""
+    bounds = "<msubsup><mo>∫</mo><mn>0</mn><mn>1</mn></msubsup>"
+    product = [f"<mo>(</mo>{factor}<mo>)</mo>" for factor in factors]
+    return row("<mn>3</mn>", bounds, *product, "<mi>d</mi>", symbol("s"))
+
+
+def _turned(by: str) -> str:
+    """Return how much the slope of the rod grows."""
+    return row(symbol("theta"), "<mo>→</mo>", symbol("theta"), "<mo>+</mo>", by)
+
+
+def _states(effect: Any, name: str) -> list[str]:
+    return [equal(symbol(z.name, 1), expression(rate, name)) for z, rate in effect.states().items()]
+
+
+def effect_formula(effect: Effect, system: str) -> str:
+    """Return what an effect declares: its energy, power, law or what the instrument reports.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect.
+    system : str
+        Kind of system.
+    """
+    import sympy as sp
+
+    name, declared = coordinate_name(system), getattr(effect, "expression", None)
+    if effect.kind in LETTERS:
+        assert declared is not None
+        letter = "F" if getattr(effect, "on", None) is not None else LETTERS[effect.kind]
+        body = expression(declared(), name)
+        if getattr(effect, "local", False) and system == "flexible_arm":
+            body = along_the_rod(body)
+        lines = [equal(symbol(letter), body), *(_states(effect, name) if effect.kind == "memory" else [])]
+        return row(_NEXT.join(lines))
+    if effect.kind == "joint":
+        assert declared is not None
+        turn = equal(symbol("p"), expression(declared(), name))
+        return row(_NEXT.join([_turned(symbol("p")), turn, *_states(effect, name)]))
+    if effect.kind == "shape":
+        # Kappa_r is the curvature at the root.
+        added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
+        return _turned(expression(added, name))
+    return laws([effect], system)
+
+
+def together(effects: Iterable[Effect]) -> list[list[Effect]]:
+    """Return effects in groups that share one law: the radius, what is received, what is read, and when."""
+    groups: dict[str, list[Effect]] = {}
+    for effect in effects:
+        key = effect.kind if effect.kind in ("closure", "drive", "sensor") else effect.id()
+        if effect.kind == "sensor" and effect.lateness() != 0:  # type: ignore[attr-defined]
+            key = "late"
+        groups.setdefault(key, []).append(effect)
+    return list(groups.values())
+
+
+def laws(effects: Sequence[Any], system: str) -> str:
+    """Return the one law that closures, drives, or sensors of one kind have together.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        A group as `together` returns it.
+    system : str
+        Kind of system.
+    """
+    import sympy as sp
+
+    from discovery import symbols as s
+    from discovery.program import radius_of
+
+    name, arm = coordinate_name(system), system == "flexible_arm"
+    kind = effects[0].kind
+    if kind == "closure":
+        return equal(row(symbol("rho_t"), "<mo>/</mo>", symbol("l")), expression(radius_of(effects), name))
+    if kind == "drive":
+        law = received = s.theta_m if arm else s.u
+        for effect in effects:
+            law = effect.expression().subs(received, law)
+        return row(symbol(received.name), "<mo>→</mo>", expression(law, name))
+    late = sp.Add(*[effect.lateness() for effect in effects])
+    if late != 0:
+        since = [signed(expression(-term, name)) for term in late.as_ordered_terms()]
+        return equal(symbol("t_read"), row(symbol("t"), *since))
+    read: tuple[sp.Expr, ...] = sp.symbols("tip_x tip_y", real=True) if arm else (sp.Symbol("q", real=True),)
+    for effect in effects:
+        read = effect.arm_reading(*read) if arm else (effect.oscillator_reading(*read),)
+    names = ("x_read", "y_read") if arm else ("q_read",)
+    return row(_NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(names, read, strict=True)))

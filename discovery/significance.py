@@ -1,0 +1,85 @@
+"""How much an effect that is not there would seem to explain: a parametric bootstrap over the whole catalogue.
+
+Under the smaller model a recording is its prediction plus noise. The noise of the bootstrap has the spectrum of what
+the larger model leaves: white where the instrument is all there is, slow where the model is not perfect. Each replicate
+is offered to every shape of every candidate, with the fitted parameters re-adjusted, and the best one counts; to first
+order in the noise that is a projection on the sensitivities of one batched simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.attribution import Candidate
+from discovery.problem import Bench
+
+__all__ = ["REPLICATES", "chance_gains", "surrogates"]
+
+FloatArray = NDArray[np.float64]
+REPLICATES = 200
+
+
+def surrogates(residual: FloatArray, bench: Bench, rng: np.random.Generator, count: int = REPLICATES) -> FloatArray:
+    """Return noise with the spectrum of a residual, channel by channel, and random phases.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        Normalised residual of the bench's recordings, zero in gaps.
+    bench : Bench
+        The recordings.
+    rng : Generator
+        Source of the phases.
+    count : int
+        Number of replicates.
+
+    Returns
+    -------
+    ndarray, shape (n, count)
+        Theiler et al., Physica D 58 (1992) 77: surrogates of a linear Gaussian process.
+    """
+    found = np.empty((residual.size, count))
+    position = 0
+    for e in bench.experiments:
+        shape = e.recording.output.shape
+        part = residual[position : position + shape[0] * shape[1]].reshape(shape)
+        present = e.weights() > 0
+        made = np.empty((*shape, count))
+        for c in range(shape[1]):
+            # Gaps hold zeros; the power of the others stands for them.
+            filled = np.fft.rfft(part[:, c])[:, None] * np.sqrt(shape[0] / max(1, int(present[:, c].sum())))
+            phase = np.exp(2j * np.pi * rng.random((filled.size, count)))
+            made[:, c] = np.fft.irfft(filled * phase, shape[0], axis=0) * present[:, c, None]
+        found[position : position + part.size] = made.reshape(-1, count)
+        position += part.size
+    return found
+
+
+def chance_gains(candidates: Sequence[Candidate], jacobian: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the largest chi-square that any candidate would remove from each replicate of the noise, sorted.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        From `discovery.attribution.screen` around the smaller model.
+    jacobian : ndarray, shape (n, p)
+        Of the smaller model: what its fitted parameters absorb.
+    noise : ndarray, shape (n, k)
+        From `surrogates`.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Smallest first. Bounds are not imposed, so an effect of one sign is judged strictly.
+    """
+    known, _ = np.linalg.qr(jacobian[: len(noise)])
+    left = (noise - known @ (known.T @ noise)).astype(np.float32)
+    largest = np.zeros(noise.shape[1])
+    for candidate in candidates:
+        widths = [d.basis.shape[1] for d in candidate.directions]
+        powers = np.square(np.concatenate([d.basis for d in candidate.directions], axis=1).T @ left)
+        largest = np.maximum(largest, np.add.reduceat(powers, np.cumsum([0, *widths[:-1]]), axis=0).max(axis=0))
+    return np.sort(largest)

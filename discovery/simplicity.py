@@ -1,0 +1,24 @@
+"""Which of equally good explanations comes first: the physically simplest one."""
+
+from __future__ import annotations
+
+from discovery.registry import catalogue
+
+__all__ = ["simplicity"]
+
+
+def simplicity(effect: str, system: str) -> tuple[bool, int, bool, str]:
+    """Return a key that sorts effects, the physically simplest first.
+
+    What imitates others comes last; then no free parameter before one, one before several, and a force before a fault
+    of an instrument: of the camera, or of the encoder.
+
+    Parameters
+    ----------
+    effect : str
+        Id.
+    system : str
+        Kind of system, `discovery.effect.ARM` or `discovery.effect.OSCILLATOR`.
+    """
+    declared = catalogue()[effect]
+    return declared.pliable, len(declared.fitted(system)), declared.kind in ("sensor", "drive"), effect

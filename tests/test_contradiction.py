@@ -1,0 +1,245 @@
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from discovery_datasets.cases import draw_rig
+from discovery_datasets.disturbances import PositionScale
+from discovery_datasets.manoeuvres import trapezoid
+from discovery_datasets.quick_effects import BaseCompliance, MaterialNonlinearity
+from discovery_datasets.twin import PAPER_RIG, ArmRig
+from synthetic_run import write_arm_run
+from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
+
+from discovery.contradiction import Check, Contradiction, ContradictionReport, _adjusted, check_contradictions
+from discovery.exact_counterpart import exact_counterpart
+from discovery.fit import Fit, fit, rig_uncertainty
+from discovery.model import Model
+from discovery.problem import Bench, known_values, natural_units
+from discovery.reconciliation import Reconciliation
+from discovery.report import build_report
+from discovery.rig import PAPER_MODEL, Quantity, Rig
+
+CANDIDATES = tuple(e for e in EFFECTS if e not in BASE)
+RIGIDITY = PAPER_RIG.flexural_rigidity
+#: Gentle, and a poor camera: what the clamp does to the radius hardly shows.
+SLOW = trapezoid(0.5, 0.4)
+
+
+def check(fitted_model: Fit, candidates: tuple[str, ...] = CANDIDATES) -> ContradictionReport:
+    return check_contradictions(fitted_model, np.random.default_rng(0), candidates=candidates)
+
+
+# The tests and their probabilities.
+
+
+def numbers(z: float) -> Check:
+    return Check("alpha", "s^-2", z, 0.6, 0.0, 0.8, z, math.erfc(abs(z) / math.sqrt(2)), "the rig")
+
+
+def test_holm_s_method_multiplies_the_smallest_probability_most() -> None:
+    found = _adjusted([numbers(1.0), numbers(3.1), numbers(-3.05), numbers(0.2)])
+    raw = [numbers(z).p for z in (1.0, 3.1, -3.05, 0.2)]
+    # Never in another order than before: the second smallest is no smaller than the smallest.
+    assert 3 * raw[2] < 4 * raw[1]
+    assert [c.p for c in found] == pytest.approx([2 * raw[0], 4 * raw[1], 4 * raw[1], raw[3]])
+    assert [c.contradicts for c in found] == [False] * 4
+    assert [c.contradicts for c in _adjusted([numbers(3.1)])] == [True]
+    assert [c.contradicts for c in _adjusted([numbers(2.9)])] == [False]
+    assert [c.contradicts for c in _adjusted([numbers(-6.0), numbers(0.0)])] == [True, False]
+
+
+def test_several_effects_that_reconcile_are_all_named() -> None:
+    def tried(effect: str, reconciles: bool) -> Reconciliation:
+        return Reconciliation(effect, {"x": (1.0, 0.1)}, 0.1, 0.1, 100.0, 100.0, 36.0, reconciles)
+
+    both = Contradiction(numbers(6.0), (tried("base_compliance", True), tried("base_backlash", True)))
+    assert both.reconciling == ("base_compliance", "base_backlash")
+    assert "base_compliance reconciles them and removes 36" in both.sentence
+    assert both.sentence.endswith("so would base_backlash.")
+    none = Contradiction(numbers(6.0), (tried("base_compliance", False),))
+    assert none.reconciling == ()
+    assert "no effect of the catalogue reconciles" in none.sentence
+
+
+def test_nothing_is_predicted_for_an_oscillator() -> None:
+    clean = exact("clean")
+    experiment = replace(clean.problem.bench.experiments[0], rig=Rig("o", "oscillator"))
+    bench = object.__new__(Bench)
+    bench.__dict__.update({**clean.problem.bench.__dict__, "experiments": (experiment,)})
+    other = replace(clean, problem=replace(clean.problem, bench=bench))
+    assert check(other) == ContradictionReport((), ())
+
+
+# Clean arms.
+
+
+def stated(rig: ArmRig, rng: np.random.Generator) -> Rig:
+    """Return what an experimenter would state of an arm: every quantity off by its own uncertainty."""
+
+    def drawn(value: float, spread: float) -> Quantity:
+        return Quantity(value * (1 + spread * rng.standard_normal()), spread * value)
+
+    return rig_file(
+        rig,
+        length=drawn(rig.length, 1e-3),
+        tip_mass=drawn(rig.tip_mass, 5e-3),
+        beam_mass=drawn(rig.beam_mass, 2e-2),
+        flexural_rigidity=drawn(rig.flexural_rigidity, 3e-2),
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_clean_arm_contradicts_nothing(seed: int) -> None:
+    rng = np.random.default_rng([7, seed])
+    rig = draw_rig(rng)
+    omega = np.sqrt(3 * rig.flexural_rigidity / (rig.effective_mass * rig.length**3))
+    manoeuvre = trapezoid(rng.uniform(0.6, 1.2), rng.uniform(0.3, 1.0) * omega / 2.2, start=0.3)
+    e = recorded(manoeuvre, rig=rig, stated=stated(rig, rng), duration=8 * np.pi / omega, rate=40, seed=seed)
+    length = e.rig.length
+    assert length is not None
+    gaussian = {**rig_uncertainty(e), "length": (length.value, length.sd)}
+    model, units = Model("elastica", BASE, known_values(e)), natural_units([e])
+    found = check(fit(model, [e], units=units, gaussian=gaussian, tolerance=2e-5), ())
+    assert [c.parameter for c in found.checks] == ["mu", "length", "alpha"]
+    assert found.contradictions == ()
+    # The paper's model errs by tens of noise sds, but as it would on the exact arm.
+    plain = check(fit(Model("constant_radius", PAPER_MODEL, known_values(e)), [e], units=units, tolerance=2e-5), ())
+    assert {"alpha", "beta/alpha"} <= {c.parameter for c in plain.checks}
+    assert plain.contradictions == ()
+
+
+# Effects that hide in a parameter.
+
+
+@cache
+def exact(which: str) -> Fit:
+    """Fit the bare exact arm to a recording in which something hides in one of its parameters."""
+    noise = 1e-3
+    if which == "compliance":
+        e = recorded(SLOW, BaseCompliance(RIGIDITY / 0.05), stated=rig_file(noise=noise), duration=8, rate=50, seed=1)
+        return fitted([e])
+    if which == "scale":
+        loose = rig_file(length=Quantity(1.0, 0.012))
+        e = recorded(trapezoid(1.0, 0.7), PositionScale(0.05), stated=loose, duration=8, rate=50, seed=1)
+        return fitted([e], gaussian={"length": (1.0, 0.02)})
+    rig = replace(PAPER_RIG, beam_mass=1.2 * PAPER_RIG.beam_mass) if which == "mass" else PAPER_RIG
+    return fitted([recorded(trapezoid(1.0, 1.2), rig=rig, stated=rig_file(), duration=8, rate=50, seed=1)])
+
+
+def test_a_clean_arm_of_the_paper_is_what_the_rig_predicts() -> None:
+    found = check(exact("clean"))
+    assert found.contradictions == ()
+    values = {c.parameter: c for c in found.checks}
+    assert values["alpha"].value == pytest.approx(values["alpha"].predicted, rel=2e-3)
+    assert values["alpha"].predicted_sd / values["alpha"].predicted == pytest.approx(
+        math.hypot(0.02, 3e-3, 5e-3 * 0.94, 2e-2 * 0.06), rel=0.05
+    )
+    assert abs(values["mu"].z) < 2
+
+
+def test_a_compliant_base_hides_in_alpha_and_is_named() -> None:
+    before = exact("compliance")
+    (found,) = check(before).contradictions
+    assert found.check.parameter == "alpha"
+    # A small motion is slower by 1 + 3 c_b.
+    assert found.check.value == pytest.approx(found.check.predicted / 1.15, rel=0.01)
+    assert found.check.z < -5
+    assert found.reconciling == ("base_compliance",)
+    best = found.tried[0]
+    value, sd = best.parameters["c_b"]
+    assert abs(value - 0.05) < 4 * sd
+    assert sd < 0.005
+    assert abs(best.z) < 2
+    assert best.evidence > 30
+    assert best.chi2 < before.chi2 + 40
+
+
+def test_a_camera_s_scale_hides_in_the_length_and_is_named() -> None:
+    (found,) = check(exact("scale")).contradictions
+    assert found.check.parameter == "length"
+    assert found.check.value == pytest.approx(1.05, abs=1e-4)
+    assert found.check.z == pytest.approx(0.05 / 0.012, rel=0.01)
+    assert found.reconciling == ("position_scale",)
+    value, sd = found.tried[0].parameters["s"]
+    assert value == pytest.approx(0.05, abs=1e-3)
+    # Only the rig tells the scale from the length.
+    assert sd == pytest.approx(0.0126, rel=0.05)
+    assert found.tried[0].evidence == pytest.approx(found.check.z**2, rel=0.2)
+
+
+def test_a_wrong_mass_in_the_rig_file_is_no_effect() -> None:
+    (found,) = check(exact("mass")).contradictions
+    assert found.check.parameter == "mu"
+    assert found.check.value == pytest.approx(1.2 * 0.01245 / 0.04376, rel=0.01)
+    assert found.reconciling == ()
+    assert "no effect of the catalogue" in found.sentence
+
+
+@cache
+def of_the_paper(cubic: float) -> Fit:
+    """Fit the paper's model to a rod whose moment is EI (kappa + cubic kappa^3)."""
+    hidden = [MaterialNonlinearity(cubic)] if cubic else []
+    e = recorded(trapezoid(1.0, 0.9), *hidden, stated=rig_file(), duration=8, rate=50, seed=1)
+    effects = (*PAPER_MODEL, "coulomb_friction", "material_nonlinearity", "sensor_delay")
+    bench = Bench("constant_radius", effects, [e], 0.02)
+    return fit(Model("constant_radius", PAPER_MODEL, known_values(e)), [e], bench=bench)
+
+
+@pytest.mark.parametrize("cubic", [0.02, 0.05])
+def test_a_nonlinear_material_hides_in_beta_and_is_named(cubic: float) -> None:
+    before = of_the_paper(cubic)
+    candidates = ("coulomb_friction", "material_nonlinearity", "sensor_delay")
+    (found,) = check(before, candidates).contradictions
+    assert found.check.parameter == "beta/alpha"
+    # In the static shape, a cubic spring of 27/5 b_3.
+    assert found.check.value - found.check.predicted == pytest.approx(5.4 * cubic, rel=0.15)
+    assert found.reconciling == ("material_nonlinearity",)
+    value, sd = found.tried[0].parameters["b_3"]
+    assert abs(value - cubic) < 3 * sd
+    assert found.tried[0].evidence > 100
+
+
+def test_the_paper_s_model_finds_on_the_exact_arm_what_it_finds_on_a_clean_recording() -> None:
+    clean = of_the_paper(0.0)
+    same = exact_counterpart(clean)
+    for name in ("xi", "alpha"):
+        assert same.found[name] == pytest.approx(clean.values[name], rel=1e-3)
+    assert same.found["beta"] / same.found["alpha"] == pytest.approx(
+        clean.values["beta"] / clean.values["alpha"], abs=4e-3
+    )
+    assert same.found["gamma"] == pytest.approx(clean.values["gamma"], abs=2e-3)
+    # Its own errors are all that it leaves.
+    assert same.chi2 + clean.problem.bench.n_data == pytest.approx(clean.chi2, rel=0.05)
+    # The exact arm itself has the stiffness of the rig.
+    assert same.arm["alpha"] == pytest.approx(3 * RIGIDITY / PAPER_RIG.effective_mass, rel=1e-3)
+    assert check(clean, ()).contradictions == ()
+
+
+def test_the_report_is_plain_json() -> None:
+    report = check(exact("compliance"))
+    summary = json.loads(json.dumps(report.summary(), allow_nan=False))
+    assert [c["contradicts"] for c in summary["checks"]] == [c.contradicts for c in report.checks]
+    (found,) = summary["contradictions"]
+    assert found["reconciling"] == ["base_compliance"]
+    assert found["tried"][0]["parameters"]["c_b"]["unit"] == "1"
+    assert "base_compliance" in found["sentence"]
+
+
+def test_the_report_shows_what_was_tested(tmp_path: Path) -> None:
+    results = write_arm_run(tmp_path)
+    report = check(exact("compliance"))
+    results["loop"]["contradiction"] = report.summary()
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert "Does the model contradict the rig?" in page
+    assert "base compliance" in page
+    table = pd.read_csv(tmp_path / "tables" / "contradictions.csv").set_index("parameter")
+    assert table.loc["alpha", "reconciled_by"] == "base_compliance"
+    assert table.loc["alpha", "z"] == report.contradictions[0].check.z

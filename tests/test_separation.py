@@ -1,0 +1,261 @@
+from __future__ import annotations
+
+import io
+import json
+from functools import cache, reduce
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from discovery_datasets.disturbances import Disturbance, EncoderRipple, StructuralDamping, TableTilt
+from discovery_datasets.manoeuvres import Manoeuvre, sequence, trapezoid
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+from synthetic_run import write_arm_run
+from twin_arm import fitted, recorded, rig_file
+
+from discovery.errors import InputError
+from discovery.experiment import Experiment
+from discovery.fit import Fit
+from discovery.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit
+from discovery.report import build_report
+from discovery.rig import Rig
+from discovery.rival_distance import _absorbed
+from discovery.separation import Separation, demonstrated_limits, separate, similarity_matrix
+from discovery.simplicity import simplicity
+
+LIMITS = MotorLimits(angle=1.5, speed=2.0, acceleration=12.0, duration=6.0, deflection=0.95)
+#: Two explanations, the first of which is true: they fit one short recording of a poor camera equally well.
+CASES: dict[tuple[str, str], Disturbance] = {
+    ("encoder_ripple", "table_tilt"): EncoderRipple(2e-3, 3.0, 0.3),
+    ("table_tilt", "encoder_ripple"): TableTilt(3e-4, -4e-4),
+    ("structural_damping", "sensor_delay"): StructuralDamping(1.5e-3),
+}
+ONE_MOVE = trapezoid(1.0, 1.2)
+POOR_CAMERA = rig_file(noise=1e-3)
+
+
+def on_the_twin(moves: tuple[Move, ...]) -> Manoeuvre:
+    """Return the manoeuvre in the words of the twin, which has its own code for it."""
+    return reduce(sequence, [trapezoid(m.angle, m.speed, start=m.start, ramp=m.ramp) for m in moves])
+
+
+@cache
+def old(pair: tuple[str, str]) -> Experiment:
+    return recorded(ONE_MOVE, CASES[pair], stated=POOR_CAMERA, seed=3)
+
+
+@cache
+def rivals(pair: tuple[str, str]) -> dict[str, Fit]:
+    return {name: fitted([old(pair)], name) for name in pair}
+
+
+@cache
+def designed(pair: tuple[str, str]) -> Separation:
+    return separate(rivals(pair), np.random.default_rng(1), limits=LIMITS, evaluations=150)
+
+
+# Moves of the hub.
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.floats(0, 1), min_size=4, max_size=12).filter(lambda u: len(u) % 4 == 0),
+    st.floats(0.2, 3.0),
+    st.floats(0.2, 3.0),
+    st.floats(0.5, 20.0),
+)
+def test_every_point_of_the_cube_keeps_the_limits(unit, angle, speed, acceleration) -> None:
+    limits = MotorLimits(angle, speed, acceleration, 12.0)
+    moves = moves_from_unit(np.array(unit), limits)
+    assert len(moves) <= len(unit) // 4
+    if not moves:
+        return
+    time = np.linspace(0, limits.duration, 4001)
+    hub, rate, acc = hub_drive(moves, 0.3).evaluate(time)
+    assert np.abs(hub - 0.3).max() <= angle * (1 + 1e-9)
+    assert np.abs(rate).max() <= speed * (1 + 1e-9)
+    assert np.abs(acc).max() <= acceleration * (1 + 1e-6)
+    assert hub[0] == 0.3
+    assert hub[-1] == pytest.approx(0.3 + sum(m.angle for m in moves))
+    assert rate[-1] == 0
+    # Position and rate are continuous.
+    drive = hub_drive(moves, 0.3)
+    left, right = (drive.evaluate(drive.breakpoints, side) for side in ("left", "right"))
+    np.testing.assert_allclose(left[:2], right[:2], atol=1e-9)
+
+
+def test_the_hub_moves_as_the_twin_s_own_manoeuvre() -> None:
+    # A long move, a short one without a plateau, and one back.
+    moves = moves_from_unit(np.array([0.8, 0.6, 0.9, 0.2, 0.9, 1.0, 0.1, 0.5, 0.3, 0.9, 1.0, 0.0]), LIMITS)
+    assert [m.ramp == pytest.approx(0.5) for m in moves] == [False, True, False]
+    time = np.linspace(0, 6, 1201)
+    np.testing.assert_allclose(hub_drive(moves).evaluate(time), on_the_twin(moves)(time), atol=1e-9)
+
+
+def test_impossible_manoeuvres_and_limits_are_refused() -> None:
+    with pytest.raises(InputError, match="at least one move"):
+        hub_drive(())
+    with pytest.raises(InputError, match="after the one before"):
+        hub_drive((Move(0.5, 1.0, 1.0, 0.2), Move(1.0, -1.0, 1.0, 0.2)))
+    for wrong in ({"speed": 0.0}, {"angle": np.nan}, {"moves": 4}, {"duration": -1.0}):
+        with pytest.raises(InputError, match="Limits of a motor"):
+            MotorLimits(**{"angle": 1.0, "speed": 1.0, "acceleration": 5.0, "duration": 6.0, **wrong})
+
+
+def test_a_recording_shows_what_the_motor_can_do() -> None:
+    shown = demonstrated_limits([old(("table_tilt", "encoder_ripple"))])
+    ramp = 0.12 * 1.0 / 1.2 / 0.88
+    assert shown.angle == pytest.approx(1.0, rel=1e-3)
+    assert shown.speed == pytest.approx(1.2, rel=1e-2)
+    assert shown.acceleration == pytest.approx(1.2 / ramp, rel=5e-2)
+    assert shown.duration == 6.0
+
+
+# What a rival can absorb.
+
+
+def test_what_is_left_of_a_difference_is_the_bounded_least_squares() -> None:
+    rng = np.random.default_rng(0)
+    difference, jacobian, root = rng.standard_normal(30), rng.standard_normal((30, 3)), np.diag([2.0, 0.5, 0.0])
+    free = np.array([[-np.inf] * 3, [np.inf] * 3])
+    by_normal_equations = difference - jacobian @ np.linalg.solve(
+        jacobian.T @ jacobian + root.T @ root, jacobian.T @ difference
+    )
+    assert _absorbed(difference, jacobian, root, free) == pytest.approx(difference @ by_normal_equations)
+    narrow = np.array([[-0.01, -np.inf, 0.0], [0.02, 0.05, np.inf]])
+    found = minimize(
+        lambda p: np.sum((difference - jacobian @ p) ** 2) + np.sum((root @ p) ** 2),
+        np.array([0.0, 0.0, 0.1]),
+        bounds=list(zip(*np.where(np.isfinite(narrow), narrow, np.sign(narrow) * 1e6), strict=True)),
+        options={"ftol": 1e-15, "gtol": 1e-10},
+    )
+    assert _absorbed(difference, jacobian, root, narrow) == pytest.approx(found.fun, rel=1e-6)
+    # Knowing nothing and everything about the parameters.
+    assert _absorbed(jacobian @ [1.0, 2.0, 3.0], jacobian, 0 * root, free) == pytest.approx(0, abs=1e-20)
+    assert _absorbed(difference, jacobian, 1e9 * np.eye(3), free) == pytest.approx(difference @ difference)
+
+
+def test_rivals_are_alike_on_one_move() -> None:
+    fits = list(rivals(("table_tilt", "encoder_ripple")).values())
+    matrix = similarity_matrix(fits)
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-9)
+    np.testing.assert_allclose(np.diag(matrix), 1.0)
+    assert 0.95 < matrix[0, 1] <= 1.0
+    # What the rig leaves free absorbs no more than that: the rod's own slight damping is not any damping.
+    losses = similarity_matrix(list(rivals(("structural_damping", "sensor_delay")).values()))
+    assert 0.3 < losses[0, 1] < 0.99
+    # What is common to all counts for none.
+    assert np.isnan(similarity_matrix([fits[0], fits[0]])).all()
+
+
+def test_the_physically_simplest_comes_first() -> None:
+    names = ["periodic_disturbance", "encoder_ripple", "sensor_delay", "table_tilt", "structural_damping"]
+    ordered = sorted(names, key=lambda n: simplicity(n, "flexible_arm"))
+    assert ordered == ["structural_damping", "sensor_delay", "table_tilt", "encoder_ripple", "periodic_disturbance"]
+
+
+# The manoeuvre, and that it works.
+
+
+@pytest.mark.parametrize("pair", CASES)
+def test_the_designed_manoeuvre_separates_what_one_move_could_not(pair: tuple[str, str]) -> None:
+    right, wrong = pair
+    before = {n: f.chi2 for n, f in rivals(pair).items()}
+    assert before[wrong] < 1.04 * before[right]
+    found = designed(pair)
+    assert found.designed.projected > 5 * found.given.projected
+    assert found.designed.chi2 > 50
+
+    new = recorded(
+        on_the_twin(found.moves), CASES[pair], stated=POOR_CAMERA, duration=LIMITS.duration, seed=4, name="second"
+    )
+    after = {n: fitted([old(pair), new], n, start=f).chi2 for n, f in rivals(pair).items()}
+    gained = (after[wrong] - after[right]) - (before[wrong] - before[right])
+    # The promise is that of the worse direction, to first order.
+    assert gained > 0.5 * found.designed.chi2
+    assert after[wrong] > 1.05 * after[right]
+    # The right one still fits to the noise.
+    assert after[right] == pytest.approx(2 * 2 * 601, rel=0.06)
+
+
+def test_the_manoeuvre_keeps_the_stated_limits() -> None:
+    found = designed(("table_tilt", "encoder_ripple"))
+    time, angle = found.table.T
+    assert time[0] == 0
+    assert time[-1] == pytest.approx(LIMITS.duration)
+    assert np.abs(angle - angle[0]).max() <= LIMITS.angle
+    assert all(m.speed <= LIMITS.speed + 1e-9 and m.acceleration <= LIMITS.acceleration + 1e-9 for m in found.moves)
+    assert found.deflection <= LIMITS.deflection
+    new = recorded(on_the_twin(found.moves), duration=LIMITS.duration)
+    assert np.nanmax(np.abs(new.deflection)) == pytest.approx(found.deflection, rel=0.05)
+
+
+def test_the_design_can_be_given_to_a_motor_and_to_a_report() -> None:
+    found = designed(("encoder_ripple", "table_tilt"))
+    table = pd.read_csv(io.StringIO(found.csv()))
+    assert list(table.columns) == ["time_s", "motor_angle_rad"]
+    np.testing.assert_allclose(table.to_numpy(), found.table, atol=1e-8)
+    summary = json.loads(json.dumps(found.summary(), allow_nan=False))
+    assert summary["rivals"] == ["table_tilt", "encoder_ripple"]
+    assert len(summary["moves"]) == len(found.moves)
+    assert "table_tilt, encoder_ripple" in summary["sentence"]
+
+
+def test_the_same_seed_gives_the_same_manoeuvre_and_progress_is_told() -> None:
+    pair = ("table_tilt", "encoder_ripple")
+    told: list[tuple[int, float]] = []
+    first, second = (
+        separate(rivals(pair), np.random.default_rng(7), evaluations=20, on_progress=lambda *a: told.append(a))
+        for _ in range(2)
+    )
+    assert first.moves == second.moves
+    assert first.designed == second.designed
+    assert [count for count, _ in told[: first.evaluations]] == list(range(1, first.evaluations + 1))
+    best = [merit for _, merit in told[: first.evaluations]]
+    assert best == sorted(best)
+    # By default the motor does nothing that it has not shown, and a longer search finds no worse.
+    assert first.limits == demonstrated_limits([old(pair)])
+
+
+def test_three_rivals_are_separated_at_once() -> None:
+    pair = ("table_tilt", "encoder_ripple")
+    three = {**rivals(pair), "structural_damping": fitted([old(pair)], "structural_damping")}
+    found = separate(three, np.random.default_rng(2), limits=LIMITS, evaluations=12)
+    assert found.rivals == ("structural_damping", "table_tilt", "encoder_ripple")
+    assert found.similarities.shape == (3, 3)
+    # The nearest pair decides.
+    two = separate(rivals(pair), np.random.default_rng(2), limits=LIMITS, evaluations=12)
+    assert found.given.chi2 <= two.given.chi2 + 1e-9
+
+
+def test_what_cannot_be_separated_is_refused() -> None:
+    pair = ("table_tilt", "encoder_ripple")
+    alone = {"table_tilt": rivals(pair)["table_tilt"]}
+    with pytest.raises(InputError, match="at least two fits"):
+        separate(alone, np.random.default_rng(0))
+    tight = MotorLimits(1.5, 2.0, 12.0, 6.0, deflection=1e-3)
+    with pytest.raises(InputError, match="keeps the deflection below"):
+        separate(rivals(pair), np.random.default_rng(0), limits=tight, evaluations=4)
+    o = old(pair)
+    with pytest.raises(InputError, match="an arm with a motor"):
+        demonstrated_limits([Experiment(o.recording, None, Rig("o", "oscillator"))])
+
+
+def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path) -> None:
+    results = write_arm_run(tmp_path)
+    found = designed(("table_tilt", "encoder_ripple"))
+    results["loop"]["separation"] = [found.summary()]
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert "What would decide" in page
+    assert "table tilt and encoder ripple" in page
+    moves = pd.read_csv(tmp_path / "tables" / "moves.csv")
+    assert moves["angle_rad"].tolist() == [m.angle for m in found.moves]
+    assert moves["ramp_s"].tolist() == pytest.approx([m.ramp * m.duration for m in found.moves])
+    rivals_table = pd.read_csv(tmp_path / "tables" / "separation.csv")
+    assert rivals_table["designed_chi2"][0] == found.designed.chi2
+    assert rivals_table["similarity"][0] == pytest.approx(found.similarities[0, 1])
+    assert (tmp_path / "figures" / "manoeuvre_1.svg").exists()

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from discovery.attribution import Candidate, Direction
+from discovery.significance import chance_gains, surrogates
+
+N = 400
+RNG = np.random.default_rng(5)
+
+
+def bench(output: np.ndarray) -> SimpleNamespace:
+    """Return what the bootstrap asks of a bench: one recording with its weights."""
+    weights = np.where(np.isfinite(output), 1.0, 0.0)
+    recording = SimpleNamespace(output=output)
+    return SimpleNamespace(experiments=[SimpleNamespace(recording=recording, weights=lambda: weights)])
+
+
+def candidate(name: str, *bases: np.ndarray) -> Candidate:
+    directions = tuple(Direction(np.linalg.qr(b)[0].astype(np.float32), 0.0) for b in bases)
+    return Candidate(name, 0.0, (), bases[0], directions)
+
+
+def test_surrogates_keep_the_spectrum_of_every_channel() -> None:
+    slow = np.cumsum(RNG.standard_normal((N, 2)), axis=0)
+    made = surrogates(slow.ravel(), bench(slow), np.random.default_rng(1), 3).reshape(N, 2, 3)
+    power = np.abs(np.fft.rfft(slow, axis=0))
+    for k in range(3):
+        # The first and the last line are real; their phase is a sign.
+        np.testing.assert_allclose(np.abs(np.fft.rfft(made[:, :, k], axis=0))[1:-1], power[1:-1], rtol=1e-9)
+    assert abs(np.corrcoef(made[:, 0, 0], slow[:, 0])[0, 1]) < 0.9
+
+
+def test_gaps_stay_empty_and_the_rest_keeps_its_power() -> None:
+    output = RNG.standard_normal((N, 1))
+    output[100:200] = np.nan
+    residual = np.where(np.isfinite(output), output, 0.0).ravel()
+    made = surrogates(residual, bench(output), np.random.default_rng(1), 400)
+    assert not made[100:200].any()
+    assert np.mean(made**2) == pytest.approx(np.mean(residual**2), rel=0.02)
+
+
+def test_one_direction_gains_chi_square_of_one_degree() -> None:
+    noise = RNG.standard_normal((N, 4000))
+    gains = chance_gains([candidate("a", RNG.standard_normal((N, 1)))], np.ones((N, 1)), noise)
+    assert stats.kstest(gains, stats.chi2(1).cdf).pvalue > 1e-3
+
+
+def test_the_whole_catalogue_counts() -> None:
+    noise = RNG.standard_normal((N, 2000))
+    many = [candidate(str(k), RNG.standard_normal((N, 1)), RNG.standard_normal((N, 2))) for k in range(20)]
+    gains = chance_gains(many, np.ones((N, 1)), noise)
+    # The largest of twenty with one and twenty with two degrees of freedom, all but independent.
+    expected = stats.chi2(1).cdf(gains) ** 20 * stats.chi2(2).cdf(gains) ** 20
+    assert stats.kstest(expected, "uniform").statistic < 0.06
+
+
+def test_what_the_fitted_parameters_absorb_gains_nothing() -> None:
+    known = RNG.standard_normal((N, 3))
+    gains = chance_gains([candidate("a", RNG.standard_normal((N, 1)))], known, known @ RNG.standard_normal((3, 5)))
+    np.testing.assert_allclose(gains, 0.0, atol=1e-4)
