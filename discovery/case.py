@@ -95,7 +95,7 @@ class Step:
     Parameters
     ----------
     action : str
-        "upgrade", "add", "remove" or "stop".
+        "upgrade", "add", "remove", "exchange", "withdraw" or "stop".
     effect : str
         What was added or tried.
     accepted : bool

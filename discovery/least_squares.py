@@ -39,8 +39,6 @@ class Minimum:
         Whether the stopping rule was met before the iterations ran out.
     iterations : int
         Number of Jacobians.
-    blown : bool
-        Whether a trial blew up: the solver's step may stand between the start and the minimum.
     """
 
     x: FloatArray
@@ -50,7 +48,6 @@ class Minimum:
     at_bound: NDArray[np.bool_]
     converged: bool
     iterations: int
-    blown: bool = False
 
 
 def _cost(residuals: FloatArray) -> FloatArray:
@@ -122,7 +119,7 @@ def levenberg_marquardt(
         unknown = np.flatnonzero(~jacobian.any(axis=0))
         residual, jacobian[:, unknown] = yield from _differences(x, lower, upper, step, unknown)
     cost = float(_cost(residual[:, None])[0])
-    fresh, converged, count, blown = not quick, False, 0, not np.isfinite(cost)
+    fresh, converged, count = not quick, False, 0
     while count < iterations and np.isfinite(cost) and np.isfinite(residual).all():
         count += 1
         gradient = jacobian.T @ residual
@@ -144,7 +141,6 @@ def levenberg_marquardt(
             trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
         answers = yield trials
         costs = _cost(answers)
-        blown |= not np.isfinite(costs).all()
         best = int(np.argmin(costs))
         gain = cost - costs[best]
         small = max(tolerance * cost, 1e-7 if not quick else 0.05)
@@ -159,7 +155,6 @@ def levenberg_marquardt(
                 fresh = False
             else:
                 residual, jacobian = yield from _differences(x, lower, upper, step, every)
-                blown |= not np.isfinite(residual).all()
         elif gain > 0 or damping > 1e9:
             # A tiny step: the end, unless the Jacobian is only carried along.
             if fresh or quick:
@@ -170,7 +165,7 @@ def levenberg_marquardt(
         else:
             residual, jacobian = yield from _differences(x, lower, upper, step, every)
             fresh = True
-    return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count, blown)
+    return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count)
 
 
 def minimise(

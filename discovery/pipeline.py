@@ -196,7 +196,8 @@ def run(
             curves.save_groups(beside / "force.nc", curves.forces(missing.forces))
         write_loop(beside, loop, alone=False)
         write_json(beside / "results.json", content)
-        for name in RESULTS:
+        manoeuvres = {p.name for f in (beside, out) for p in f.glob("manoeuvre_*.csv")}
+        for name in (*sorted(manoeuvres), *RESULTS):
             if (beside / name).exists():
                 os.replace(beside / name, out / name)
             else:

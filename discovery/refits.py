@@ -19,7 +19,10 @@ __all__ = ["Refit", "finish", "held_fixed", "refit", "relaxed", "unstiffened"]
 FloatArray = NDArray[np.float64]
 #: So many of the best quick refits are finished with a differenced Jacobian.
 _FINISHED = 6
-#: A refit that blew up is promising if its linear score is such a share of the best gain;
+#: All refits take so many steps, then only the best ones go on.
+_FIRST_ROUND = 8
+_IN_THE_RACE = 14
+#: A refit that the solver's step disturbs is promising if its linear score is such a share of the best gain;
 _PROMISING = 0.5
 #: finer steps are kept if they lower chi-square by this much.
 _WORTH = 5.0
@@ -120,10 +123,29 @@ def refit(
             labels.append(candidate.effect)
             requests.append(
                 levenberg_marquardt(
-                    x, lower, upper, extended.scale, iterations=iterations, tolerance=1e-3, jacobian=jacobian
+                    x, lower, upper, extended.scale, iterations=_FIRST_ROUND, tolerance=1e-3, jacobian=jacobian
                 )
             )
     minima = minimise(requests, answer_on(problems), on_round=on_round)
+    # Only those go on that are still in the race.
+    promising = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
+    going = [i for i in promising if not minima[i].converged and np.isfinite(minima[i].cost)]
+    further = [
+        levenberg_marquardt(
+            minima[i].x,
+            *problems[i].bounds,
+            problems[i].scale,
+            iterations=iterations,
+            tolerance=1e-3,
+            jacobian=minima[i].jacobian,
+        )
+        for i in going
+    ]
+    if going:
+        answered = minimise(further, answer_on([problems[i] for i in going]), on_round=on_round)
+        minima = list(minima)
+        for i, found in zip(going, answered, strict=True):
+            minima[i] = found
     # A quick search may stall on its carried Jacobian: the best ones, and those that a nested model cannot be worse
     # than, are finished with differences.
     order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
@@ -140,7 +162,7 @@ def refit(
 def unstiffened(
     model: Model, minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate], quick: Sequence[Refit]
 ) -> list[Refit]:
-    """Repeat promising refits that blew up with finer steps: strong damping of the rod makes its ringing stiff.
+    """Repeat promising refits with finer steps where the solver errs: strong damping makes the rod's ringing stiff.
 
     Parameters
     ----------
@@ -154,16 +176,21 @@ def unstiffened(
     list of Refit
         Smallest chi-square first.
     """
+    if not quick:
+        return []
     best = {r.effect: r for r in quick}
     scores = {c.effect: c.score for c in shortlist}
     checked: set[str] = set()
+    known = Refit("", problem, minimum)
     for finer in (2, 4, 8):
         ranked = sorted(best.values(), key=lambda r: r.chi2)
         gain = 2 * minimum.cost - ranked[0].chi2
         promising = [r for i, r in enumerate(ranked) if i < _FINISHED or scores[r.effect] > _PROMISING * gain]
         promising = [r for r in promising if r.effect not in checked]
         fine = Problem(problem.model, Bench.like(problem.bench, problem.bench.step / finer), problem.units, {})
-        rough = {r.effect for r in promising if r.minimum.blown or _solver_error(r, fine.bench) > _WORTH}
+        # What the model so far errs already, as dry friction does at each turn, is not the candidate's.
+        allowed = _WORTH + 2 * _solver_error(known, fine.bench)
+        rough = {r.effect for r in promising if _solver_error(r, fine.bench) > allowed}
         checked |= {r.effect for r in promising} - rough
         if not rough:
             break
@@ -202,7 +229,9 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
     fitted = dict(zip(problem.names, minimum.x.tolist(), strict=True))
     # As fitted so far, and as the rig states; what may not be negative, from inside its bounds.
     stated = {n: mean if mean > 0 else 0.5 * sd for n, (mean, sd) in problem.gaussian.items()}
-    starts = [{n: fitted[n] for n in nuisance}, {n: stated[n] for n in nuisance}] if nuisance else [{}]
+    starts = [{n: fitted[n] for n in nuisance}]
+    if any(abs(fitted[n] - stated[n]) > problem.gaussian[n][1] for n in nuisance):
+        starts.append({n: stated[n] for n in nuisance})
     problems, vectors, labels = [], [], []
     for r in quick:
         model = Model(problem.model.base, r.problem.model.effects, problem.model.known)
@@ -228,7 +257,7 @@ def _differenced(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> l
     for bench in dict.fromkeys(p.bench for p in problems):
         own = [i for i, p in enumerate(problems) if p.bench is bench]
         requests = [
-            levenberg_marquardt(starts[i], *problems[i].bounds, problems[i].scale, iterations=6, tolerance=1e-4)
+            levenberg_marquardt(starts[i], *problems[i].bounds, problems[i].scale, iterations=15, tolerance=1e-4)
             for i in own
         ]
         found.update(zip(own, minimise(requests, answer_on([problems[i] for i in own])), strict=True))

@@ -24,7 +24,7 @@ from discovery.weighing import weigh
 __all__ = ["Search"]
 
 #: So many of the best quick refits are finished with everything free;
-_FINISHED = 8
+_FINISHED = 6
 #: so many that are equally good are judged on held-out data,
 _TRIED = 4
 #: and so many sets are extended side by side,
@@ -170,7 +170,8 @@ class Search:
         """Return whether a set that is not accepted may be a step towards a better one."""
         settings, excess = self.case.settings, self.case.excess
         if len(node.added) == len(self.best.added):
-            return excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
+            # Where hardly more than noise is left, no rival can do much better.
+            return self.best.rough > settings.ceiling and excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
         return self.best.chi2 - node.chi2 > settings.least_share * excess(self.best.chi2)
 
     def _tie_limit(self, best: Refit, share: float) -> float:
@@ -188,6 +189,9 @@ class Search:
         ranking = self._ranking(parent)
         for name in new:
             self.steps.append(Step("add", name, verdict.accepted, verdict.reason, verdict.numbers, ranking))
+        if verdict.accepted:
+            for name in (e for e in self.best.added if e not in node.added):
+                self.steps.append(Step("remove", name, True, f"{' and '.join(node.added)} explain more without it"))
         return verdict.accepted
 
     def _chance(self, smaller: _Branch, node: Node) -> np.ndarray:
@@ -234,6 +238,8 @@ class Search:
 
     def _retry(self, effect: str) -> None:
         smaller = self._without(effect)
+        if not np.isfinite(smaller.chi2):
+            return
         verdict = weigh(self.case, self.root, smaller, self.best, (effect,), None, strict=True)
         if not verdict.accepted:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
@@ -286,9 +292,10 @@ class Search:
         gain, held_gain = smaller.chi2 - node.chi2, smaller.held - node.held
         excess = self.case.excess(smaller.chi2)
         others = [r for r in branch.refits if r.effect != effect]
-        limit = self._tie_limit(self.best.refit, self.case.settings.tie)
-        price = self.case.settings.price
-        tied = tuple(r.effect for r in others if r.chi2 + price * len(r.problem.free) <= limit)
+        # However many parameters they have: what explains as well cannot be told apart by these recordings.
+        share = self.case.settings.tie * self.case.excess(self.best.chi2)
+        limit = self.best.chi2 + max(self.case.settings.price, share)
+        tied = tuple(r.effect for r in others if r.chi2 <= limit)
         own = branch.scored[effect]
         likeness = {c.effect: similarity(own.sensitivity, c.sensitivity) for c in branch.scored.values()}
         likeness.pop(effect)

@@ -57,6 +57,9 @@ def weigh(
     # What is noise by the verdict already may be the base's own error: only what explains most of it is an effect.
     noise = smaller.held_rough <= s.limit(root.held_rough) and smaller.rough <= s.limit(root.rough)
     share = s.pair_share if noise or strict or len(new) > 1 else s.least_share
+    if strict and held_gain > share * held_excess > 0:
+        # It is needed to predict, however little it shows in training.
+        share = s.least_share
     passes = {
         f"it removes {gain:.0f} of {excess:.0f} excess chi-square in training (by chance {least:.0f})": gain
         > max(least, share * excess),

@@ -242,6 +242,10 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
         {"effect": "coulomb_friction", "score": 190000.0, "chi2": 11736.0, "parameters": 1},
         {"effect": "table_tilt", "score": 400.0, "chi2": 198100.0, "parameters": 2},
     ]
+    beside = [
+        {"effect": e, "score": 30.0, "chi2": chi2, "parameters": 2}
+        for e, chi2 in (("table_tilt", 11720.0), ("encoder_ripple", 11722.0), ("hysteresis", 11735.0))
+    ]
     held = {
         "chi2_before": 198441.0,
         "chi2_after": 11736.0,
@@ -249,6 +253,7 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
         "chi2_holdout_after": 810.0,
         "n_holdout": 800.0,
     }
+    in_vain = {**held, "chi2_before": 11736.0, "chi2_after": 11720.0, "chi2_holdout_before": 810.0}
     upgrade = {"mean_chi2_holdout_before": 63.4, "mean_chi2_holdout_after": 1.01}
     groups_before = {
         "train": _errors(2.31e-3),
@@ -345,7 +350,16 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
                 {
                     "id": "coulomb_friction",
                     "parameters": {"f_c": {"value": 0.012815, "sd": 2.3e-5, "unit": "s^-2 q"}},
-                    "evidence": {"delta_chi2_train": 186705.0},
+                    "evidence": {
+                        "delta_chi2_train": 186705.0,
+                        "delta_chi2_holdout": 8190.0,
+                        "share_of_residual_power": 0.94086,
+                        "effect_rms": 1.857e-3,
+                        "chance_gain_99": 22.5,
+                        "p_value": 1 / 201,
+                        "largest_similarity": 0.93,
+                        "similarity_quadratic_drag": 0.9123,
+                    },
                     "ambiguous_with": ["quadratic_drag"],
                 },
             ],
@@ -366,6 +380,8 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
                 _step("upgrade", "radius_inertia", False, numbers={**upgrade, "mean_chi2_holdout_after": 70.0}),
                 _step("upgrade", "elastica_geometry", True, numbers=upgrade),
                 _step("add", "coulomb_friction", True, numbers=held, ranking=ranking),
+                *(_step("add", e, False, numbers=in_vain, ranking=beside) for e in ("table_tilt", "encoder_ripple")),
+                _step("add", "hysteresis", False, numbers={**in_vain, "chi2_after": 11735.0}, ranking=beside),
                 _step("remove", "coulomb_friction", False),
                 _step("stop", "", True),
             ],

@@ -6,11 +6,13 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+from discovery.case import LoopSettings
 from discovery.catalogue_page import catalogue_page, main
 from discovery.registry import catalogue
 
@@ -113,6 +115,30 @@ def test_the_architecture_page_names_real_modules() -> None:
         for name in row:
             places = [ROOT / name, ROOT / "discovery" / name]
             assert any(p.exists() for p in places) or name == "reports/", name
+
+
+def test_the_architecture_page_names_every_module() -> None:
+    text = (DOCS / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    named = {n.rpartition("/")[2] for n in re.findall(r"`([^`]+)`", text)}
+    modules = {p.name for p in (ROOT / "discovery").glob("*.py") if not p.name.startswith("__")}
+    assert not modules - named
+
+
+def test_the_attribution_page_states_the_thresholds_of_the_loop() -> None:
+    text = (DOCS / "ATTRIBUTION.md").read_text(encoding="utf-8")
+    table = {name: float(value) for name, value in re.findall(r"^\| `(\w+)` \| ([\d.e-]+) \|", text, re.MULTILINE)}
+    settings = {f.name: f.default for f in fields(LoopSettings) if f.name not in ("seed", "follow_up")}
+    assert table == settings
+
+
+def test_the_attribution_page_explains_every_number_of_the_evidence() -> None:
+    text = (DOCS / "ATTRIBUTION.md").read_text(encoding="utf-8")
+    source = (ROOT / "discovery" / "search.py").read_text(encoding="utf-8")
+    collected = re.search(r"self\.evidence\[effect\] = \{(.*?)\n        \}", source, re.DOTALL)
+    assert collected
+    names = re.findall(r'^ +"(\w+)":', collected[1], re.MULTILINE)
+    assert len(names) > 5
+    assert not [n for n in names if f"`{n}`" not in text]
 
 
 def test_the_picture_is_what_its_script_draws(tmp_path: Path) -> None:

@@ -19,13 +19,15 @@ from hypothesis import strategies as st
 from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.registry import catalogue, get_effect
-from discovery.report import build_report
+from discovery.report import build_report, story
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import model_formulas
 from discovery.report.formula import formula
 from discovery.report.mathml import block
 from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
+from discovery.report.results import Run
 from discovery.report.style import decimate
+from discovery.report.words import headline
 
 Made = tuple[Path, dict[str, Any], str]
 
@@ -107,7 +109,7 @@ def test_every_figure_has_alt_text_caption_and_file(made: Made) -> None:
 def test_an_arm_has_every_figure(arm: Made) -> None:
     names = {p.stem for p in (arm[0] / "figures").iterdir()}
     wanted = {"errors", "motion", "deflections", "phase", "inclusion", "corner", "spring_law", "radius_law"}
-    wanted |= {"residual", "spectrum", "amplitude", "steps", "ranking_1"}
+    wanted |= {"residual", "spectrum", "amplitude", "steps", "ranking_1", "ranking_2"}
     assert names == wanted | {"time_hold_in", "time_hold_out", "time_train_a"}
 
 
@@ -131,8 +133,8 @@ def test_the_verdict_comes_first_and_in_order(arm: Made) -> None:
     assert verdict
     assert "These recordings are simulated by a twin of the rig." in note[1]
     assert verdict[1] == (
-        "Explained: the declared model lacked elastica geometry and coulomb friction; with them, the rms error on a "
-        "recording that no fit saw falls from 2.98 to 0.473 mm (noise floor 0.424 mm)."
+        "Explained: the declared model lacked elastica geometry and coulomb friction (or quadratic drag); with them, "
+        "the rms error on a recording that no fit saw falls from 2.98 to 0.473 mm (noise floor 0.424 mm)."
     )
     assert page.index("<h1>") < note.start() < verdict.start() < page.index("<h2>")
     assert re.findall("<h2>(.*?)</h2>", page) == [
@@ -158,12 +160,106 @@ def test_the_verdict_comes_first_and_in_order(arm: Made) -> None:
     ],
 )
 def test_other_verdicts(tmp_path: Path, verdict: str, effects: list[str], words: str) -> None:
-    from discovery.report.results import Run
-    from discovery.report.words import headline
-
     results = synthetic_run.write_arm_run(tmp_path)
     results["loop"] |= {"verdict": verdict, "effects": [{"id": e} for e in effects]}
     assert words in headline(Run(tmp_path, results))
+
+
+def _step(action: str, effect: str, reason: str, *, accepted: bool = True, **more: Any) -> dict[str, Any]:
+    return {
+        "action": action, "effect": effect, "accepted": accepted, "reason": reason, "numbers": {}, "ranking": [],
+        **more,
+    }  # fmt: skip
+
+
+def test_the_story_of_what_did_not_last(tmp_path: Path) -> None:
+    """An exchange, a removal and a withdrawal, and mechanics that are kept although they predict no better."""
+    results = synthetic_run.write_arm_run(tmp_path)
+    kept = {"chi2_holdout_before": 800.0, "chi2_holdout_after": 808.0, "n_holdout": 800.0}
+    gone = "what is left is not noise, and 87 % of the excess chi-square is still there"
+    results["loop"] |= {
+        "verdict": "unexplained",
+        "effects": [{"id": "elastica_geometry", "parameters": {}, "evidence": {}, "ambiguous_with": []}],
+        "steps": [
+            _step("upgrade", "elastica_geometry", "the error is not smaller", accepted=False, numbers=kept),
+            _step("exchange", "table_tilt", "in its place initial_curvature lowers chi-square by 12345 more"),
+            _step("remove", "quadratic_drag", "not enough: it removes 12 of 480 excess chi-square (by chance 40)"),
+            _step("withdraw", "initial_curvature", gone),
+            _step("withdraw", "hysteresis", gone),
+        ],
+    }
+    told = story.steps(Run(tmp_path, results))
+    assert [(s["head"], s["outcome"]) for s in told] == [
+        ("Compared the mechanics: elastica geometry", "kept"),
+        ("Exchanged: table tilt", "taken out"),
+        ("Tried without: quadratic drag", "taken out"),
+        ("Withdrew: initial curvature and hysteresis", "not named"),
+    ]
+    assert "1.010 noise variances, with the simpler mechanics 1.000" in told[0]["reason"]
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    text = _Reader(build_report(tmp_path).read_text(encoding="utf-8")).text.replace("\N{NARROW NO-BREAK SPACE}", " ")
+    for words in (
+        "In its place initial curvature lowers chi-square by 12 345 more.",
+        "Beside the others it explains too little: it removes 12 of 480",
+        "What is left is not noise",
+        "Not fully explained: the declared model lacked elastica geometry",
+    ):
+        assert words in text
+    assert "How strong the evidence is" not in text
+
+
+def test_every_action_of_the_loop_has_its_words() -> None:
+    source = (Path(story.__file__).parents[1] / "search.py").read_text(encoding="utf-8")
+    used = set(re.findall(r'Step\("(\w+)"', source)) - {"stop"}
+    assert used
+    assert used <= set(story._WORDS)
+
+
+def test_searches_are_told_apart_by_what_is_in_the_model(arm: Made) -> None:
+    found = story.searches(Run(arm[0], arm[1]))
+    assert [s.beside for s in found] == [(), ("coulomb_friction",)]
+    assert [s.added for s in found] == [("coulomb_friction",), ()]
+    assert found[1].refused == ("table_tilt", "encoder_ripple", "hysteresis")
+    with (arm[0] / "tables" / "candidates.csv").open(encoding="utf-8", newline="") as file:
+        assert [(r["search"], r["effect"]) for r in csv.DictReader(file)] == [
+            (f"{i}", r["effect"]) for i, s in enumerate(found, 1) for r in s.ranking
+        ]
+
+
+def test_an_error_that_grows_does_not_fall(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    results["loop"]["errors"]["after"]["holdout_inside"]["rms"] = 4e-3
+    assert "goes from 2.98 to 4.00 mm" in headline(Run(tmp_path, results))
+
+
+def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    tried = {
+        "id": "base_compliance", "parameters": {"c_b": {"value": 0.051, "sd": 0.002, "unit": "1"}}, "value": 8.09,
+        "z": 0.1, "chi2": 812.0, "total_chi2": 812.1, "evidence": 48.76, "reconciles": True,
+    }  # fmt: skip
+    check = {
+        "parameter": "alpha", "unit": "s^-2", "value": 6.5, "sd": 0.01, "predicted": 8.1, "predicted_sd": 0.2,
+        "z": -7.99, "p": 1e-12, "source": "the rig", "contradicts": True,
+    }  # fmt: skip
+    said = {
+        "parameter": "alpha", "reconciling": ["base_compliance"], "tried": [tried],
+        "sentence": "alpha = 6.5 ± 0.01 s^-2 contradicts the rig; base_compliance reconciles them.",
+    }  # fmt: skip
+    results["loop"]["contradiction"] = {"checks": [check], "contradictions": [said]}
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    text = _Reader(build_report(tmp_path).read_text(encoding="utf-8")).text
+    answer, story_told = text.split("What was recorded")
+    for part in (answer, story_told):
+        assert "α = 6.5 ± 0.01 s⁻² contradicts the rig; base compliance reconciles them." in part
+    assert "48.8" in story_told
+    assert "S. Holm, Scandinavian Journal of Statistics 6 (1979) 65." in story_told
+
+
+def test_methods_that_a_run_did_not_use_are_not_cited(arm: Made) -> None:
+    cited = _Reader(arm[2]).text.split("and their sources")[1]
+    assert "Theiler" in cited
+    assert not re.search("Holm|Hunter|Alvarez", cited)
 
 
 @pytest.mark.parametrize(
@@ -177,6 +273,13 @@ def test_other_verdicts(tmp_path: Path, verdict: str, effects: list[str], words:
         "2.38",  # held-out mean before [mm]
         "0.378",  # held-out mean after [mm]
         "187\N{NARROW NO-BREAK SPACE}000",  # chi-square that friction removes
+        "It moves the prediction by 1.86 mm rms and explains 94.1 % of the power that is left without it.",
+        "under 0.005",  # p value of friction
+        "Tried: table tilt and encoder ripple",  # together, in vain
+        "They remove 412 of 500 excess chi-square",
+        "Coulomb friction, or quadratic drag (similarity 0.9123) in its place",
+        "Search 2 beside coulomb friction",
+        "conditional on its selection",
         "0.0162",  # distance to the noise-free tip [mm]
         "−1.2",  # discrepancy of alpha with the elastica
         "∞",  # discrepancy of a prediction without spread
@@ -222,7 +325,6 @@ def test_tables_hold_the_numbers_of_the_results(made: Made) -> None:
 
 def test_another_rig_is_not_set_beside_the_paper(tmp_path: Path) -> None:
     from discovery.report.measures import fits_table
-    from discovery.report.results import Run
 
     results = synthetic_run.write_arm_run(tmp_path)
     beside = fits_table(Run(tmp_path, results))
@@ -244,7 +346,9 @@ def test_optional_files_may_be_missing(tmp_path: Path) -> None:
     # A file that lacks a group is as good as one that lacks the curve.
     synthetic_run._write_groups(tmp_path / "amplitude.nc", {"before": xr.Dataset()})
     page = build_report(tmp_path).read_text(encoding="utf-8")
-    assert {p.stem for p in (tmp_path / "figures").iterdir()} == {"errors", "spectrum", "steps", "ranking_1"}
+    assert {p.stem for p in (tmp_path / "figures").iterdir()} == {
+        "errors", "spectrum", "steps", "ranking_1", "ranking_2",
+    }  # fmt: skip
     assert "The equation found in the motion" not in page
 
 

@@ -1,4 +1,4 @@
-"""Tables of what the recordings cannot decide: rivals with the manoeuvre that separates them, and contradictions."""
+"""What the recordings cannot decide: rivals with the manoeuvre that separates them, and contradictions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,80 @@ from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed
 
-__all__ = ["contradictions_table", "moves_table", "separation_table"]
+__all__ = [
+    "contradictions",
+    "contradictions_table",
+    "moves_table",
+    "reconciliations_table",
+    "separation_table",
+    "undecided",
+]
+
+
+def undecided(run: Run) -> list[str]:
+    """Return for each added effect that others explain as well, one sentence."""
+    found = []
+    for e in run.loop["effects"]:
+        rivals = e["ambiguous_with"]
+        if rivals:
+            alike = [e["evidence"].get(f"similarity_{r}") for r in rivals]
+            others = [
+                effect_name(r) + ("" if v is None else f" (similarity {significant(v, 4)})")
+                for r, v in zip(rivals, alike, strict=True)
+            ]
+            found.append(
+                f"{effect_name(e['id']).capitalize()}, or {' or '.join(others)} in its place: what they leave differs "
+                "by too little. Named is the one with the fewest parameters, then with the smaller error on all data, "
+                "then the simplest."
+            )
+    return found
+
+
+def contradictions(run: Run) -> list[str]:
+    """Return every contradiction as a sentence."""
+    tested = run.loop.get("contradiction") or {"contradictions": []}
+    return [c["sentence"] for c in tested["contradictions"]]
+
+
+def reconciliations_table(run: Run) -> Table | None:
+    """Return the effects that were asked to reconcile what contradicts."""
+    tested = run.loop.get("contradiction") or {"contradictions": []}
+    cells, raw = [], []
+    for c in tested["contradictions"]:
+        for t in c["tried"]:
+            values = [
+                f"{n} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip()
+                for n, p in t["parameters"].items()
+            ]
+            cells.append(
+                [
+                    symbol_of(c["parameter"]),
+                    effect_name(t["id"]),
+                    "; ".join(values),
+                    significant(t["value"], 5),
+                    significant(t["z"], 2),
+                    significant(t["evidence"]),
+                    "yes" if t["reconciles"] else "no",
+                ]
+            )
+            raw.append([c["parameter"], t["id"], t["value"], t["z"], t["evidence"], t["reconciles"]])
+    if not cells:
+        return None
+    head = (
+        "parameter",
+        "with the effect",
+        "its parameters",
+        "value then",
+        "difference [sds]",
+        "evidence",
+        "reconciles",
+    )
+    keys = ("parameter", "effect", "value", "z", "evidence", "reconciles")
+    caption = (
+        "Effects that could take the contradicting value to its prediction. Evidence: by how much the effect lowers "
+        "chi-square, that of the prediction counted."
+    )
+    return Table("reconciliations", caption, head, cells, keys, raw, (0, 1, 2, 6))
 
 
 def separation_table(run: Run) -> Table | None:
@@ -33,9 +106,10 @@ def separation_table(run: Run) -> Table | None:
     )
     keys = ("manoeuvre", "rivals", "similarity", "given_projected", "designed_projected", "designed_chi2")
     caption = (
-        "Effects that these recordings cannot tell apart. Similarity: largest cosine between their sensitivities. "
-        "Apart: rms difference of their predictions that readjusted parameters cannot absorb [noise sds]. Expected: "
-        "chi-square by which the right one will win once the designed manoeuvre is recorded."
+        "Effects that these recordings cannot tell apart. Similarity: largest cosine between sensitivities of their "
+        "fits. Apart: rms difference of their predictions that readjusted parameters cannot absorb [noise sds]. "
+        "Expected: chi-square by which the right one will win once the designed manoeuvre is recorded. The motor’s "
+        "course is in manoeuvre_1.csv and so on."
     )
     return Table("separation", caption, head, cells, keys, raw, (0, 1))
 

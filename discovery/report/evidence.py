@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from discovery.report.numbers import MISSING, scale_for, significant, uncertain
 from discovery.report.results import Run
+from discovery.report.story import searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, prose
 
@@ -149,53 +150,85 @@ def dependence_table(run: Run) -> Table | None:
     return Table("dependence", caption, head, cells, keys, raw)
 
 
-def ranking_table(run: Run) -> Table | None:
-    """Return every candidate of every search through the catalogue."""
+def ranking_table(run: Run, best: int = 8) -> Table | None:
+    """Return the candidates of every search through the catalogue, and what became of them."""
+    count = run.loop["model"]["after"]["n_data"]
+    rivals = {e["id"]: e["ambiguous_with"] for e in run.loop["effects"]}
     cells, raw = [], []
-    for i, step in enumerate(s for s in run.loop["steps"] if s["ranking"]):
-        before = step["numbers"]["chi2_before"]
-        for place, r in enumerate(step["ranking"]):
-            raw.append([i + 1, r["effect"], r["parameters"], r["score"], before - r["chi2"], r["chi2"]])
-            if place < 8:
-                taken = "added" if step["accepted"] and r["effect"] == step["effect"] else ""
-                removed = significant(max(0.0, round(before - r["chi2"], 1)))
-                cells.append(
-                    [
-                        f"{i + 1}",
-                        effect_name(r["effect"]),
-                        f"{r['parameters']}",
-                        significant(r["score"]),
-                        removed,
-                        taken,
-                    ]
-                )
+    for i, search in enumerate(searches(run), 1):
+        least = min(r["chi2"] for r in search.ranking)
+        as_good = {r for e in search.added for r in rivals.get(e, ())}
+        for place, r in enumerate(search.ranking):
+            name, above = r["effect"], r["chi2"] - least
+            raw.append([i, name, r["parameters"], r["score"], search.without - r["chi2"], r["chi2"]])
+            if name in search.added:
+                outcome = "added" if name in rivals else "added, later dropped"
+            else:
+                outcome = "tried, not enough" if name in search.refused else "as good" if name in as_good else ""
+            if place < best or outcome:
+                numbers = [significant(r["chi2"] / count), significant(round(above, 1))]
+                cells.append([f"{i}", effect_name(name), outcome, *numbers, f"{r['parameters']}"])
     if not cells:
         return None
-    head = ("search", "candidate", "free parameters", "linear score", "chi-square removed", "")
+    head = (
+        "search",
+        "candidate",
+        "outcome",
+        "leaves [noise variances]",
+        "chi-square above the best",
+        "free parameters",
+    )
     keys = ("search", "effect", "parameters", "linear_score", "chi2_removed", "chi2")
-    caption = "Candidates of every search, best eight; the CSV file has all. Scores rank, bounded refits decide."
-    return Table("candidates", caption, head, cells, keys, raw, (1, 5))
+    caption = (
+        f"Candidates of every search: the best {best} and all that were tried; the CSV file has all. Leaves: mean "
+        "squared residual in training after a bounded refit of everything; 1 is noise alone. Candidates within a few "
+        "chi-square of each other cannot be told apart."
+    )
+    return Table("candidates", caption, head, cells, keys, raw, (1, 2))
 
 
 def effects_table(run: Run) -> Table | None:
-    """Return the evidence for every effect that was added by a search through the catalogue."""
-    wanted = {
-        "delta_chi2_train": "chi-square removed, training",
-        "delta_chi2_holdout": "held out",
-        "share_of_excess": "share of the excess",
-        "runner_up_delta_chi2": "runner-up removes",
-        "largest_similarity": "largest similarity",
-    }
-    shown = [e for e in run.loop["effects"] if e["evidence"]]
+    """Return the evidence for every effect that was added by a search through the catalogue, an effect a column."""
+    from discovery.significance import REPLICATES
+
+    shown = [e for e in run.loop["effects"] if "delta_chi2_train" in e["evidence"]]
     if not shown:
         return None
-    cells = [[effect_name(e["id"]), *(significant(e["evidence"].get(k)) for k in wanted)] for e in shown]
-    raw = [[e["id"], *(e["evidence"].get(k) for k in wanted)] for e in shown]
+    unit = run.loop["errors"]["unit"]
+    sizes = [e["evidence"]["effect_rms"] for e in shown if "effect_rms" in e["evidence"]]
+    scale = scale_for(unit, min(sizes, default=0.0))
+    alike = dict.fromkeys(k for e in shown for k in e["evidence"] if k.startswith("similarity_"))
+    wanted = {
+        "effect_rms": f"moves the prediction by, rms [{scale.symbol}]",
+        "share_of_residual_power": "share of the residual’s power",
+        "share_of_excess": "share of what exceeds the noise",
+        "delta_chi2_train": "chi-square removed, training",
+        "delta_chi2_holdout": "chi-square removed, held out",
+        "chance_gain_99": "removed by chance, at most (99 %)",
+        "p_value": "p value",
+        "runner_up_delta_chi2": "removed by the runner-up",
+        "largest_similarity": "largest similarity",
+        **{k: f"similarity with {effect_name(k.removeprefix('similarity_'))}" for k in alike},
+    }
+
+    def printed(key: str, value: float | None) -> str:
+        if key == "p_value" and value is not None and value * (REPLICATES + 1) < 1.5:
+            return f"under {significant(1 / REPLICATES, 1)}"
+        if key.startswith("share") and value is not None:
+            return f"{100 * value:.1f} %"
+        return significant(value and value * scale.factor if key == "effect_rms" else value)
+
+    rows = {k: words for k, words in wanted.items() if any(k in e["evidence"] for e in shown)}
+    cells = [[words, *(printed(k, e["evidence"].get(k)) for e in shown)] for k, words in rows.items()]
+    raw = [[k, *(e["evidence"].get(k) for e in shown)] for k in rows]
     caption = (
-        "Evidence for what was added. Similarity: cosine between its sensitivity and that of the candidate most like "
-        "it, once the fitted parameters have absorbed what they can; at 1 the two could not be told apart."
+        "Evidence for each added effect: the final model against the best one without it, everything refitted. By "
+        f"chance: what the best of the whole catalogue removes from noise as correlated as what is left ({REPLICATES} "
+        "simulations, which also give the p value). Similarity: cosine between sensitivities, once the fitted "
+        "parameters have absorbed what they can; at 1 two effects could not be told apart."
     )
-    return Table("evidence", caption, ("effect", *wanted.values()), cells, ("effect", *wanted), raw)
+    head = ("", *(effect_name(e["id"]) for e in shown))
+    return Table("evidence", caption, head, cells, ("quantity", *(e["id"] for e in shown)), raw)
 
 
 def distortion_table(run: Run) -> Table | None:

@@ -122,7 +122,8 @@ def _row(folder: Path) -> dict[str, Any]:
             f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'])}".strip()
             for name, p in effect["parameters"].items()
         ]
-        found.append(effect_name(effect["id"]) + (f" ({'; '.join(values)})" if values else ""))
+        rivals = "".join(f" or {effect_name(r)}" for r in effect["ambiguous_with"])
+        found.append(effect_name(effect["id"]) + (f" ({'; '.join(values)})" if values else "") + rivals)
     return {
         "name": effect_name(folder.name),
         "verdict": loop["verdict"].replace("_", " "),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from discovery.io import atomic_write
-from discovery.report import ambiguity, evidence, latent, measures
+from discovery.report import ambiguity, evidence, latent, measures, story
 from discovery.report.equations import Formula, discovered_equation, model_formulas
 from discovery.report.estimates import (
     elastica_table,
@@ -25,7 +25,7 @@ from discovery.report.estimates import (
 from discovery.report.figures import draw_all
 from discovery.report.formula import formula
 from discovery.report.mathml import block
-from discovery.report.numbers import interval, significant, uncertain, unit_text
+from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
 from discovery.report.references import effects_used, methods_used
 from discovery.report.results import Run, read_run
 from discovery.report.style import Picture, render, styled
@@ -132,6 +132,7 @@ def _tables(run: Run) -> dict[str, Table]:
         ambiguity.separation_table(run),
         ambiguity.moves_table(run),
         ambiguity.contradictions_table(run),
+        ambiguity.reconciliations_table(run),
         final_table(run),
     ]
     return {table.name: table for table in made if table is not None}
@@ -172,30 +173,10 @@ def _digits(value: float, sd: float | None) -> int:
     return min(6, max(2, 1 + floor(log10(abs(value))) - floor(log10(sd))))
 
 
-def _steps(run: Run) -> list[dict[str, str]]:
-    """Return the loop's decisions as sentences."""
-    verbs = {"upgrade": "better mechanics", "add": "an effect", "remove": "doing without"}
-    kept = {"upgrade": ("kept", "not kept"), "add": ("added", "not added"), "remove": ("removed", "kept in the model")}
-    found = []
-    for s in run.loop["steps"]:
-        if s["action"] == "stop":
-            found.append({"head": "Stop", "outcome": "", "reason": s["reason"], "title": ""})
-            continue
-        yes, no = kept[s["action"]]
-        found.append(
-            {
-                "head": f"Tried {verbs[s['action']]}: {effect_name(s['effect'])}",
-                "title": effect_title(s["effect"]),
-                "outcome": yes if s["accepted"] else no,
-                "reason": s["reason"],
-            }
-        )
-    return found
-
-
 def added_effects(run: Run) -> list[dict[str, Any]]:
-    """Return what the loop added, each with its parameters and its rivals in words."""
+    """Return what the loop added, each with its parameters, its size and its rivals in words."""
     found = []
+    unit = run.loop["errors"]["unit"]
     for e in run.loop["effects"]:
         values = [
             (symbol_of(name), f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
@@ -206,10 +187,21 @@ def added_effects(run: Run) -> list[dict[str, Any]]:
                 "name": effect_name(e["id"]),
                 "title": effect_title(e["id"]),
                 "parameters": values,
+                "size": _size(e["evidence"], unit),
                 "rivals": listed(effect_name(r) for r in e["ambiguous_with"]),
             }
         )
     return found
+
+
+def _size(evidence: Mapping[str, float], unit: str) -> str:
+    """Return how much an effect matters, as a sentence; empty for what has no such number."""
+    if "effect_rms" not in evidence:
+        return ""
+    scale = scale_for(unit, evidence["effect_rms"])
+    size = f"{significant(evidence['effect_rms'] * scale.factor)} {scale.symbol}"
+    share = f"{100 * evidence['share_of_residual_power']:.1f} %"
+    return f"It moves the prediction by {size} rms and explains {share} of the power that is left without it."
 
 
 def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -242,7 +234,9 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "posterior": r.get("posterior"),
         "elastica": r.get("elastica") if "elastica" in tables else None,
         "paper": published(run).get("source", ""),
-        "steps": _steps(run),
+        "steps": story.steps(run),
+        "undecided": ambiguity.undecided(run),
+        "contradictions": ambiguity.contradictions(run),
         "unexplained": latent.sentences(run),
         "is_arm": run.is_arm,
         "provenance": r["provenance"],

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
 from markupsafe import Markup
 
@@ -46,4 +47,11 @@ def effects_used(run: Run) -> list[EffectSource]:
 def methods_used(run: Run) -> list[Mapping[str, str]]:
     """Return text and BibTeX of the methods whose results the run holds."""
     text = files("discovery.report").joinpath("templates/references.toml").read_text(encoding="utf-8")
-    return [m for m in tomllib.loads(text)["method"] if run.results.get(m["when"])]
+    return [m for m in tomllib.loads(text)["method"] if _there(run.results, m["when"])]
+
+
+def _there(results: Any, part: str) -> bool:
+    """Return whether the results hold something under a name, or under names joined by dots."""
+    for name in part.split("."):
+        results = (results or {}).get(name)
+    return bool(results)

@@ -58,14 +58,16 @@ _WRITTEN = (
     (r"\bq'", "q̇"),
     *((rf"\b{name}(?=\b(?!-)|_)", letter) for name, letter in GREEK.items()),
     *((rf"\b(\w)_{digit}\b", rf"\g<1>{chr(0x2080 + digit)}") for digit in range(10)),
-    (r"\^2\b", "²"),
-    (r"\^3\b", "³"),
-    (r"\^4\b", "⁴"),
-    (r"\^5\b", "⁵"),
+    *((rf"\^{digit}\b", power) for digit, power in zip("12345", "¹²³⁴⁵", strict=True)),
+    *((rf"\^-{digit}\b", f"⁻{power}") for digit, power in zip("12345", "¹²³⁴⁵", strict=True)),
     (r"\+-", "±"),
     (r" - ", " − "),
+    (r"(?<![\w.-])-(?=\d)", "−"),
     (r"(?<=\d) x (?=\d)", " × "),
 )
+#: Ids, and whole numbers that are long enough to be grouped.
+_ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
+_LONG = re.compile(r"(?<![\w.])\d{5,}(?![\w.])")
 
 
 def listed(words: Iterable[str]) -> str:
@@ -75,7 +77,9 @@ def listed(words: Iterable[str]) -> str:
 
 
 def prose(text: str) -> str:
-    """Return a sentence of a result file with its symbols as a reader writes them."""
+    """Return a sentence of a result file with its symbols, effects and numbers as a reader writes them."""
+    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in _GEOMETRY or m[0] in catalogue() else m[0], text)
+    text = _LONG.sub(lambda m: f"{int(m[0]):,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), text)
     for pattern, written in _WRITTEN:
         text = re.sub(pattern, written, text)
     return text
@@ -146,8 +150,10 @@ def headline(run: Run) -> str:
     seen = {"holdout_inside": "on a recording that no fit saw", "holdout": "on data that no fit saw"}.get(
         group, "in training"
     )
-    change = f"the rms error {seen} falls from {before} to {after} {scale.symbol} (noise floor {floor})"
-    added = [effect_name(e["id"]) for e in run.loop["effects"]]
+    better = errors["after"][group]["rms"] < errors["before"][group]["rms"]
+    change = f"the rms error {seen} {'falls' if better else 'goes'} from {before} to {after} {scale.symbol}"
+    change += f" (noise floor {floor})"
+    added = [_with_rivals(e) for e in run.loop["effects"]]
     them = "it" if len(added) == 1 else "them"
     left = f"{after} {scale.symbol} rms {seen}"
     if run.loop["verdict"] == "nothing_missing":
@@ -158,6 +164,12 @@ def headline(run: Run) -> str:
         found = f"the declared model lacked {listed(added)}, and {change}"
         return f"Not fully explained: {found}, but what is left is not noise."
     return f"Not explained: no effect of the catalogue removes what the declared model leaves, {left} (floor {floor})."
+
+
+def _with_rivals(effect: Mapping[str, Any]) -> str:
+    """Return an added effect with those that explain the recordings as well."""
+    rivals = [effect_name(e) for e in effect.get("ambiguous_with", ())]
+    return effect_name(effect["id"]) + (f" (or {' or '.join(rivals)})" if rivals else "")
 
 
 def origin(run: Run) -> str:

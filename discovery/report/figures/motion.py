@@ -64,7 +64,7 @@ def draw_deflections(run: Run) -> Picture | None:
             linewidth=0.8,
         )
         axis.set_title(f"{trajectory.name} ({role})", fontsize=8.5, color=GREY)
-    figure.supylabel("deflection of the tip [rad]", fontsize=9)
+    figure.supylabel("deflection [rad]", fontsize=9)
     axes[-1].set_xlabel("time [s]")
     sizes = ", ".join(f"{t.name} {_largest(t):.2f} rad" for t in shown)
     return Picture(

@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from discovery.covariance import covariance_of
+from discovery.least_squares import Minimum
+
+N = 2000
+TIME = np.linspace(0.0, 40.0, N)
+#: A decaying swing, its quadrature, and a slow drift: what residuals of a fitted arm depend on.
+SLOPES = np.column_stack(
+    [np.exp(-0.05 * TIME) * np.cos(3 * TIME), np.exp(-0.05 * TIME) * np.sin(3 * TIME), np.cos(0.3 * TIME)]
+)
+
+
+def problem() -> SimpleNamespace:
+    experiment = SimpleNamespace(recording=SimpleNamespace(output=np.zeros((N, 1))), weights=lambda: np.ones((N, 1)))
+    bench = SimpleNamespace(experiments=[experiment], n_rows=N, n_data=N)
+    return SimpleNamespace(names=("a", "b", "c"), bench=bench)
+
+
+def fitted(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return estimates of three zeros by least squares, and their standard deviations."""
+    estimate, *_ = np.linalg.lstsq(SLOPES, noise, rcond=None)
+    residual = SLOPES @ estimate - noise
+    minimum = Minimum(estimate, 0.5 * float(residual @ residual), residual, SLOPES, np.zeros(3, bool), True, 1)
+    covariance, reasons, _ = covariance_of(problem(), minimum)
+    assert not reasons
+    return estimate, np.sqrt(np.diag(covariance))
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
+def test_intervals_hold_for_correlated_noise(memory: float) -> None:
+    rng = np.random.default_rng(3)
+    runs = []
+    for _ in range(400):
+        noise = lfilter([1.0], [1.0, -memory], rng.standard_normal(N + 200))[200:]
+        estimate, sd = fitted(noise)
+        runs.append(np.abs(estimate) < 1.645 * sd)
+    # 400 runs: a share of 0.9 is known to 0.015; the spectrum's own scatter costs a little.
+    assert np.mean(runs, axis=0) == pytest.approx([0.9] * 3, abs=0.06)
+
+
+def test_white_residuals_below_the_stated_noise_do_not_narrow_the_interval() -> None:
+    quiet = 0.1 * np.random.default_rng(1).standard_normal(N)
+    _, sd = fitted(quiet)
+    np.testing.assert_allclose(sd, np.sqrt(np.diag(np.linalg.inv(SLOPES.T @ SLOPES))), rtol=1e-9)
+
+
+def test_a_prior_counts_as_one_reading_of_its_own() -> None:
+    jacobian = np.vstack([SLOPES, [50.0, 0.0, 0.0]])
+    quiet = np.zeros(N + 1)
+    minimum = Minimum(np.zeros(3), 0.0, quiet, jacobian, np.zeros(3, bool), True, 1)
+    covariance, _, _ = covariance_of(problem(), minimum)
+    np.testing.assert_allclose(covariance, np.linalg.inv(jacobian.T @ jacobian), rtol=1e-9)

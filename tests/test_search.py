@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from discovery.case import Case, LoopSettings
+from discovery.drive import Drive
+from discovery.experiment import Experiment
+from discovery.fit import fit
+from discovery.holdout import HoldOut
+from discovery.model import Model
+from discovery.problem import Bench, NaturalUnits
+from discovery.recording import Recording
+from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.search import Search
+from discovery.testing.states import every_effect
+
+TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}
+DECLARED = ("viscous_damping", "linear_stiffness")
+EFFECTS = every_effect("oscillator")
+UNITS = NaturalUnits(1 / 3, 0.3, 1.0)
+NOISE = 1e-3
+TIME = np.linspace(0.0, 20.0, 801)
+RIG = Rig("o", "oscillator", columns=Columns(TimeColumn(), InputColumn("u", "V", "spline"), OutputColumn("y", "V")))
+_EDGES = np.array([0.0, 1.0, 2.5, 6.0, 20.0])
+
+
+def pushes(*sizes: float) -> Drive:
+    return Drive(_EDGES, np.array([sizes]), _EDGES[1:-1])
+
+
+def experiment(name: str, output: np.ndarray, drive: Drive) -> Experiment:
+    recording = Recording(
+        name, TIME, drive.evaluate(TIME)[0], output[:, None], ("output",), ("V",), np.array([NOISE]), "", ""
+    )
+    return Experiment(recording, drive, RIG)
+
+
+def recorded(name: str, drive: Drive, seed: int, **effects: float) -> Experiment:
+    """Simulate a recording with the given parameters of effects that the declared model lacks."""
+    b = Bench("oscillator", EFFECTS, [experiment(name, np.zeros(TIME.size), drive)], 0.02)
+    whole = Model("oscillator", EFFECTS)
+    values = {n: p.default * UNITS.scale(p) for n, p in whole.parameters.items()} | TRUTH | effects
+    (clean,) = b.predict(np.array([[values[n]] for n in b.names]), np.array([[[0.25], [0.0]]]))
+    return experiment(name, clean[:, 0, 0] + NOISE * np.random.default_rng(seed).standard_normal(TIME.size), drive)
+
+
+@cache
+def searched(seed: int = 0, **effects: float) -> Search:
+    train = recorded("train", pushes(1.0, -1.5, 0.7, 0.0), seed, **effects)
+    held = recorded("held", pushes(-0.8, 1.2, 0.3, 0.0), seed + 100, **effects)
+    settings = LoopSettings()
+    case = Case([train], HoldOut([train], [held], UNITS, settings.tolerance), settings, UNITS, lambda _: None)
+    start = fit(Model("oscillator", DECLARED), [train], start={"g": 0.9, "xi": 0.05, "alpha": 8.8}, units=UNITS)
+    search = Search(start, case)
+    search.run()
+    return search
+
+
+def test_a_clean_recording_gets_nothing() -> None:
+    search = searched()
+    assert search.added == ()
+    assert [s.action for s in search.steps] == ["stop"]
+
+
+@pytest.mark.parametrize(
+    "effects", [{"beta": 1.0, "f_c": 0.02}, {"c_2": 0.3, "tau": 0.01}], ids=lambda e: " and ".join(e)
+)
+def test_two_effects_are_both_found_and_nothing_else(effects: dict[str, float]) -> None:
+    search = searched(**effects)
+    found = search.best.refit.values
+    owners = {"beta": "cubic_stiffness", "f_c": "coulomb_friction", "c_2": "quadratic_drag", "tau": "sensor_delay"}
+    assert set(search.added) == {owners[n] for n in effects}
+    for name, value in effects.items():
+        assert found[name] == pytest.approx(value, rel=0.1)
+
+
+def test_the_evidence_says_how_large_and_how_sure() -> None:
+    evidence = searched(beta=1.0, f_c=0.02).evidence
+    for numbers in evidence.values():
+        # No replicate of 200 came near.
+        assert numbers["p_value"] == pytest.approx(1 / 201)
+        assert numbers["delta_chi2_train"] > 10 * numbers["chance_gain_99"]
+        assert 0.5 < numbers["share_of_excess"] <= 1.01
+        assert NOISE < numbers["effect_rms"] < 0.3
+        # A law that contains the right one may gain a little more.
+        assert 0 < numbers["runner_up_delta_chi2"] < numbers["delta_chi2_train"] + 20
+
+
+def test_the_story_tells_every_decision() -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    kept = [s.effect for s in search.steps if s.action == "add" and s.accepted]
+    assert set(search.added) <= set(kept)
+    assert all(s.reason for s in search.steps)
+
+
+def test_the_same_seed_gives_the_same_answer() -> None:
+    first = searched(beta=1.0, f_c=0.02)
+    searched.cache_clear()
+    again = searched(beta=1.0, f_c=0.02)
+    assert first.evidence == again.evidence
+    assert first.best.refit.values == again.best.refit.values
