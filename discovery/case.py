@@ -50,6 +50,8 @@ class LoopSettings:
     tie : float
         Candidates whose excess chi-square is within this share of the best one count as equally good: the one with
         fewer parameters is taken and the others are reported as ambiguous.
+    form : float
+        So are those within this share of what the best one removes: every law idealises.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
     pair_share : float
@@ -73,6 +75,7 @@ class LoopSettings:
     least_share: float = 0.2
     price: float = 10.0
     tie: float = 0.05
+    form: float = 5e-4
     tie_pliable: float = 0.25
     pair_share: float = 0.7
     least_known: float = 0.12

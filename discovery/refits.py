@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from discovery.least_squares import Minimum, levenberg_marquardt, minimise
 from discovery.model import Model
 from discovery.problem import Bench, Problem
 
-__all__ = ["Refit", "finish", "held_fixed", "refit", "relaxed", "unstiffened"]
+__all__ = ["Refit", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "unstiffened"]
 
 FloatArray = NDArray[np.float64]
 #: So many of the best quick refits are finished with a differenced Jacobian.
@@ -22,9 +22,9 @@ _FINISHED = 6
 #: All refits take so many steps, then only the best ones go on.
 _FIRST_ROUND = 8
 _IN_THE_RACE = 14
-#: A refit that the solver's step disturbs is promising if its linear score is such a share of the best gain;
-_PROMISING = 0.5
-#: finer steps are kept if they lower chi-square by this much.
+#: Finer steps are tried for so many of the best by chi-square and by score,
+_LEADING = 3
+#: where the solver moves the residual by this much, and kept if they lower chi-square by as much.
 _WORTH = 5.0
 
 
@@ -97,35 +97,71 @@ def refit(
     list of Refit
         Smallest chi-square first.
     """
+    starts = [((c.effect,), vector, columns) for c in shortlist for vector, columns in c.starts]
+    return _raced(model, minimum, problem, starts, iterations, on_round)
+
+
+def refit_pairs(
+    model: Model, minimum: Minimum, problem: Problem, pairs: Sequence[tuple[Candidate, Candidate]]
+) -> list[Refit]:
+    """Refit the model with two candidates added at once, from their joint linear solution.
+
+    Returns
+    -------
+    list of Refit
+        Smallest chi-square first; `effect` is the second one.
+    """
+    rows = problem.bench.n_rows
+    known, _ = np.linalg.qr(minimum.jacobian[:rows])
+    starts = []
+    for pair in pairs:
+        vector = np.concatenate([c.starts[0][0] for c in pair])
+        columns = np.concatenate([c.starts[0][1] for c in pair], axis=1)
+        moving = columns.any(axis=0)
+        free = columns[:, moving] - known @ (known.T @ columns[:, moving])
+        size = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
+        solution = np.linalg.lstsq(free / size, -minimum.residual[:rows], rcond=None)[0]
+        vector[moving] = solution / size
+        starts.append((tuple(c.effect for c in pair), vector, columns))
+    return _raced(model, minimum, problem, starts, 30, None)
+
+
+def _raced(
+    model: Model,
+    minimum: Minimum,
+    problem: Problem,
+    starts: Sequence[tuple[tuple[str, ...], FloatArray, FloatArray]],
+    iterations: int,
+    on_round: Callable[[int], None] | None,
+) -> list[Refit]:
+    """Refit from starts (effects, their values, sensitivities), all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
-    labels: list[str] = []
-    for candidate in shortlist:
-        extended = Problem(model.with_effect(candidate.effect), problem.bench, problem.units, problem.gaussian)
+    labels = [effects for effects, _, _ in starts]
+    for effects, vector, columns in starts:
+        extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         where = [extended.free.index(n) for n in problem.free]
         added = [i for i in range(len(extended.free)) if i not in where]
         tail = len(extended.names) - len(extended.free)
-        for vector, columns in candidate.starts:
-            x = np.empty(len(extended.names))
-            jacobian = np.zeros((len(minimum.residual), x.size))
-            x[where], x[added] = minimum.x[: len(problem.free)], vector
-            x[-tail:] = minimum.x[-tail:]
-            jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
-            jacobian[:, -tail:] = minimum.jacobian[:, -tail:]
-            jacobian[: len(columns), added] = columns
-            # The fitted parameters move with the effect: first-order compensation.
-            push = minimum.residual + jacobian[:, added] @ vector
-            old = [*where, *range(x.size - tail, x.size)]
-            step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
-            lower, upper = extended.bounds
-            x[old] = np.clip(x[old] + step, lower[old], upper[old])
-            problems.append(extended)
-            labels.append(candidate.effect)
-            requests.append(
-                levenberg_marquardt(
-                    x, lower, upper, extended.scale, iterations=_FIRST_ROUND, tolerance=1e-3, jacobian=jacobian
-                )
+        lower, upper = extended.bounds
+        x = np.empty(len(extended.names))
+        jacobian = np.zeros((len(minimum.residual), x.size))
+        x[where], x[added] = minimum.x[: len(problem.free)], np.clip(vector, lower[added], upper[added])
+        x[-tail:] = minimum.x[-tail:]
+        jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
+        jacobian[:, -tail:] = minimum.jacobian[:, -tail:]
+        jacobian[: len(columns), added] = columns
+        # The fitted parameters move with the effect: first-order compensation.
+        push = minimum.residual + jacobian[:, added] @ x[added]
+        old = [*where, *range(x.size - tail, x.size)]
+        step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
+        x[old] = np.clip(x[old] + step, lower[old], upper[old])
+        problems.append(extended)
+        requests.append(
+            levenberg_marquardt(
+                x, lower, upper, extended.scale, iterations=_FIRST_ROUND, tolerance=1e-3, jacobian=jacobian
             )
+        )
     minima = minimise(requests, answer_on(problems), on_round=on_round)
     # Only those go on that are still in the race.
     promising = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
@@ -151,8 +187,8 @@ def refit(
     order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
     stalled = [i for i in order if not minima[i].cost <= minimum.cost]
     chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
-    starts = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
-    finished = _differenced([problems[i] for i in chosen], starts)
+    ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
+    finished = _differenced([problems[i] for i in chosen], ends)
     for i, found in zip(chosen, finished, strict=True):
         if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
             minima[i] = found
@@ -180,26 +216,23 @@ def unstiffened(
         return []
     best = {r.effect: r for r in quick}
     scores = {c.effect: c.score for c in shortlist}
+    by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
     checked: set[str] = set()
-    known = Refit("", problem, minimum)
     for finer in (2, 4, 8):
-        ranked = sorted(best.values(), key=lambda r: r.chi2)
-        gain = 2 * minimum.cost - ranked[0].chi2
-        promising = [r for i, r in enumerate(ranked) if i < _FINISHED or scores[r.effect] > _PROMISING * gain]
-        promising = [r for r in promising if r.effect not in checked]
+        leading = [r.effect for r in sorted(best.values(), key=lambda r: r.chi2)[:_LEADING]]
+        leading += [c.effect for c in by_score[:_LEADING] if c.effect not in leading]
         fine = Problem(problem.model, Bench.like(problem.bench, problem.bench.step / finer), problem.units, {})
-        # What the model so far errs already, as dry friction does at each turn, is not the candidate's.
-        allowed = _WORTH + 2 * _solver_error(known, fine.bench)
-        rough = {r.effect for r in promising if _solver_error(r, fine.bench) > allowed}
-        checked |= {r.effect for r in promising} - rough
+        # A step too coarse for the minimum may be fine where the refit got stuck, far short of its linear score.
+        short = {e for e in leading if 2 * minimum.cost - best[e].chi2 < 0.5 * scores[e]}
+        rough = {e for e in leading if e not in checked and (e in short or _solver_error(best[e], fine.bench) > _WORTH)}
+        checked |= {*leading} - rough
         if not rough:
             break
-        for r in refit(problem.model, minimum, fine, [c for c in shortlist if c.effect in rough]):
+        once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
+        for r in refit(problem.model, minimum, fine, once):
             # Kept where it helps: the finer bench costs more from then on.
             if r.chi2 < best[r.effect].chi2 - _WORTH:
                 best[r.effect] = r
-            else:
-                checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
 
 
@@ -239,7 +272,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
         for known in starts:
             problems.append(extended)
             vectors.append(extended.start({**r.values, **known}))
-            labels.append(r.effect)
+            labels.append(r.problem.model.effects)
     return _best(zip(labels, problems, _differenced(problems, vectors), strict=True))
 
 
@@ -265,9 +298,9 @@ def _differenced(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> l
 
 
 def _best(found) -> list[Refit]:
-    """Return the best refit of each effect, smallest chi-square first."""
-    best: dict[str, Refit] = {}
+    """Return the best refit of each effect or pair, smallest chi-square first."""
+    best: dict[tuple[str, ...], Refit] = {}
     for label, problem, minimum in found:
         if np.isfinite(minimum.cost) and (label not in best or minimum.cost < best[label].minimum.cost):
-            best[label] = Refit(label, problem, minimum)
+            best[label] = Refit(label[-1], problem, minimum)
     return sorted(best.values(), key=lambda r: r.chi2)

@@ -12,16 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discovery.attribution import Candidate, candidates, screen, similarity
+from discovery.attribution import Candidate, candidates, likely_pairs, screen, similarity
 from discovery.case import Case, Step
 from discovery.fit import Fit
 from discovery.node import Node, merit
-from discovery.refits import Refit, finish, held_fixed, refit, relaxed, unstiffened
+from discovery.refits import Refit, finish, held_fixed, refit, refit_pairs, relaxed, unstiffened
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
 from discovery.weighing import weigh
 
 __all__ = ["Search"]
+
+#: Added effects, and the model with them.
+_Child = tuple[tuple[str, ...], Refit]
 
 #: So many of the best quick refits are finished with everything free;
 _FINISHED = 6
@@ -29,6 +32,8 @@ _FINISHED = 6
 _TRIED = 4
 #: and so many sets are extended side by side,
 _BEAM = 2
+#: with so many pairs that promise most to first order;
+_PAIRS = 8
 #: a rival only if it leaves at most so many times what the best one leaves.
 _RIVAL = 5.0
 #: So many rivals of an effect are told apart from it.
@@ -95,6 +100,7 @@ class Search:
         """Add effects, one at a time or two together, while they pass."""
         settings = self.case.settings
         beam, level = [self.best], 0
+        base: Node | None = None
         while level < settings.most_effects:
             if self._quiet(self.best):
                 reason = f"the training residual is noise: its systematic part is {self.best.rough:.2g} noise sds"
@@ -107,6 +113,9 @@ class Search:
                 return
             level += 1
             children = self._children(beam)
+            if base is not None:
+                children = sorted([*children, *self._pairs(base)], key=lambda child: child[1].chi2)
+            base = self.best
             ranked = self._ordered(children)
             chosen = next((node for node in ranked if self._passes(node)), None)
             if chosen is not None:
@@ -134,17 +143,28 @@ class Search:
             self._branches[key] = _Branch({c.effect: c for c in scored}, (*full, *rest))
         return self._branches[key]
 
-    def _children(self, beam: Sequence[Node]) -> list[tuple[Node, Refit]]:
+    def _children(self, beam: Sequence[Node]) -> list[_Child]:
         """Return every set with one effect more, smallest chi-square first."""
-        found: dict[frozenset[str], tuple[Node, Refit]] = {}
+        found: dict[frozenset[str], _Child] = {}
         for node in beam:
             for r in self._branch(node).refits[:_FINISHED]:
-                key = frozenset((*node.added, r.effect))
+                added = (*node.added, r.effect)
+                key = frozenset(added)
                 if key not in found or r.chi2 < found[key][1].chi2:
-                    found[key] = node, r
-        return sorted(found.values(), key=lambda pair: pair[1].chi2)
+                    found[key] = added, r
+        return sorted(found.values(), key=lambda child: child[1].chi2)
 
-    def _ordered(self, children: Sequence[tuple[Node, Refit]]) -> list[Node]:
+    def _pairs(self, node: Node) -> list[_Child]:
+        """Return sets with two effects more that would explain the residual to first order."""
+        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+        scored = list(self._branch(node).scored.values())
+        likely = likely_pairs(scored, minimum.residual, _PAIRS)
+        self.case.tell("refitting pairs")
+        quick = refit_pairs(problem.model, minimum, problem, likely)
+        full = finish(node.refit.problem, node.refit.minimum, quick[:_TRIED])
+        return [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
+
+    def _ordered(self, children: Sequence[_Child]) -> list[Node]:
         """Return the sets that are as good as the best one, simplest first."""
         if not children:
             return []
@@ -152,19 +172,19 @@ class Search:
         best = min((r for _, r in children), key=lambda r: r.chi2 + price * len(r.problem.free))
         share = self.case.settings.tie_pliable if _pliable(best) else self.case.settings.tie
         limit = self._tie_limit(best, share)
-        tied = [(p, r) for p, r in children if r.chi2 + price * len(r.problem.free) <= limit][:_TRIED]
-        nodes = [Node.of((*parent.added, r.effect), r, self.case) for parent, r in tied]
+        tied = [(added, r) for added, r in children if r.chi2 + price * len(r.problem.free) <= limit][:_TRIED]
+        nodes = [Node.of(added, r, self.case) for added, r in tied]
         least = min(n.chi2 + n.held for n in nodes)
         nodes.sort(key=lambda n: merit(n, least, price))
         if all(_pliable(n.refit) for n in nodes):
             # What a pliable law imitates deserves a try of its own, if it explains nearly all.
             enough = self.best.chi2 - self.case.settings.pair_share * excess(self.best.chi2)
-            plain = [(p, r) for p, r in children if not _pliable(r) and r.chi2 < enough][:1]
-            nodes += [Node.of((*p.added, r.effect), r, self.case) for p, r in plain]
+            plain = [(added, r) for added, r in children if not _pliable(r) and r.chi2 < enough][:1]
+            nodes += [Node.of(added, r, self.case) for added, r in plain]
         return nodes
 
-    def _distinct(self, children: Sequence[tuple[Node, Refit]]) -> list[Node]:
-        return [Node.of((*p.added, r.effect), r, self.case) for p, r in children[: _BEAM + 1]]
+    def _distinct(self, children: Sequence[_Child]) -> list[Node]:
+        return [Node.of(added, r, self.case) for added, r in children[: _BEAM + 1]]
 
     def _worth_pursuing(self, node: Node) -> bool:
         """Return whether a set that is not accepted may be a step towards a better one."""
@@ -178,12 +198,14 @@ class Search:
         """Return the priced chi-square up to which a refit is as good as `best`: a share more of what that leaves."""
         settings = self.case.settings
         priced = best.chi2 + settings.price * len(best.problem.free)
-        return priced + max(settings.price, share * self.case.excess(best.chi2))
+        idealised = settings.form * max(self.best.chi2 - best.chi2, 0.0)
+        return priced + max(settings.price, share * self.case.excess(best.chi2), idealised)
 
     def _passes(self, node: Node) -> bool:
         """Decide whether a set replaces the best one so far, and tell the story."""
         new = tuple(e for e in node.added if e not in self.best.added)
-        parent = self._branches[frozenset(node.added[:-1])]
+        # Of a pair that was tried at once, the smaller set has not been screened.
+        parent = self._branches.get(frozenset(node.added[:-1])) or self._branch(self.best)
         chance = self._chance(parent, node)
         verdict = weigh(self.case, self.root, self.best, node, new, chance)
         ranking = self._ranking(parent)
@@ -294,7 +316,7 @@ class Search:
         others = [r for r in branch.refits if r.effect != effect]
         # However many parameters they have: what explains as well cannot be told apart by these recordings.
         share = self.case.settings.tie * self.case.excess(self.best.chi2)
-        limit = self.best.chi2 + max(self.case.settings.price, share)
+        limit = self.best.chi2 + max(self.case.settings.price, share, self.case.settings.form * gain)
         tied = tuple(r.effect for r in others if r.chi2 <= limit)
         own = branch.scored[effect]
         likeness = {c.effect: similarity(own.sensitivity, c.sensitivity) for c in branch.scored.values()}

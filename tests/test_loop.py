@@ -128,7 +128,8 @@ def test_a_hidden_effect_is_named_and_nothing_is_invented(name: str) -> None:
     assert result.added[-1] == HIDDEN[name]
     assert "elastica_geometry" in result.added
     assert result.verdict == "explained"
-    assert result.ambiguous[HIDDEN[name]] == ()
+    # Stribeck's law contains dry friction and can never be told from it.
+    assert set(result.ambiguous[HIDDEN[name]]) <= {"stribeck_friction"}
 
 
 @pytest.mark.parametrize("name", HIDDEN)
