@@ -98,6 +98,7 @@ bench: $(READY) ## Measure speed and recovery; the figures are written to report
 
 # Finished cases are kept, so an interrupted benchmark goes on where it was; `make blind CASES=60` is a short one.
 blind: $(READY) ## Generate blind cases with sealed truth, run the loop and its peers on them, and score (hours)
+	$(BIN)/python -m benchmarks.blind.base reports/blind --workers $(WORKERS)
 	$(BIN)/python -m benchmarks.blind.generate reports/blind --cases $(CASES) --seed $(SEED) --workers $(WORKERS)
 	$(BIN)/python -m benchmarks.blind.run reports/blind --workers $(WORKERS) --peers
 	$(BIN)/python -m benchmarks.blind.score reports/blind

@@ -27,12 +27,18 @@ from discovery.refits import refit
 from discovery.step import choose_step
 
 DATASETS = Path(__file__).parents[1] / "datasets"
+BASES = ("constant_radius", "reduced", "elastica")
 SETS = ("arm", "arm_coulomb", "arm_delay", "arm_tilt")
 
 
 def alone(name: str) -> Dataset:
     """One recording, its last third held out."""
     return load_dataset(DATASETS / name / "rig.toml", [DATASETS / name / "train_large.csv"])
+
+
+def entire(name: str) -> Dataset:
+    """One recording, all of it fitted."""
+    return load_dataset(DATASETS / name / "rig.toml", [DATASETS / name / "train_large.csv"], keep_third=False)
 
 
 def whole(name: str) -> Dataset:
@@ -61,16 +67,17 @@ def closing(label: str, dataset: Dataset, runs: int) -> dict[str, Any]:
     }
 
 
-def screening(dataset: Dataset, runs: int) -> dict[str, float]:
-    """Time one screening of the catalogue, and the bounded refits of every candidate, around a fit of the exact arm."""
+def screening(dataset: Dataset, base: str, runs: int) -> dict[str, Any]:
+    """Time one screening of the catalogue, and the bounded refits of every candidate, around a fit on a base."""
     train = dataset.train
     units = natural_units(train)
-    model = Model("elastica", ("viscous_damping", "linear_stiffness"), {**known_values(train[0]), "tau_r": 0.0})
+    known = known_values(train[0]) | ({"tau_r": 1.5e-4} if base == "elastica" else {})
+    model = Model(base, ("viscous_damping", "linear_stiffness"), known)
     names = candidates(model)
     effects = tuple(sorted({*model.effects, *names}))
     start = {"xi": 0.0458, "alpha": 8.1}
     step = choose_step(model, train, units, start, LoopSettings().tolerance, effects)
-    found = fit(model, train, start=start, units=units, bench=Bench("elastica", effects, train, step))
+    found = fit(model, train, start=start, units=units, bench=Bench(base, effects, train, step))
     screened, refitted = [], []
     for _ in range(runs + 1):
         begin = time.perf_counter()
@@ -80,6 +87,8 @@ def screening(dataset: Dataset, runs: int) -> dict[str, float]:
         screened.append(middle - begin)
         refitted.append(time.perf_counter() - middle)
     return {
+        "base": base,
+        "samples": int(sum(e.fitted.stop or e.recording.time.size for e in train)),
         "candidates": len(names),
         "step_s": step,
         "screen_ms": 1e3 * float(np.median(screened[1:])),
@@ -94,16 +103,18 @@ def main() -> None:
     options = parser.parse_args()
     rows = [closing(f"{name}/train_large alone", alone(name), options.runs) for name in ("arm", "arm_delay")]
     rows += [closing(f"{name}, two and hold-outs", whole(name), options.runs) for name in SETS]
-    catalogue = screening(alone("arm_delay"), options.runs)
+    catalogue = [screening(entire("arm_delay"), base, options.runs) for base in BASES]
     head = list(rows[0])
     cells = [[f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
     widths = [max(len(line[k]) for line in [head, *cells]) for k in range(len(head))]
     for line in [head, *cells]:
         print("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)))
-    print(
-        f"\none recording: screening {catalogue['candidates']} effects takes {catalogue['screen_ms']:.0f} ms, "
-        f"refitting them {catalogue['refit_ms']:.0f} ms"
-    )
+    print()
+    for c in catalogue:
+        print(
+            f"one recording of {c['samples']} samples on {c['base']}: screening {c['candidates']} effects takes "
+            f"{c['screen_ms']:.0f} ms, refitting them {c['refit_ms']:.0f} ms"
+        )
     machine = {"cpus": os.cpu_count(), "load": os.getloadavg()[0], "python": platform.python_version()}
     found = {"machine": machine, "loops": rows, "screening": catalogue}
     options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

@@ -21,7 +21,7 @@ from discovery.parameters import Parameter
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.registry import catalogue
 
-__all__ = ["Candidate", "Direction", "candidates", "likely_pairs", "screen", "similarity"]
+__all__ = ["Candidate", "Direction", "candidates", "screen"]
 
 FloatArray = NDArray[np.float64]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
@@ -253,36 +253,3 @@ def _distinct(options: Sequence[_Option], keep: int) -> list[_Option]:
         if len(chosen) == keep:
             break
     return chosen
-
-
-def likely_pairs(scored: Sequence[Candidate], target: FloatArray, keep: int) -> list[tuple[Candidate, Candidate]]:
-    """Return the pairs of candidates whose best sensitivities together remove most of a residual, to first order.
-
-    Parameters
-    ----------
-    scored : sequence of Candidate
-        From `screen`.
-    target : ndarray, shape (n,)
-        The residual around which they were screened.
-    keep : int
-        Number of pairs.
-    """
-    bases = [np.asarray(c.directions[0].basis, float) for c in scored]
-    edges = np.cumsum([0, *(b.shape[1] for b in bases)])
-    everything = np.concatenate(bases, axis=1)
-    gram, push = everything.T @ everything, everything.T @ target
-    gains = {}
-    for i in range(len(scored)):
-        for j in range(i):
-            at = np.r_[edges[i] : edges[i + 1], edges[j] : edges[j + 1]]
-            solution = np.linalg.lstsq(gram[np.ix_(at, at)], push[at], rcond=1e-9)[0]
-            gains[j, i] = float(push[at] @ solution)
-    best = sorted(gains, key=lambda pair: -gains[pair])[:keep]
-    return [(scored[j], scored[i]) for j, i in best]
-
-
-def similarity(first: FloatArray, second: FloatArray) -> float:
-    """Return the largest principal cosine between two projected sensitivities: 1 when they cannot be told apart."""
-    a, _ = np.linalg.qr(first)
-    b, _ = np.linalg.qr(second)
-    return float(np.linalg.svd(a.T @ b, compute_uv=False)[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from discovery.refits import Refit
@@ -45,6 +45,10 @@ class Node:
         held = case.judge.predictions(bench, [(refit.problem.model, refit.values, on_train)])[0]
         chi2, _, held_rough = case.judge.score(held)
         return cls(added, refit, case.roughness(on_train), chi2, held_rough)
+
+    def with_last(self, effect: str) -> Node:
+        """Return the same set with one effect named last."""
+        return replace(self, added=(*(e for e in self.added if e != effect), effect))
 
     @property
     def chi2(self) -> float:

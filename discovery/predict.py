@@ -90,7 +90,9 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     force = np.array([push(d) for d in grid])
     crossing = np.flatnonzero((force[:-1] >= 0) & (force[1:] < 0))
     if crossing.size == 0:
-        raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
+        # A root that turns with its load has memory: the rod and its root settle together.
+        q = _settled(lambda state: np.array(derivative(0.0, recorded, state, parameters), float), program, units.time)
+        return float(q[0]) if n == 1 else _angle(output(*q, 0.0, *parameters))
     nearest = crossing[np.argmin(np.abs(grid[crossing]))]
     near = float(brentq(push, grid[nearest], grid[nearest + 1], xtol=1e-12))
     if n == 1:
@@ -100,8 +102,36 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     found = root(acceleration, q[:, 0], options={"xtol": 1e-13})
     if not np.abs(found.x - q[:, 0]).max() < 0.1:
         raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
-    x, y = output(*found.x, 0.0, *parameters)
-    return float(np.arctan2(y, x))
+    return _angle(output(*found.x, 0.0, *parameters))
+
+
+def _angle(tip: Sequence[float]) -> float:
+    return float(np.arctan2(tip[1], tip[0]))
+
+
+def _settled(slopes: Callable[[FloatArray], FloatArray], program: Program, time: float) -> FloatArray:
+    """Return the coordinates in which a model comes to rest, its motion slowed down by a strong extra friction.
+
+    Raises
+    ------
+    ComputationError
+        If it does not come to rest.
+    """
+    from scipy.integrate import solve_ivp
+
+    n = program.n_coordinates
+
+    def slowed(_: float, state: FloatArray) -> FloatArray:
+        change = slopes(state)
+        change[n : 2 * n] -= 4.0 / time * state[n : 2 * n]
+        return change
+
+    found = solve_ivp(slowed, (0.0, 60 * time), np.zeros(len(program.states)), method="LSODA", rtol=1e-8, atol=1e-10)
+    end = found.y[:, -1]
+    still = found.success and np.abs(slowed(0.0, end)[:n]).max() * time < 1e-5
+    if not still:
+        raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
+    return end[:n]
 
 
 def predict(

@@ -8,46 +8,30 @@ it is idle, and exchanged where another effect serves better in its place.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from discovery.attribution import Candidate, candidates, likely_pairs, screen, similarity
+from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
 from discovery.fit import Fit
 from discovery.node import Node, merit
-from discovery.refits import Refit, finish, held_fixed, refit, refit_pairs, relaxed, unstiffened
+from discovery.refits import Refit, relaxed
 from discovery.registry import catalogue
-from discovery.significance import chance_gains, surrogates
+from discovery.standing import evidence, rivals
 from discovery.weighing import weigh
 
 __all__ = ["Search"]
 
-#: Added effects, and the model with them.
-_Child = tuple[tuple[str, ...], Refit]
-
-#: So many of the best quick refits are finished with everything free;
-_FINISHED = 6
-#: so many that are equally good are judged on held-out data,
+#: So many sets that are equally good are judged on held-out data,
 _TRIED = 4
-#: and so many sets are extended side by side,
+#: and so many are extended side by side,
 _BEAM = 2
-#: with so many pairs that promise most to first order;
-_PAIRS = 8
 #: a rival only if it leaves at most so many times what the best one leaves.
 _RIVAL = 5.0
 #: So many rivals of an effect are told apart from it.
 _RIVALS = 2
 #: Rounds of removal and exchange.
 _ROUNDS = 2
-
-
-@dataclass(frozen=True)
-class _Branch:
-    """What the catalogue offers beside one set of effects."""
-
-    scored: Mapping[str, Candidate]
-    refits: tuple[Refit, ...]
 
 
 class Search:
@@ -78,7 +62,7 @@ class Search:
         self.steps: list[Step] = []
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
-        self._branches: dict[frozenset[str], _Branch] = {}
+        self._branches = Branches(case)
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -112,9 +96,9 @@ class Search:
             if level > len(self.best.added) + 1:
                 return
             level += 1
-            children = self._children(beam)
+            children = self._branches.children(beam)
             if base is not None:
-                children = sorted([*children, *self._pairs(base)], key=lambda child: child[1].chi2)
+                children = sorted([*children, *self._branches.pairs(base)], key=lambda child: child[1].chi2)
             base = self.best
             ranked = self._ordered(children)
             chosen = next((node for node in ranked if self._passes(node)), None)
@@ -125,46 +109,7 @@ class Search:
             if not beam:
                 return
 
-    def _branch(self, node: Node) -> _Branch:
-        """Screen the catalogue and refit every candidate beside a set of effects."""
-        key = frozenset(node.added)
-        if key not in self._branches:
-            problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            names = candidates(problem.model, self.case.train[0].recording.units[0])
-            beside = f" beside {' and '.join(node.added)}" if node.added else ""
-            self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
-            scored = screen(problem.model, minimum, problem, names)
-            self.case.tell(f"refitting every candidate{beside}")
-            quick = refit(problem.model, minimum, problem, scored)
-            quick = unstiffened(problem.model, minimum, problem, scored, quick)
-            full = finish(node.refit.problem, node.refit.minimum, quick[:_FINISHED])
-            done = {r.effect for r in full}
-            rest = [r for r in quick if r.effect not in done]
-            self._branches[key] = _Branch({c.effect: c for c in scored}, (*full, *rest))
-        return self._branches[key]
-
-    def _children(self, beam: Sequence[Node]) -> list[_Child]:
-        """Return every set with one effect more, smallest chi-square first."""
-        found: dict[frozenset[str], _Child] = {}
-        for node in beam:
-            for r in self._branch(node).refits[:_FINISHED]:
-                added = (*node.added, r.effect)
-                key = frozenset(added)
-                if key not in found or r.chi2 < found[key][1].chi2:
-                    found[key] = added, r
-        return sorted(found.values(), key=lambda child: child[1].chi2)
-
-    def _pairs(self, node: Node) -> list[_Child]:
-        """Return sets with two effects more that would explain the residual to first order."""
-        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-        scored = list(self._branch(node).scored.values())
-        likely = likely_pairs(scored, minimum.residual, _PAIRS)
-        self.case.tell("refitting pairs")
-        quick = refit_pairs(problem.model, minimum, problem, likely)
-        full = finish(node.refit.problem, node.refit.minimum, quick[:_TRIED])
-        return [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
-
-    def _ordered(self, children: Sequence[_Child]) -> list[Node]:
+    def _ordered(self, children: Sequence[Child]) -> list[Node]:
         """Return the sets that are as good as the best one, simplest first."""
         if not children:
             return []
@@ -183,7 +128,7 @@ class Search:
             nodes += [Node.of(added, r, self.case) for added, r in plain]
         return nodes
 
-    def _distinct(self, children: Sequence[_Child]) -> list[Node]:
+    def _distinct(self, children: Sequence[Child]) -> list[Node]:
         return [Node.of(added, r, self.case) for added, r in children[: _BEAM + 1]]
 
     def _worth_pursuing(self, node: Node) -> bool:
@@ -205,8 +150,8 @@ class Search:
         """Decide whether a set replaces the best one so far, and tell the story."""
         new = tuple(e for e in node.added if e not in self.best.added)
         # Of a pair that was tried at once, the smaller set has not been screened.
-        parent = self._branches.get(frozenset(node.added[:-1])) or self._branch(self.best)
-        chance = self._chance(parent, node)
+        parent = self._branches.made(node.added[:-1]) or self._branches.of(self.best)
+        chance = self._branches.chance(parent, node)
         verdict = weigh(self.case, self.root, self.best, node, new, chance)
         ranking = self._ranking(parent)
         for name in new:
@@ -216,20 +161,7 @@ class Search:
                 self.steps.append(Step("remove", name, True, f"{' and '.join(node.added)} explain more without it"))
         return verdict.accepted
 
-    def _chance(self, smaller: _Branch, node: Node) -> np.ndarray:
-        """Return the gains that noise alone would give the best candidate beside the smaller set, sorted."""
-        bench = node.refit.problem.bench
-        rng = np.random.default_rng([self.case.settings.seed, len(node.added)])
-        noise = surrogates(node.refit.minimum.residual[: bench.n_rows], bench, rng)
-        # What every set absorbs, the new effect's own directions excepted.
-        inherited = [i for i, n in enumerate(node.refit.problem.names) if not self._owned(n, node.added[-1])]
-        return chance_gains(list(smaller.scored.values()), node.refit.minimum.jacobian[:, inherited], noise)
-
-    @staticmethod
-    def _owned(parameter: str, effect: str) -> bool:
-        return parameter in {p.name for p in catalogue()[effect].parameters()}
-
-    def _ranking(self, branch: _Branch) -> tuple[Mapping[str, object], ...]:
+    def _ranking(self, branch: Branch) -> tuple[Mapping[str, object], ...]:
         system = self.root.refit.problem.model.mechanics.system
         return tuple(
             {
@@ -267,7 +199,7 @@ class Search:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
             self.best = smaller
             return
-        ranked = self._ordered(self._children([smaller]))
+        ranked = self._ordered(self._branches.children([smaller]))
         others = [n for n in ranked if n.added[-1] != effect]
         price = self.case.settings.price
         for node in others:
@@ -276,7 +208,9 @@ class Search:
             if gain > least and node.held < self.best.held:
                 reason = f"in its place {node.added[-1]} lowers chi-square by {gain:.0f} more"
                 numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
-                self.steps.append(Step("exchange", effect, True, reason, numbers, self._ranking(self._branch(smaller))))
+                self.steps.append(
+                    Step("exchange", effect, True, reason, numbers, self._ranking(self._branches.of(smaller)))
+                )
                 self.best = node
                 return
 
@@ -285,7 +219,7 @@ class Search:
         found = {}
         for effect, names in self.ambiguous.items():
             if names:
-                branch = self._branch(self._without(effect))
+                branch = self._branches.of(self._without(effect))
                 found[effect] = {r.effect: r for r in branch.refits if r.effect in names[:_RIVALS]}
         return found
 
@@ -303,40 +237,12 @@ class Search:
                 self.steps += [Step("withdraw", e, True, reason) for e in self.best.added]
                 self.best = self.root
         for effect in self.best.added:
-            self._collect(effect)
-
-    def _collect(self, effect: str) -> None:
-        """Compute the evidence of one effect against the set without it."""
-        smaller = self._without(effect)
-        branch = self._branch(smaller)
-        node = Node((*smaller.added, effect), self.best.refit, self.best.rough, self.best.held, self.best.held_rough)
-        chance = self._chance(branch, node)
-        gain, held_gain = smaller.chi2 - node.chi2, smaller.held - node.held
-        excess = self.case.excess(smaller.chi2)
-        others = [r for r in branch.refits if r.effect != effect]
-        # However many parameters they have: what explains as well cannot be told apart by these recordings.
-        share = self.case.settings.tie * self.case.excess(self.best.chi2)
-        limit = self.best.chi2 + max(self.case.settings.price, share, self.case.settings.form * gain)
-        tied = tuple(r.effect for r in others if r.chi2 <= limit)
-        own = branch.scored[effect]
-        likeness = {c.effect: similarity(own.sensitivity, c.sensitivity) for c in branch.scored.values()}
-        likeness.pop(effect)
-        moved = [a - b for a, b in zip(smaller.refit.predict(), node.refit.predict(), strict=True)]
-        self.ambiguous[effect] = tied
-        self.evidence[effect] = {
-            "delta_chi2_train": gain,
-            "delta_chi2_holdout": held_gain,
-            "share_of_excess": gain / excess if excess else 0.0,
-            "share_of_residual_power": gain / smaller.chi2,
-            "effect_rms": float(np.sqrt(np.mean(np.concatenate([np.sum(m**2, axis=1) for m in moved])))),
-            "chance_gain_99": float(np.quantile(chance, 0.99)),
-            "p_value": float((1 + np.sum(chance >= gain)) / (1 + chance.size)),
-            "runner_up_delta_chi2": smaller.chi2 - min((r.chi2 for r in others), default=smaller.chi2),
-            "linear_score": own.score,
-            "largest_similarity": max(likeness.values(), default=0.0),
-        }
-        for other in tied:
-            self.evidence[effect][f"similarity_{other}"] = likeness.get(other, 0.0)
+            smaller = self._without(effect)
+            branch = self._branches.of(smaller)
+            whole = self.best.with_last(effect)
+            self.ambiguous[effect] = rivals(self.case, branch, smaller, whole, effect)
+            chance = self._branches.chance(branch, whole)
+            self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, chance)
 
 
 def _pliable(refitted: Refit) -> bool:

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from discovery.attribution import similarity
 from discovery.effect import ARM
 from discovery.errors import InputError
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit
+from discovery.likeness import similarity
 from discovery.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit
 from discovery.rival_distance import Distance, Trial, distance_on_given
 from discovery.simplicity import simplicity

@@ -5,10 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from discovery.attribution import Candidate, candidates, screen, similarity
+from discovery.attribution import Candidate, candidates, screen
 from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.fit import Fit, fit
+from discovery.likeness import similarity
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.recording import Recording

@@ -1,0 +1,104 @@
+"""What the catalogue offers beside a set of effects: every candidate screened and refitted, and promising pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.attribution import Candidate, candidates, screen
+from discovery.case import Case
+from discovery.likeness import likely_pairs
+from discovery.node import Node
+from discovery.refits import Refit, finish, held_fixed, refit, refit_pairs
+from discovery.registry import catalogue
+from discovery.significance import chance_gains, surrogates
+from discovery.stiff import unstiffened
+
+__all__ = ["FINISHED", "Branch", "Branches", "Child"]
+
+#: Added effects, and the model with them.
+Child = tuple[tuple[str, ...], Refit]
+#: So many of the best quick refits are finished with everything free;
+FINISHED = 6
+#: so many pairs that promise most to first order are refitted, and so many of them finished.
+_PAIRS = 8
+_BEST_PAIRS = 4
+
+
+@dataclass(frozen=True)
+class Branch:
+    """What the catalogue offers beside one set of effects.
+
+    Parameters
+    ----------
+    scored : mapping of str to Candidate
+        Every candidate with its sensitivities.
+    refits : tuple of Refit
+        Smallest chi-square first; the first `FINISHED` with what the rig knows free.
+    """
+
+    scored: Mapping[str, Candidate]
+    refits: tuple[Refit, ...]
+
+
+class Branches:
+    """The branches of one search, each made once."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self._made: dict[frozenset[str], Branch] = {}
+
+    def of(self, node: Node) -> Branch:
+        """Return the branch of a set of effects: screen the catalogue and refit every candidate beside it."""
+        key = frozenset(node.added)
+        if key not in self._made:
+            problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+            names = candidates(problem.model, self.case.train[0].recording.units[0])
+            beside = f" beside {' and '.join(node.added)}" if node.added else ""
+            self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
+            scored = screen(problem.model, minimum, problem, names)
+            self.case.tell(f"refitting every candidate{beside}")
+            quick = refit(problem.model, minimum, problem, scored)
+            quick = unstiffened(problem.model, minimum, problem, scored, quick)
+            full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
+            done = {r.effect for r in full}
+            rest = [r for r in quick if r.effect not in done]
+            self._made[key] = Branch({c.effect: c for c in scored}, (*full, *rest))
+        return self._made[key]
+
+    def made(self, added: Sequence[str]) -> Branch | None:
+        """Return the branch of a set if there is one already."""
+        return self._made.get(frozenset(added))
+
+    def children(self, beam: Sequence[Node]) -> list[Child]:
+        """Return every set with one effect more, smallest chi-square first."""
+        found: dict[frozenset[str], Child] = {}
+        for node in beam:
+            for r in self.of(node).refits[:FINISHED]:
+                added = (*node.added, r.effect)
+                key = frozenset(added)
+                if key not in found or r.chi2 < found[key][1].chi2:
+                    found[key] = added, r
+        return sorted(found.values(), key=lambda child: child[1].chi2)
+
+    def pairs(self, node: Node) -> list[Child]:
+        """Return sets with two effects more that would explain the residual to first order."""
+        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+        likely = likely_pairs(list(self.of(node).scored.values()), minimum.residual, _PAIRS)
+        self.case.tell("refitting pairs")
+        quick = refit_pairs(problem.model, minimum, problem, likely)
+        full = finish(node.refit.problem, node.refit.minimum, quick[:_BEST_PAIRS])
+        return [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
+
+    def chance(self, smaller: Branch, node: Node) -> NDArray[np.float64]:
+        """Return the gains that noise alone would give the best candidate beside the smaller set, sorted."""
+        bench = node.refit.problem.bench
+        rng = np.random.default_rng([self.case.settings.seed, len(node.added)])
+        noise = surrogates(node.refit.minimum.residual[: bench.n_rows], bench, rng)
+        # What every set absorbs, the new effect's own directions excepted.
+        own = {p.name for p in catalogue()[node.added[-1]].parameters()}
+        inherited = [i for i, n in enumerate(node.refit.problem.names) if n not in own]
+        return chance_gains(list(smaller.scored.values()), node.refit.minimum.jacobian[:, inherited], noise)
