@@ -21,7 +21,7 @@ from discovery.parameters import Parameter
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.registry import catalogue
 
-__all__ = ["Candidate", "Direction", "candidates", "screen"]
+__all__ = ["Candidate", "Direction", "candidates", "grid_of", "screen"]
 
 FloatArray = NDArray[np.float64]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
@@ -102,7 +102,7 @@ def _sizes(parameter: Parameter) -> list[float]:
     return sorted({abs(v) for v in parameter.starts if v}) or [1e-3 * parameter.prior.width]
 
 
-def _grid(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, float]]:
+def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, float]]:
     """Return finite values of an effect in the problem's units: a grid over shapes and sizes."""
     shapes = [p for p in effect.fitted(system) if p.shape]
     amplitudes = [p for p in effect.fitted(system) if not p.shape]
@@ -171,7 +171,7 @@ def screen(
     for name in names:
         amplitudes = tuple(p for p in catalogue()[name].fitted(system) if not p.shape)
         own = {p.name for p in amplitudes}
-        for values in _grid(catalogue()[name], system, units):
+        for values in grid_of(catalogue()[name], system, units):
             plan[name].append(_Trial(values, amplitudes, slice(len(columns), len(columns) + len(amplitudes))))
             for p in amplitudes:
                 column = base[:, 0].copy()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from discovery.attribution import Candidate, candidates, screen
 from discovery.case import Case
+from discovery.finite import finite_starts
 from discovery.likeness import likely_pairs
 from discovery.node import Node
 from discovery.refits import Refit, finish, held_fixed, refit, refit_pairs
@@ -26,6 +27,8 @@ FINISHED = 6
 #: so many pairs that promise most to first order are refitted, and so many of them finished.
 _PAIRS = 8
 _BEST_PAIRS = 4
+#: Systematic residual [noise sds] above which effects may be of a size at which linear starts fail.
+_FAR = 3.0
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,9 @@ class Branches:
             self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
             scored = screen(problem.model, minimum, problem, names)
             self.case.tell(f"refitting every candidate{beside}")
-            quick = refit(problem.model, minimum, problem, scored)
+            # Where much is left, some effects are of a size at which linear starts fail.
+            far = finite_starts(problem.model, minimum, problem, names) if node.rough > _FAR else []
+            quick = refit(problem.model, minimum, problem, scored, finite=far)
             quick = unstiffened(problem.model, minimum, problem, scored, quick)
             full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
             done = {r.effect for r in full}

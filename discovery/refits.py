@@ -17,11 +17,13 @@ from discovery.problem import Problem
 __all__ = ["Refit", "finish", "held_fixed", "refit", "refit_pairs", "relaxed"]
 
 FloatArray = NDArray[np.float64]
+#: Effects, their free values, sensitivities (zeros: unknown), and the stiffness unless it is compensated.
+_Start = tuple[tuple[str, ...], FloatArray, FloatArray, float | None]
 #: So many of the best quick refits are finished with a differenced Jacobian.
 _FINISHED = 6
 #: All refits take so many steps, then only the best ones go on.
 _FIRST_ROUND = 8
-_IN_THE_RACE = 14
+_IN_THE_RACE = 18
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ def refit(
     problem: Problem,
     shortlist: Sequence[Candidate],
     *,
+    finite: Sequence[tuple[str, FloatArray, float]] = (),
     iterations: int = 30,
     on_round: Callable[[int], None] | None = None,
 ) -> list[Refit]:
@@ -83,6 +86,8 @@ def refit(
         The fit so far.
     shortlist : sequence of Candidate
         From `discovery.attribution.screen`.
+    finite : sequence of (str, ndarray, float)
+        More starts, see `discovery.finite.finite_starts`.
     iterations : int
         Largest number of steps of each refit.
     on_round : callable, optional
@@ -93,7 +98,9 @@ def refit(
     list of Refit
         Smallest chi-square first.
     """
-    starts = [((c.effect,), vector, columns) for c in shortlist for vector, columns in c.starts]
+    rows = problem.bench.n_rows
+    starts: list[_Start] = [((c.effect,), vector, columns, None) for c in shortlist for vector, columns in c.starts]
+    starts += [((name,), vector, np.zeros((rows, vector.size)), alpha) for name, vector, alpha in finite]
     return _raced(model, minimum, problem, starts, iterations, on_round)
 
 
@@ -109,7 +116,7 @@ def refit_pairs(
     """
     rows = problem.bench.n_rows
     known, _ = np.linalg.qr(minimum.jacobian[:rows])
-    starts = []
+    starts: list[_Start] = []
     for pair in pairs:
         vector = np.concatenate([c.starts[0][0] for c in pair])
         columns = np.concatenate([c.starts[0][1] for c in pair], axis=1)
@@ -118,7 +125,7 @@ def refit_pairs(
         size = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
         solution = np.linalg.lstsq(free / size, -minimum.residual[:rows], rcond=None)[0]
         vector[moving] = solution / size
-        starts.append((tuple(c.effect for c in pair), vector, columns))
+        starts.append((tuple(c.effect for c in pair), vector, columns, None))
     return _raced(model, minimum, problem, starts, 30, None)
 
 
@@ -126,15 +133,15 @@ def _raced(
     model: Model,
     minimum: Minimum,
     problem: Problem,
-    starts: Sequence[tuple[tuple[str, ...], FloatArray, FloatArray]],
+    starts: Sequence[_Start],
     iterations: int,
     on_round: Callable[[int], None] | None,
 ) -> list[Refit]:
-    """Refit from starts (effects, their values, sensitivities), all together; only the best go all the way."""
+    """Refit from starts, all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
-    labels = [effects for effects, _, _ in starts]
-    for effects, vector, columns in starts:
+    labels = [effects for effects, *_ in starts]
+    for effects, vector, columns, alpha in starts:
         extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         where = [extended.free.index(n) for n in problem.free]
         added = [i for i in range(len(extended.free)) if i not in where]
@@ -147,11 +154,14 @@ def _raced(
         jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
         jacobian[:, -tail:] = minimum.jacobian[:, -tail:]
         jacobian[: len(columns), added] = columns
-        # The fitted parameters move with the effect: first-order compensation.
-        push = minimum.residual + jacobian[:, added] @ x[added]
-        old = [*where, *range(x.size - tail, x.size)]
-        step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
-        x[old] = np.clip(x[old] + step, lower[old], upper[old])
+        if alpha is None:
+            # The fitted parameters move with the effect: first-order compensation.
+            push = minimum.residual + jacobian[:, added] @ x[added]
+            old = [*where, *range(x.size - tail, x.size)]
+            step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
+            x[old] = np.clip(x[old] + step, lower[old], upper[old])
+        else:
+            x[extended.free.index("alpha")] = alpha
         problems.append(extended)
         requests.append(
             levenberg_marquardt(

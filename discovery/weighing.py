@@ -56,7 +56,9 @@ def weigh(
     least = s.least_gain if chance is None else max(s.least_gain, float(np.quantile(chance, 0.99)))
     # What is noise by the verdict already may be the base's own error: only what explains most of it is an effect.
     noise = smaller.held_rough <= s.limit(root.held_rough) and smaller.rough <= s.limit(root.rough)
-    share = s.pair_share if noise or strict or len(new) > 1 else s.least_share
+    # In the company of a law that imitates others, every effect must explain most of what is left.
+    company = len(larger.added) > 1 and any(catalogue()[e].pliable for e in larger.added)
+    share = s.pair_share if noise or strict or company or len(new) > 1 else s.least_share
     if strict and held_gain > share * held_excess > 0:
         # It is needed to predict, however little it shows in training.
         share = s.least_share

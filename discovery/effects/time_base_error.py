@@ -17,7 +17,7 @@ class TimeBaseError(Sensor):
 
     S grows from 0 to 1 within each period and falls back, as where frames wait for a packet to be sent, or a slow clock
     is set right again and again; as :math:`\varrho = 0.99`, it falls back within a twentieth of a period. A lag that
-    falls while samples wait has j < 0 and the constant lag of a `sensor_delay`. The period is looked for well above the
+    falls while samples wait has j < 0 and the constant lag of a `sensor_delay`. The period is looked for above the
     system's own frequency, where no force imitates it.
     """
 
@@ -27,8 +27,8 @@ class TimeBaseError(Sensor):
     )
     j_t = Parameter("s", "height of the sawtooth", (-0.5, 0.5), Normal(0.0, 0.03), starts=(0.003, -0.003), latex="j")
     Omega_j = Parameter(
-        "s^-1", "angular frequency of the sawtooth", (2.0, 60.0), LogNormal(6.0, 0.7), default=4.0, shape=True,
-        starts=tuple(3.0 + 0.15 * k for k in range(61)), latex=r"\Omega_j",
+        "s^-1", "angular frequency of the sawtooth", (1.2, 60.0), LogNormal(6.0, 0.7), default=4.0, shape=True,
+        starts=(*(1.3 + 0.1 * k for k in range(17)), *(3.0 + 0.15 * k for k in range(61))), latex=r"\Omega_j",
     )  # fmt: skip
     phi_j = Parameter(
         "rad", "phase of the sawtooth", (-math.pi, 3 * math.pi), Flat(), default=math.pi, shape=True,
