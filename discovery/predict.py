@@ -26,6 +26,7 @@ from discovery.step import choose_step
 __all__ = ["equilibrium", "held_out", "predict"]
 
 FloatArray = NDArray[np.float64]
+_NO_REST = "The model has no rest position in its range; give --initial-state ANGLE,RATE."
 
 
 @lru_cache(maxsize=64)
@@ -91,8 +92,14 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     crossing = np.flatnonzero((force[:-1] >= 0) & (force[1:] < 0))
     if crossing.size == 0:
         # A root that turns with its load has memory: the rod and its root settle together.
-        q = _settled(lambda state: np.array(derivative(0.0, recorded, state, parameters), float), program, units.time)
-        return float(q[0]) if n == 1 else _angle(output(*q, 0.0, *parameters))
+        straight, _ = model.mechanics.initial_coordinates(np.zeros(1), np.zeros(1), start, form)
+        first = np.concatenate([straight[:, 0], np.zeros(len(program.states) - n)])
+        q = _settled(lambda state: np.array(derivative(0.0, recorded, state, parameters), float), first, n, units.time)
+        rest = float(q[0]) - (drive[0] if n == 1 and model.mechanics.system == ARM else 0.0)
+        rest = rest if n == 1 else _angle(output(*q, 0.0, *parameters))
+        if abs(rest) > reach[-1]:
+            raise ComputationError(_NO_REST)
+        return rest
     nearest = crossing[np.argmin(np.abs(grid[crossing]))]
     near = float(brentq(push, grid[nearest], grid[nearest + 1], xtol=1e-12))
     if n == 1:
@@ -101,7 +108,7 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     q, _ = model.mechanics.initial_coordinates(np.array([near]), np.array([0.0]), start, form)
     found = root(acceleration, q[:, 0], options={"xtol": 1e-13})
     if not np.abs(found.x - q[:, 0]).max() < 0.1:
-        raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
+        raise ComputationError(_NO_REST)
     return _angle(output(*found.x, 0.0, *parameters))
 
 
@@ -109,7 +116,7 @@ def _angle(tip: Sequence[float]) -> float:
     return float(np.arctan2(tip[1], tip[0]))
 
 
-def _settled(slopes: Callable[[FloatArray], FloatArray], program: Program, time: float) -> FloatArray:
+def _settled(slopes: Callable[[FloatArray], FloatArray], first: FloatArray, n: int, time: float) -> FloatArray:
     """Return the coordinates in which a model comes to rest, its motion slowed down by a strong extra friction.
 
     Raises
@@ -119,18 +126,16 @@ def _settled(slopes: Callable[[FloatArray], FloatArray], program: Program, time:
     """
     from scipy.integrate import solve_ivp
 
-    n = program.n_coordinates
-
     def slowed(_: float, state: FloatArray) -> FloatArray:
         change = slopes(state)
         change[n : 2 * n] -= 4.0 / time * state[n : 2 * n]
         return change
 
-    found = solve_ivp(slowed, (0.0, 60 * time), np.zeros(len(program.states)), method="LSODA", rtol=1e-8, atol=1e-10)
+    found = solve_ivp(slowed, (0.0, 60 * time), first, method="LSODA", rtol=1e-8, atol=1e-10)
     end = found.y[:, -1]
     still = found.success and np.abs(slowed(0.0, end)[:n]).max() * time < 1e-5
     if not still:
-        raise ComputationError("The model has no rest position in its range; give --initial-state ANGLE,RATE.")
+        raise ComputationError(_NO_REST)
     return end[:n]
 
 

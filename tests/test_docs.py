@@ -133,8 +133,8 @@ def test_the_attribution_page_states_the_thresholds_of_the_loop() -> None:
 
 def test_the_attribution_page_explains_every_number_of_the_evidence() -> None:
     text = (DOCS / "ATTRIBUTION.md").read_text(encoding="utf-8")
-    source = (ROOT / "discovery" / "search.py").read_text(encoding="utf-8")
-    collected = re.search(r"self\.evidence\[effect\] = \{(.*?)\n        \}", source, re.DOTALL)
+    source = (ROOT / "discovery" / "standing.py").read_text(encoding="utf-8")
+    collected = re.search(r"return \{(.*?)\n    \}", source, re.DOTALL)
     assert collected
     names = re.findall(r'^ +"(\w+)":', collected[1], re.MULTILINE)
     assert len(names) > 5

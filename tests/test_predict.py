@@ -131,6 +131,15 @@ def test_no_rest_is_said() -> None:
         equilibrium(model, values, UNITS, (0.0, 0.0, 0.0))
 
 
+def test_a_rod_that_leans_on_its_play_rests_where_it_settles() -> None:
+    # A bent rod at rest pushes on nothing: with play, too, its tip stays at the angle of the rest.
+    effects = (*LINEAR, "equilibrium_offset", "base_backlash")
+    model = Model("elastica", effects, {"length": 1.0, "mu": 0.2, "tau_r": 2e-4})
+    values = {"xi": 0.03, "alpha": 8.8, "delta_0": -0.02, "w_p": 1e-4, "c_p": 0.03, "b_p": 0.02}
+    for hub in (0.0, 1.2):
+        assert equilibrium(model, values, UNITS, (hub, 0.0, 0.0)) == pytest.approx(-0.02, abs=2e-3)
+
+
 # Prediction.
 
 
