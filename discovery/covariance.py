@@ -41,7 +41,9 @@ def covariance_of(
     names = problem.names
     p = len(names)
     jacobian = minimum.jacobian
-    reasons = {n: "at its bound" for n, b in zip(names, minimum.at_bound, strict=True) if b}
+    # What the rig knows within an uncertainty stays uncertain at its bound, and passes that on to the others.
+    bound = zip(names, minimum.at_bound, strict=True)
+    reasons = {n: "at its bound" for n, b in bound if b and n not in problem.gaussian}
     size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
     for n, z in zip(names, size, strict=True):
         if z == 0:

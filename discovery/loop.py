@@ -25,6 +25,8 @@ __all__ = ["LoopResult", "close_loop"]
 FloatArray = NDArray[np.float64]
 #: What a base upgrade is called when the loop finds it.
 UPGRADES = (("reduced", "radius_inertia"), ("elastica", "elastica_geometry"))
+#: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
+_MUCH_LESS = 0.9
 #: Manoeuvres that are tried for each group of rivals.
 _DESIGNS = 200
 
@@ -249,7 +251,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
         # Rare: the exact mechanics predicts no better than the declared one; then the declared one is searched.
         plain = Search(before, case)
         plain.run()
-        if plain.best.held < search.best.held:
+        if plain.best.held < _MUCH_LESS * search.best.held:
             return plain, [], steps
         geometry.append("elastica_geometry")
     return search, geometry, steps

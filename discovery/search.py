@@ -229,10 +229,13 @@ class Search:
         if self.best.added and self.best.held_rough > settings.limit(self.root.held_rough):
             kept = self.case.excess(self.best.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
             held = self.case.held_excess(self.best.held) / max(self.case.held_excess(self.root.held), 1e-300)
-            if max(kept, held) > settings.least_known:
-                reason = (
-                    f"what is left is not noise, and {100 * max(kept, held):.0f} % of the excess chi-square is still "
-                    "there: no effect of the catalogue is named"
+            imitating = [e for e in self.best.added if catalogue()[e].pliable]
+            if max(kept, held) > settings.least_known or imitating:
+                reason = "what is left is not noise, and " + (
+                    f"{' and '.join(imitating)} may imitate what nobody declared: it corrects no prediction"
+                    if imitating and max(kept, held) <= settings.least_known
+                    else f"{100 * max(kept, held):.0f} % of the excess chi-square is still there: no effect of the "
+                    "catalogue is named"
                 )
                 self.steps += [Step("withdraw", e, True, reason) for e in self.best.added]
                 self.best = self.root

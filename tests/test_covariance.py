@@ -20,7 +20,7 @@ SLOPES = np.column_stack(
 def problem() -> SimpleNamespace:
     experiment = SimpleNamespace(recording=SimpleNamespace(output=np.zeros((N, 1))), weights=lambda: np.ones((N, 1)))
     bench = SimpleNamespace(experiments=[experiment], n_rows=N, n_data=N)
-    return SimpleNamespace(names=("a", "b", "c"), bench=bench)
+    return SimpleNamespace(names=("a", "b", "c"), bench=bench, gaussian={"b": (0.0, 1.0)})
 
 
 def fitted(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,3 +57,12 @@ def test_a_prior_counts_as_one_reading_of_its_own() -> None:
     minimum = Minimum(np.zeros(3), 0.0, quiet, jacobian, np.zeros(3, bool), True, 1)
     covariance, _, _ = covariance_of(problem(), minimum)
     np.testing.assert_allclose(covariance, np.linalg.inv(jacobian.T @ jacobian), rtol=1e-9)
+
+
+def test_what_the_rig_knows_stays_uncertain_at_its_bound() -> None:
+    jacobian = np.vstack([SLOPES, [0.0, 1.0, 0.0]])
+    at_bound = np.array([True, True, False])
+    minimum = Minimum(np.zeros(3), 0.0, np.zeros(N + 1), jacobian, at_bound, True, 1)
+    covariance, reasons, _ = covariance_of(problem(), minimum)
+    assert reasons == {"a": "at its bound"}
+    np.testing.assert_allclose(covariance[1:, 1:], np.linalg.inv(jacobian[:, 1:].T @ jacobian[:, 1:]), rtol=1e-9)

@@ -111,7 +111,7 @@ def test_fits_and_discovery_are_those_of_the_stages(dataset: Dataset, results: d
 
 
 def test_the_loop_and_the_trajectories_are_those_of_the_stage(dataset: Dataset, out: Path, results: dict[str, Any]):
-    loop = stages.loop(dataset, tell=silent)
+    loop = stages.loop(dataset, seed=SEED, tell=silent)
     assert results["loop"] == json.loads(json.dumps(plain(loop.summary())))
     for i, e in enumerate((*dataset.train, *dataset.holdout)):
         with xr.open_dataset(out / "trajectories.nc", group=e.recording.name, engine="h5netcdf") as group:
