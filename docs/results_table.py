@@ -33,7 +33,7 @@ def _number(value: float, sd: float | None) -> str:
 def _effect(effect: dict) -> str:
     parameters = effect["parameters"].items()
     values = [f"{name} = {_number(p['value'], p['sd'])} {p['unit']}".rstrip() for name, p in parameters]
-    rivals = "".join(f" or `{rival}`" for rival in effect["ambiguous_with"])
+    rivals = "".join(f" or `{rival}`" for rival in effect.get("ambiguous_with", ()))
     return f"`{effect['id']}`" + (f" ({', '.join(values)})" if values else "") + rivals
 
 
