@@ -248,11 +248,13 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
     search.run()
     geometry, steps = _judge_geometry(before, search, case)
     if "elastica_geometry" not in geometry:
-        # Rare: the exact mechanics predicts no better than the declared one; then the declared one is searched.
-        plain = Search(before, case)
-        plain.run()
-        if plain.best.held < _MUCH_LESS * search.best.held:
-            return plain, [], steps
+        # Rare: the exact mechanics predicts no better than the declared one. It is given up only where it fails and the
+        # declared one, searched alike, leaves nothing but noise.
+        if not search.settled:
+            plain = Search(before, case)
+            plain.run()
+            if plain.settled and plain.best.held < _MUCH_LESS * search.best.held:
+                return plain, [], steps
         geometry.append("elastica_geometry")
     return search, geometry, steps
 

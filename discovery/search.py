@@ -69,6 +69,11 @@ class Search:
         """Effects in the order in which they were added."""
         return self.best.added
 
+    @property
+    def settled(self) -> bool:
+        """Whether what is left of the held-out recordings is noise by the test of the verdict."""
+        return self.best.held_rough <= self.case.settings.limit(self.root.held_rough)
+
     def run(self) -> None:
         """Search until both the training and the held-out residual are noise, or nothing passes."""
         self._extend()
@@ -226,7 +231,7 @@ class Search:
     def _conclude(self) -> None:
         """Withdraw what does not explain enough of an unexplained residual; collect the evidence of the rest."""
         settings = self.case.settings
-        if self.best.added and self.best.held_rough > settings.limit(self.root.held_rough):
+        if self.best.added and not self.settled:
             kept = self.case.excess(self.best.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
             held = self.case.held_excess(self.best.held) / max(self.case.held_excess(self.root.held), 1e-300)
             imitating = [e for e in self.best.added if catalogue()[e].pliable]

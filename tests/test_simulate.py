@@ -165,7 +165,7 @@ def arm_experiment(base: str, time: np.ndarray, drive: Drive) -> tuple[Experimen
 def test_default_step_keeps_the_trajectory_within_a_microradian(base: str) -> None:
     time, drive = np.linspace(0.0, 3.0, 151), trapezoid(1.0, 1.25)
     experiment, model = arm_experiment(base, time, drive)
-    # A rod is as damped as rods are: the step is chosen for that, since undamped ringing may have no converged solution.
+    # A rod is as damped as rods are; undamped ringing may have no converged solution.
     values = {**PAPER, "beta": 0.0, "gamma": 0.0, "tau_r": 1.5e-4}
     start = {**values, "delta_0_init[test]": 0.1, "rate_0_init[test]": 0.0}
     units = NaturalUnits(1 / 3, 1.0, 1.0)
