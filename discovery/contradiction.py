@@ -260,7 +260,7 @@ def _freed(fit: Fit, name: str, stated: tuple[float, float]) -> Fit:
     old, (mean, sd) = fit.problem, stated
     problem = Problem(old.model, old.bench, old.units, {**old.gaussian, name: (mean, _WIDE * sd)})
     starts = [fit.minimum.x]
-    if name in fit.reasons:
+    if name in fit.reasons or fit.minimum.at_bound[fit.problem.names.index(name)]:
         # Held back by a bound: the nearest minimum beyond it need not be the lowest, for the rod rings.
         for away in _AWAY:
             x = fit.minimum.x.copy()
