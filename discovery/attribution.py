@@ -8,18 +8,23 @@ scores.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
+from threadpoolctl import ThreadpoolController
 
+from discovery.bounded_gain import bounded_gains
 from discovery.effect import ARM, Effect
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.parameters import Parameter
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 from discovery.registry import catalogue
+from discovery.responses import Grid, Responses, plan, respond
+from discovery.simulate import THREADS
 
 __all__ = ["Candidate", "Direction", "candidates", "grid_of", "screen"]
 
@@ -33,6 +38,10 @@ _DISTINCT = 0.9
 #: and they are chosen among so many of the best.
 _COMPARED = 24
 _STARTS = 3
+#: Gains within this part of the largest are equal.
+_TIE = 1e-9
+#: Responses that are weighed at once: so many stay in the processor's cache.
+_BLOCK = 32
 
 
 @dataclass(frozen=True)
@@ -106,38 +115,19 @@ def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, 
     """Return finite values of an effect in the problem's units: a grid over shapes and sizes."""
     shapes = [p for p in effect.fitted(system) if p.shape]
     amplitudes = [p for p in effect.fitted(system) if not p.shape]
+    scale = {p.name: units.scale(p) for p in (*shapes, *amplitudes)}
     grids: list[dict[str, float]] = [{}]
     for p in shapes:
         low, high = max(p.bounds[0], 1e-3 * p.prior.width), p.bounds[1]
         values = p.starts or tuple(np.geomspace(low, min(high, 20 * p.prior.width), _SHAPE_GRID))
-        grids = [{**g, p.name: v * units.scale(p)} for g in grids for v in values]
+        grids = [{**g, p.name: v * scale[p.name]} for g in grids for v in values]
     sizes = {p: _sizes(p) for p in amplitudes}
     levels = max((len(s) for s in sizes.values()), default=1) if len(grids) <= _FEW_SHAPES else 1
     return [
-        {**g, **{p.name: s[min(level, len(s) - 1)] * units.scale(p) for p, s in sizes.items()}}
+        {**g, **{p.name: s[min(level, len(s) - 1)] * scale[p.name] for p, s in sizes.items()}}
         for g in grids
         for level in range(levels)
     ]
-
-
-@dataclass(frozen=True)
-class _Trial:
-    """One point of the grid of an effect."""
-
-    values: dict[str, float]
-    amplitudes: tuple[Parameter, ...]
-    where: slice
-
-
-def _simulated(bench: Bench, columns: Sequence[FloatArray], initial: FloatArray, n_rows: int) -> FloatArray:
-    """Return the residuals (n, k) of all parameter columns; memory stays bounded: a few hundred at a time."""
-    parameters = np.stack(columns, axis=1)
-    starts = np.repeat(initial, parameters.shape[1], axis=2)
-    width = max(64, int(4e7 / max(1, n_rows)))
-    found = np.empty((n_rows, parameters.shape[1]))
-    for a in range(0, parameters.shape[1], width):
-        found[:, a : a + width] = bench.residuals(parameters[:, a : a + width], starts[:, :, a : a + width])
-    return found
 
 
 def screen(
@@ -164,92 +154,59 @@ def screen(
         Highest score first.
     """
     bench, units, system = problem.bench, problem.units, model.mechanics.system
-    base, initial = problem.expand(minimum.x[:, None])
-    n_rows = bench.n_rows
-    columns: list[FloatArray] = []
-    plan: dict[str, list[_Trial]] = {name: [] for name in names}
-    for name in names:
-        amplitudes = tuple(p for p in catalogue()[name].fitted(system) if not p.shape)
-        own = {p.name for p in amplitudes}
-        for values in grid_of(catalogue()[name], system, units):
-            plan[name].append(_Trial(values, amplitudes, slice(len(columns), len(columns) + len(amplitudes))))
-            for p in amplitudes:
-                column = base[:, 0].copy()
-                for other, value in values.items():
-                    if other == p.name or other not in own:
-                        column[bench.names.index(other)] = value
-                columns.append(column)
-    moved = _simulated(bench, columns, initial, n_rows)
-    reference = minimum.residual[:n_rows]
-    moved -= reference[:, None]
-    moved[:, ~np.isfinite(moved).all(axis=0)] = 0.0
-    known, _ = np.linalg.qr(minimum.jacobian[:n_rows])
+    grids, settings = plan({name: grid_of(catalogue()[name], system, units) for name in names}, system)
+    reference = minimum.residual[: bench.n_rows]
+    known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
     target = reference - known @ (known.T @ reference)
-    projected = moved - known @ (known.T @ moved)
-    push = projected.T @ target
-    result = []
-    for name, trials in plan.items():
-        fitted = catalogue()[name].fitted(system)
-        options = sorted((_weigh(t, projected, push, units, fitted) for t in trials), key=lambda o: -o.direction.gain)
-        starts = tuple((o.vector, _columns(o.trial, moved, fitted)) for o in _distinct(options, keep))
-        first = projected[:, options[0].trial.where]
-        sensitivity = first / np.maximum(np.linalg.norm(first, axis=0), 1e-300)
-        result.append(
-            Candidate(name, options[0].direction.gain, starts, sensitivity, tuple(o.direction for o in options))
-        )
-    return sorted(result, key=lambda c: -c.score)
+    # The threads here are all there is: those of the algebra would wait for each other.
+    with _algebra().limit(limits=1, user_api="blas"), ThreadPoolExecutor(THREADS) as pool:
+        responses = respond(pool, bench, problem.expand(minimum.x[:, None]), settings, reference, known)
+        found = list(pool.map(lambda n: _scored(n, grids[n], responses, target, units, keep), names))
+    return sorted(found, key=lambda c: -c.score)
 
 
-@dataclass(frozen=True)
-class _Option:
-    """One point of the grid with its best amplitudes: a start of a refit."""
-
-    trial: _Trial
-    direction: Direction
-    vector: FloatArray
+@cache
+def _algebra() -> ThreadpoolController:
+    """Return the control of the threads of linear algebra."""
+    return ThreadpoolController()
 
 
-def _weigh(
-    trial: _Trial,
-    projected: FloatArray,
-    push: FloatArray,
-    units: NaturalUnits,
-    fitted: Sequence[Parameter],
-) -> _Option:
-    """Find the bounded amplitudes that remove most of the residual: a small problem in the triangular factor."""
-    part = projected[:, trial.where]
-    size = np.array([trial.values[p.name] for p in trial.amplitudes])
-    basis, upper_factor = np.linalg.qr(part)
-    lower = np.array([p.bounds[0] * units.scale(p) for p in trial.amplitudes]) / size
-    upper = np.array([p.bounds[1] * units.scale(p) for p in trial.amplitudes]) / size
-    norm = np.maximum(np.linalg.norm(upper_factor, axis=0), 1e-300)
-    wanted = -np.linalg.lstsq(upper_factor.T, push[trial.where], rcond=None)[0]
-    found = lsq_linear(upper_factor / norm, wanted, (lower * norm, upper * norm), method="bvls", tol=1e-10)
-    gain = float(wanted @ wanted - 2 * found.cost)
-    values = {**trial.values, **{p.name: v for p, v in zip(trial.amplitudes, found.x / norm * size, strict=True)}}
-    vector = np.array([values[p.name] for p in fitted])
-    return _Option(trial, Direction(basis.astype(np.float32), gain), vector)
+def _scored(
+    name: str, grid: Grid, responses: Responses, target: FloatArray, units: NaturalUnits, keep: int
+) -> Candidate:
+    """Return the candidate of one effect: the amplitudes of every shape that remove most, and the best starts."""
+    count, k = grid.rows.shape
+    parameters = [grid.fitted[i] for i in grid.sizes]
+    sizes = grid.values[:, grid.sizes]
+    limits = [np.array([p.bounds[end] * units.scale(p) for p in parameters]) / sizes for end in (0, 1)]
+    gain, solution = np.empty(count), np.empty((count, k))
+    basis = np.empty((count, k, target.size), dtype=np.float32)
+    for first in range(0, count, max(1, _BLOCK // k)):
+        part = slice(first, first + max(1, _BLOCK // k))
+        found = bounded_gains(responses.left[grid.rows[part]], target, *(limit[part] for limit in limits))
+        gain[part], solution[part], basis[part] = found
+    # Shapes that rounding alone tells apart stay in the order of the grid.
+    order = np.argsort(-np.round(gain / max(_TIE * gain.max(), 1e-300)), kind="stable")
+    starts = []
+    for i in order[_distinct(basis[order[:_COMPARED]], keep)]:
+        vector, columns = grid.values[i].copy(), np.zeros((target.size, len(grid.fitted)))
+        vector[grid.sizes] = solution[i] * sizes[i]
+        # Unknown derivatives of shapes start at zero.
+        columns[:, grid.sizes] = responses.moved(grid.rows[i]) / sizes[i]
+        starts.append((vector, columns))
+    best = responses.left[grid.rows[order[0]]].T
+    sensitivity = best / np.maximum(np.linalg.norm(best, axis=0), 1e-300)
+    directions = tuple(Direction(basis[i].T, float(gain[i])) for i in order)
+    return Candidate(name, directions[0].gain, tuple(starts), sensitivity, directions)
 
 
-def _columns(trial: _Trial, moved: FloatArray, fitted: Sequence[Parameter]) -> FloatArray:
-    """Return the sensitivity of every free parameter; unknown derivatives of shapes start at zero."""
-    columns = np.zeros((len(moved), len(fitted)))
-    at = {p.name: trial.where.start + k for k, p in enumerate(trial.amplitudes)}
-    for k, p in enumerate(fitted):
-        if not p.shape:
-            columns[:, k] = moved[:, at[p.name]] / trial.values[p.name]
-    return columns
-
-
-def _distinct(options: Sequence[_Option], keep: int) -> list[_Option]:
-    """Return the best options that differ from each other: peaks of the grid, not neighbours on one of them."""
-    chosen: list[_Option] = []
-    for option in options[:_COMPARED]:
-        likeness = [
-            float(np.linalg.svd(option.direction.basis.T @ c.direction.basis, compute_uv=False)[-1]) for c in chosen
-        ]
-        if all(v < _DISTINCT for v in likeness):
-            chosen.append(option)
-        if len(chosen) == keep:
-            break
+def _distinct(bases: NDArray[np.float32], keep: int) -> list[int]:
+    """Return which of the best (t, k, n), best first, differ: peaks of the grid, not neighbours on one of them."""
+    chosen: list[int] = []
+    free = np.ones(len(bases), dtype=bool)
+    while free.any() and len(chosen) < keep:
+        chosen.append(int(np.argmax(free)))
+        likeness = np.linalg.svd(bases @ bases[chosen[-1]].T, compute_uv=False)[:, -1]
+        free &= likeness < _DISTINCT
+        free[chosen[-1]] = False
     return chosen

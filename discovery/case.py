@@ -17,7 +17,7 @@ from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits
 from discovery.refits import Refit
-from discovery.residual import systematic_share
+from discovery.residual import roughness
 from discovery.step import choose_step
 
 __all__ = ["Case", "LoopSettings", "Step", "Tell"]
@@ -78,7 +78,7 @@ class LoopSettings:
     form: float = 5e-4
     tie_pliable: float = 0.25
     pair_share: float = 0.7
-    least_known: float = 0.12
+    least_known: float = 0.2
     most_effects: int = 4
     seed: int = 1
     follow_up: bool = True
@@ -188,14 +188,7 @@ class Case:
 
     def roughness(self, predictions: Sequence[FloatArray]) -> float:
         """Return the systematic part of what predictions leave of the training recordings [noise sds]."""
-        period = 2 * np.pi * self.units.time
-        shares = [
-            systematic_share(
-                np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan), e.recording.time, period
-            )
-            for e, p in zip(self.train, predictions, strict=True)
-        ]
-        return float(np.sqrt(np.mean(np.square(shares))))
+        return roughness(self.train, predictions, 2 * np.pi * self.units.time)
 
     @cached_property
     def n_data(self) -> int:
@@ -215,3 +208,18 @@ class Case:
     def held_excess(self, chi2: float) -> float:
         """Return how much a chi-square on the held-out recordings exceeds that of noise."""
         return max(chi2 - self.n_held, 0.0)
+
+    def margin(self, chi2: float, gain: float = 0.0, *, pliable: bool = False) -> float:
+        """Return by how much chi-square may exceed that of a set that is as good.
+
+        Parameters
+        ----------
+        chi2 : float
+            What the better set leaves of the training recordings.
+        gain : float
+            What it removes.
+        pliable : bool
+            Whether its effect is.
+        """
+        s = self.settings
+        return max(s.price, (s.tie_pliable if pliable else s.tie) * self.excess(chi2), s.form * gain)

@@ -217,16 +217,6 @@ def _adjusted(checks: Sequence[Check]) -> list[Check]:
     return adjusted
 
 
-def _length(fit: Fit) -> float:
-    """Return how many samples of the residual count as one."""
-    return correlation_length(fit.problem.bench.experiments, fit.predict())
-
-
-def _estimate(fit: Fit, name: str) -> tuple[float, float]:
-    """Return a fitted value and its standard deviation; samples whose residuals are correlated count for fewer."""
-    return fit.values[name], fit.sd[name] * math.sqrt(_length(fit))
-
-
 def _against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
     """Test what the rig knows and the fit may move, each with the fit that is free of the rig's opinion."""
     rig = fit.problem.bench.experiments[0].rig
@@ -244,12 +234,13 @@ def _against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
         freed = _freed(fit, name, (mean, sd))
         if name in freed.reasons:
             continue
-        value, spread = _estimate(freed, name)
+        value, spread = freed.values[name], freed.sd[name]
         # Far from its minimum the likelihood may be flatter than its curvature there says: its ratio has the last word.
         inside = fit.values[name]
         gain = 2 * (fit.minimum.cost - freed.minimum.cost) + ((inside - mean) / sd) ** 2
         gain -= ((inside - fit.problem.gaussian[name][0]) / fit.problem.gaussian[name][1]) ** 2
-        scale = max(1.0, freed.reduced_chi2) * _length(freed)
+        # Samples whose residuals are correlated count for fewer.
+        scale = max(1.0, freed.reduced_chi2) * correlation_length(freed.problem.bench.experiments, freed.predict())
         spread = math.sqrt(max(spread**2, scale * (value - mean) ** 2 / max(gain, 1e-9) - sd**2))
         found.append((_check(name, fit.model.parameters[name].unit, (value, spread), (mean, sd), source), freed))
     return found
@@ -290,7 +281,7 @@ def _against_mechanics(fit: Fit, rng: np.random.Generator) -> list[tuple[Check, 
         bias = 1.0 if exact else same.found["alpha"] / same.arm["alpha"]
         predicted = (bias * float(np.mean(draws)), bias * float(np.std(draws)))
         source = "3 EI / (m_eff l^3) of the rig"
-        found.append((_check("alpha", "s^-2", _estimate(fit, "alpha"), predicted, source), fit))
+        found.append((_check("alpha", "s^-2", (fit.values["alpha"], fit.sd["alpha"]), predicted, source), fit))
     for law in () if exact else laws:
         ratio = law == "beta"
         name, unit = ("beta/alpha", "rad^-2") if ratio else (law, "1")

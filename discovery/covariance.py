@@ -77,18 +77,13 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, bench: Bench) 
     With the inverse of J^T J on both sides it is the sandwich of Huber and White for correlated residuals, in the
     frequency domain (Hannan, Multiple Time Series, 1970, chapter VII).
     """
-    rows = bench.n_rows
     # What the rig states is independent of the recordings.
-    total = jacobian[rows:].T @ jacobian[rows:]
-    position = 0
-    for e in bench.experiments:
-        n, channels = e.recording.output.shape
-        part = slice(position, position + n * channels)
-        left, slopes = residual[part].reshape(n, channels), jacobian[part].reshape(n, channels, -1)
-        present = (e.weights() > 0).sum(axis=0)
-        position += n * channels
-        for c in range(channels):
-            power = np.abs(np.fft.rfft(left[:, c])) ** 2 / max(1, int(present[c]))
+    total = jacobian[bench.n_rows :].T @ jacobian[bench.n_rows :]
+    for rows, present in bench.blocks():
+        n = len(present)
+        left, slopes = residual[rows].reshape(present.shape), jacobian[rows].reshape(*present.shape, -1)
+        for c, count in enumerate(present.sum(axis=0)):
+            power = np.abs(np.fft.rfft(left[:, c])) ** 2 / max(1, int(count))
             width = max(_NARROWEST, power.size // _BANDS)
             around = np.pad(power, width, mode="reflect" if power.size > width else "edge")
             smooth = np.convolve(around, np.ones(2 * width + 1) / (2 * width + 1), mode="valid")

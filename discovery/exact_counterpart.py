@@ -68,12 +68,11 @@ def exact_counterpart(fit: Fit, *, longer: float = 0.0) -> ExactCounterpart:
     lower, upper = source.bounds
     given = source.start(wanted)
     for _ in range(_ROUNDS):
-        clean = source.bench.predict(*source.expand(given[:, None]))
-        recorded = [_recorded(e, c[:, :, 0]) for e, c in zip(bench.experiments, clean, strict=True)]
+        recorded = [_recorded(e, c) for e, c in zip(bench.experiments, source.predict(given), strict=True)]
         problem = Problem(fit.model, Bench(bench.base, bench.effects, recorded, bench.step), units, {})
         (minimum,) = fit_problems([problem], [problem.start(fit.values)])
-        arm_values = dict(zip(source.names, given.tolist(), strict=True))
-        found = dict(zip(problem.names, minimum.x.tolist(), strict=True))
+        arm_values = source.named(given)
+        found = problem.named(minimum.x)
         given = np.clip(given + [wanted[n] - found[n] for n in source.names], lower, upper)
     return ExactCounterpart(arm_values, found, 2 * minimum.cost)
 

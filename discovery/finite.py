@@ -68,12 +68,10 @@ def finite_starts(
             columns[bench.names.index(parameter), own] = value
         columns[at, own] = alphas
     cost = np.empty(columns.shape[1])
-    width = max(64, int(4e7 / max(1, bench.n_rows)))
-    for a in range(0, cost.size, width):
-        part = columns[:, a : a + width]
-        residuals = bench.residuals(part, np.repeat(initial, part.shape[1], axis=2))
+    for part in bench.pieces(cost.size):
+        residuals = bench.residuals(columns[:, part], np.repeat(initial, cost[part].size, axis=2))
         with np.errstate(over="ignore", invalid="ignore"):
-            cost[a : a + width] = np.einsum("nk,nk->k", residuals, residuals)
+            cost[part] = np.einsum("nk,nk->k", residuals, residuals)
     table = np.where(np.isfinite(cost), cost, np.inf).reshape(len(points), alphas.size)
     found = []
     for name in dict.fromkeys(n for n, _ in points):

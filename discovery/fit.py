@@ -62,13 +62,13 @@ class Fit:
     @property
     def values(self) -> dict[str, float]:
         """Estimates by name, initial states included."""
-        return dict(zip(self.problem.names, self.minimum.x.tolist(), strict=True))
+        return self.problem.named(self.minimum.x)
 
     @property
     def sd(self) -> dict[str, float]:
         """Standard deviations by name; NaN where `reasons` says why."""
         with np.errstate(invalid="ignore"):
-            return dict(zip(self.problem.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+            return self.problem.named(np.sqrt(np.diag(self.covariance)))
 
     @property
     def chi2(self) -> float:
@@ -94,10 +94,10 @@ class Fit:
         self, experiments: Sequence[Experiment] | None = None, initial: FloatArray | None = None
     ) -> list[FloatArray]:
         """Return the fitted model's channels, each (n, c): on the fitted recordings, or from initial states (m, 2)."""
-        parameters, fitted = self.problem.expand(self.minimum.x[:, None])
         if experiments is None:
-            return [c[:, :, 0] for c in self.problem.bench.predict(parameters, fitted)]
+            return self.problem.predict(self.minimum.x)
         assert initial is not None
+        parameters, _ = self.problem.expand(self.minimum.x[:, None])
         bench = Bench(self.problem.bench.base, self.problem.bench.effects, experiments, self.problem.bench.step)
         return [c[:, :, 0] for c in bench.predict(parameters, np.asarray(initial, float)[:, :, None])]
 
@@ -195,7 +195,7 @@ def _staged(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
     ]
     minima = fit_problems(held, [p.start(values) for p in held])
     best = min(range(len(minima)), key=lambda i: minima[i].cost)
-    return {**known, **values, **grids[best], **dict(zip(held[best].names, minima[best].x.tolist(), strict=True))}
+    return {**known, **values, **grids[best], **held[best].named(minima[best].x)}
 
 
 def fit(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Minimum", "levenberg_marquardt", "minimise"]
+__all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
 
 FloatArray = NDArray[np.float64]
 Request = Generator[FloatArray, FloatArray, "Minimum"]
@@ -171,8 +171,6 @@ def levenberg_marquardt(
 def minimise(
     requests: Sequence[Request],
     answer: Callable[[list[tuple[int, FloatArray]]], list[FloatArray]],
-    *,
-    on_round: Callable[[int], None] | None = None,
 ) -> list[Minimum]:
     """Run several minimisations together.
 
@@ -182,8 +180,6 @@ def minimise(
         From `levenberg_marquardt`.
     answer : callable
         Given a list of (index of the problem, parameter vectors (p, k)), return the residuals (n, k) of each.
-    on_round : callable, optional
-        Called with the number of unfinished problems after every round.
 
     Returns
     -------
@@ -201,6 +197,4 @@ def minimise(
             except StopIteration as stop:
                 results[i] = stop.value
                 del pending[i]
-        if on_round is not None:
-            on_round(len(pending))
     return [result for result in results if result is not None]

@@ -171,6 +171,7 @@ def close_loop(
     verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time
     only_train = case.judge.continued
+    follow_up = settings.follow_up and train[0].is_arm
     return LoopResult(
         verdict=verdict,
         declared=declared.effects,
@@ -194,23 +195,19 @@ def close_loop(
             "after": after_train if only_train else [*after_train, *after_held],
         },
         test=test,
-        contradiction=_contradiction(after, case) if noise else None,
-        separations=_separations(search, after, case),
+        contradiction=_contradiction(after, case) if follow_up and noise else None,
+        separations=_separations(search, after, case) if follow_up else (),
     )
 
 
-def _contradiction(after: Fit, case: Case) -> ContradictionReport | None:
+def _contradiction(after: Fit, case: Case) -> ContradictionReport:
     """Test the final values against what the rig and the elastica predict."""
-    if not case.settings.follow_up or not case.train[0].is_arm:
-        return None
     case.tell("comparing with the rig")
     return check_contradictions(after, np.random.default_rng([case.settings.seed, 1]), progress=case.tell)
 
 
 def _separations(search: Search, after: Fit, case: Case) -> tuple[Separation, ...]:
     """Design a manoeuvre for every added effect that others explain as well."""
-    if not case.settings.follow_up or not case.train[0].is_arm:
-        return ()
     found = []
     for effect, rivals in search.rivals().items():
         case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")

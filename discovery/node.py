@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
+from discovery.case import Case
 from discovery.refits import Refit
 from discovery.registry import catalogue
 from discovery.simplicity import simplicity
-
-if TYPE_CHECKING:
-    from discovery.case import Case
 
 __all__ = ["Node", "merit"]
 
@@ -57,7 +54,7 @@ class Node:
 
     def priced(self, price: float) -> float:
         """Return chi-square with a price for every free parameter."""
-        return self.chi2 + price * len(self.refit.problem.free)
+        return self.refit.priced(price)
 
 
 def merit(node: Node, least: float, price: float) -> tuple:

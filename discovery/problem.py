@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,6 +21,8 @@ __all__ = ["LIGHT_ROD", "Bench", "NaturalUnits", "Problem", "known_values", "nat
 FloatArray = NDArray[np.float64]
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
+#: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
+_PIECE = 4e7
 
 
 @dataclass(frozen=True)
@@ -130,18 +132,40 @@ class Bench:
         ]
 
     def residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
-        """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k)."""
-        k = parameters.shape[1]
+        """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k).
+
+        A trial that blows up is infinite throughout.
+        """
+        pieces = [
+            self._residuals(parameters[:, part], initial[:, :, part]) for part in self.pieces(parameters.shape[1])
+        ]
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
+
+    def _residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
         predicted = self.predict(parameters, initial)
         with np.errstate(over="ignore", invalid="ignore"):
-            parts = [
-                ((channels - target[:, :, None]) * weight[:, :, None]).reshape(-1, k)
-                for channels, target, weight in zip(predicted, self._targets, self._weights, strict=True)
-            ]
-            residuals = np.concatenate(parts)
+            for channels, target, weight in zip(predicted, self._targets, self._weights, strict=True):
+                channels -= target[:, :, None]
+                channels *= weight[:, :, None]
+            parts = [channels.reshape(-1, parameters.shape[1]) for channels in predicted]
+            residuals = parts[0] if len(parts) == 1 else np.concatenate(parts)
             # A trial that blows up is refused by its infinite cost, even where it stays finite to the end.
-            residuals[:, ~(np.abs(residuals).max(axis=0) < self._absurd)] = np.inf
+            largest = np.maximum(residuals.max(axis=0), -residuals.min(axis=0))
+            residuals[:, ~(largest < self._absurd)] = np.inf
         return residuals
+
+    def pieces(self, columns: int) -> Iterator[slice]:
+        """Yield parts of so many columns whose residuals together need a bounded memory only."""
+        width = max(64, int(_PIECE / max(1, self.n_rows)))
+        for first in range(0, columns, width):
+            yield slice(first, first + width)
+
+    def blocks(self) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
+        """Yield the rows of every recording in a residual, and where its samples (n, c) are fitted and finite."""
+        first = 0
+        for weight in self._weights:
+            yield slice(first, first + weight.size), weight > 0
+            first += weight.size
 
     @cached_property
     def _absurd(self) -> float:
@@ -259,6 +283,14 @@ class Problem:
         parameters = np.repeat(template[:, None], x.shape[1], axis=1)
         parameters[where] = x[: len(self.free)]
         return parameters, x[len(self.free) :].reshape(len(self.bench.experiments), 2, -1)
+
+    def named(self, x: FloatArray) -> dict[str, float]:
+        """Return a free vector (m,) by name."""
+        return dict(zip(self.names, x.tolist(), strict=True))
+
+    def predict(self, x: FloatArray) -> list[FloatArray]:
+        """Return the channels of every recording, each (n, c), of a free vector (m,)."""
+        return [c[:, :, 0] for c in self.bench.predict(*self.expand(x[:, None]))]
 
     def prior_residuals(self, x: FloatArray) -> FloatArray:
         """Return (value - mean)/sd of the parameters known from the rig, shape (g, k)."""

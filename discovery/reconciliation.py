@@ -193,8 +193,7 @@ def _follow(fit: Fit, name: str, path: FloatArray, repaired: Sequence[Refit], lo
     for r in repaired:
         # Absent at the fitted value, with the shape that it has now.
         shapes = {p.name for p in catalogue()[r.effect].parameters() if p.shape}
-        now = dict(zip(r.problem.names, r.minimum.x.tolist(), strict=True))
-        before[r.effect] = np.array([fit.values.get(n, v if n in shapes else 0.0) for n, v in now.items()])
+        before[r.effect] = np.array([fit.values.get(n, v if n in shapes else 0.0) for n, v in r.values.items()])
     for k in range(2, path.size):
         if not here:
             break
@@ -223,7 +222,7 @@ def _finish(
     for r in followed:
         gaussian = {**fit.problem.gaussian, name: predicted}
         problems.append(Problem(fit.model.with_effect(r.effect), bench, fit.problem.units, gaussian))
-        values = {**fit.values, **dict(zip(r.problem.names, r.minimum.x.tolist(), strict=True)), name: mean}
+        values = {**fit.values, **r.values, name: mean}
         starts.append(np.array([values[n] for n in problems[-1].names]))
     limit = _data_chi2(fit.problem, fit.minimum) + least_gain
     found = []
@@ -231,9 +230,9 @@ def _finish(
         if not np.isfinite(minimum.cost):
             continue
         covariance, reasons, _ = covariance_of(problem, minimum)
-        values = dict(zip(problem.names, minimum.x.tolist(), strict=True))
+        values = problem.named(minimum.x)
         with np.errstate(invalid="ignore"):
-            spread = dict(zip(problem.names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+            spread = problem.named(np.sqrt(np.diag(covariance)))
         own = {p.name for p in catalogue()[r.effect].parameters()}
         parameters = {n: (v, float("nan") if n in reasons else spread[n]) for n, v in values.items() if n in own}
         z, chi2, total = (values[name] - mean) / sd, _data_chi2(problem, minimum), 2 * minimum.cost

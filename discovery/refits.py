@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from discovery.attribution import Candidate
-from discovery.batch import answer_on, fit_problems
-from discovery.least_squares import Minimum, levenberg_marquardt, minimise
+from discovery.batch import fit_problems, together
+from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
 
@@ -24,6 +24,7 @@ _FINISHED = 6
 #: All refits take so many steps, then only the best ones go on.
 _FIRST_ROUND = 8
 _IN_THE_RACE = 18
+_SECOND_ROUND = 30
 
 
 @dataclass(frozen=True)
@@ -42,11 +43,15 @@ class Refit:
     @property
     def values(self) -> dict[str, float]:
         """Estimates by name, initial states included."""
-        return dict(zip(self.problem.names, self.minimum.x.tolist(), strict=True))
+        return self.problem.named(self.minimum.x)
+
+    def priced(self, price: float) -> float:
+        """Return chi-square with a price for every free parameter."""
+        return self.chi2 + price * len(self.problem.free)
 
     def predict(self) -> list[FloatArray]:
         """Return the channels of every fitted recording, each (n, c)."""
-        return [c[:, :, 0] for c in self.problem.bench.predict(*self.problem.expand(self.minimum.x[:, None]))]
+        return self.problem.predict(self.minimum.x)
 
 
 def held_fixed(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
@@ -75,8 +80,6 @@ def refit(
     shortlist: Sequence[Candidate],
     *,
     finite: Sequence[tuple[str, FloatArray, float]] = (),
-    iterations: int = 30,
-    on_round: Callable[[int], None] | None = None,
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
@@ -88,10 +91,6 @@ def refit(
         From `discovery.attribution.screen`.
     finite : sequence of (str, ndarray, float)
         More starts, see `discovery.finite.finite_starts`.
-    iterations : int
-        Largest number of steps of each refit.
-    on_round : callable, optional
-        Called with the number of unfinished refits after every round.
 
     Returns
     -------
@@ -101,7 +100,7 @@ def refit(
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), vector, columns, None) for c in shortlist for vector, columns in c.starts]
     starts += [((name,), vector, np.zeros((rows, vector.size)), alpha) for name, vector, alpha in finite]
-    return _raced(model, minimum, problem, starts, iterations, on_round)
+    return _raced(model, minimum, problem, starts)
 
 
 def refit_pairs(
@@ -126,17 +125,10 @@ def refit_pairs(
         solution = np.linalg.lstsq(free / size, -minimum.residual[:rows], rcond=None)[0]
         vector[moving] = solution / size
         starts.append((tuple(c.effect for c in pair), vector, columns, None))
-    return _raced(model, minimum, problem, starts, 30, None)
+    return _raced(model, minimum, problem, starts)
 
 
-def _raced(
-    model: Model,
-    minimum: Minimum,
-    problem: Problem,
-    starts: Sequence[_Start],
-    iterations: int,
-    on_round: Callable[[int], None] | None,
-) -> list[Refit]:
+def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start]) -> list[Refit]:
     """Refit from starts, all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
@@ -168,7 +160,7 @@ def _raced(
                 x, lower, upper, extended.scale, iterations=_FIRST_ROUND, tolerance=1e-3, jacobian=jacobian
             )
         )
-    minima = minimise(requests, answer_on(problems), on_round=on_round)
+    minima = together(problems, requests)
     # Only those go on that are still in the race.
     promising = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
     going = [i for i in promising if not minima[i].converged and np.isfinite(minima[i].cost)]
@@ -177,17 +169,14 @@ def _raced(
             minima[i].x,
             *problems[i].bounds,
             problems[i].scale,
-            iterations=iterations,
+            iterations=_SECOND_ROUND,
             tolerance=1e-3,
             jacobian=minima[i].jacobian,
         )
         for i in going
     ]
-    if going:
-        answered = minimise(further, answer_on([problems[i] for i in going]), on_round=on_round)
-        minima = list(minima)
-        for i, found in zip(going, answered, strict=True):
-            minima[i] = found
+    for i, found in zip(going, together([problems[i] for i in going], further), strict=True):
+        minima[i] = found
     # A quick search may stall on its carried Jacobian: the best ones, and those that a nested model cannot be worse
     # than, are finished with differences.
     order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
@@ -217,7 +206,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
         Smallest chi-square first.
     """
     nuisance = [n for n in problem.gaussian if n in problem.free]
-    fitted = dict(zip(problem.names, minimum.x.tolist(), strict=True))
+    fitted = problem.named(minimum.x)
     # As fitted so far, and as the rig states; what may not be negative, from inside its bounds.
     stated = {n: mean if mean > 0 else 0.5 * sd for n, (mean, sd) in problem.gaussian.items()}
     starts = [{n: fitted[n] for n in nuisance}]
@@ -243,16 +232,8 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
 
 
 def _differenced(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
-    """Minimise with differenced Jacobians, together where problems share a bench."""
-    found: dict[int, Minimum] = {}
-    for bench in dict.fromkeys(p.bench for p in problems):
-        own = [i for i, p in enumerate(problems) if p.bench is bench]
-        requests = [
-            levenberg_marquardt(starts[i], *problems[i].bounds, problems[i].scale, iterations=15, tolerance=1e-4)
-            for i in own
-        ]
-        found.update(zip(own, minimise(requests, answer_on([problems[i] for i in own])), strict=True))
-    return [found[i] for i in range(len(problems))]
+    """Minimise with differenced Jacobians."""
+    return fit_problems(problems, starts, iterations=15, tolerance=1e-4)
 
 
 def _best(found) -> list[Refit]:

@@ -12,7 +12,7 @@ from scipy import stats
 
 from discovery.experiment import Experiment
 
-__all__ = ["Dependence", "ResidualReport", "correlation_length", "errors", "examine", "systematic_share"]
+__all__ = ["Dependence", "ResidualReport", "correlation_length", "errors", "examine", "roughness", "systematic_share"]
 
 FloatArray = NDArray[np.float64]
 #: Bins of the averaged residual in one period of the motion.
@@ -85,6 +85,21 @@ def systematic_share(residual: FloatArray, time: FloatArray, period: float) -> f
         use = count > 0
         excess.append(float(np.mean((total[use] / count[use]) ** 2 - 1.0 / count[use])))
     return float(np.sqrt(max(0.0, float(np.mean(excess)))))
+
+
+def _normalised(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return the residuals of the fitted samples in noise sds, NaN elsewhere, each (n, c)."""
+    return [
+        np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan)
+        for e, p in zip(experiments, predictions, strict=True)
+    ]
+
+
+def roughness(experiments: Sequence[Experiment], predictions: Sequence[FloatArray], period: float) -> float:
+    """Return the systematic share of what predictions leave of the fitted samples [noise sds], rms over recordings."""
+    parts = zip(_normalised(experiments, predictions), experiments, strict=True)
+    shares = [systematic_share(part, e.recording.time, period) for part, e in parts]
+    return float(np.sqrt(np.mean(np.square(shares))))
 
 
 def _ljung_box(series: FloatArray, lags: int = 20) -> tuple[float, float]:
@@ -164,15 +179,11 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
     -------
     ResidualReport
     """
-    parts = [
-        np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan)
-        for e, p in zip(experiments, predictions, strict=True)
-    ]
+    parts = _normalised(experiments, predictions)
     everything = np.concatenate([p.ravel() for p in parts])
     everything = everything[np.isfinite(everything)]
-    correlations, p_values, shares = [], [], []
-    for e, part in zip(experiments, parts, strict=True):
-        shares.append(systematic_share(part, e.recording.time, period))
+    correlations, p_values = [], []
+    for part in parts:
         for channel in part.T:
             lag, p = _ljung_box(channel[np.isfinite(channel)])
             correlations.append(lag)
@@ -193,7 +204,7 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
     return ResidualReport(
         rms=float(np.sqrt(np.mean(everything**2))),
         reduced_chi2=float(np.mean(everything**2)),
-        systematic=float(np.sqrt(np.mean(np.square(shares)))),
+        systematic=roughness(experiments, predictions, period),
         autocorrelation=float(np.mean(correlations)),
         ljung_box_p=float(min(1.0, min(p_values) * len(p_values))),
         frequency=tuple(frequency.tolist()),

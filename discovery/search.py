@@ -63,6 +63,7 @@ class Search:
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
         self._branches = Branches(case)
+        self._smaller: dict[tuple[Node, str], Node] = {}
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -80,18 +81,13 @@ class Search:
         self._refine()
         self._conclude()
 
-    def _quiet(self, node: Node) -> bool:
-        """Return whether what a set leaves is noise, on the training and on the held-out recordings."""
-        settings = self.case.settings
-        return node.rough <= settings.floor and node.held_rough <= settings.limit(self.root.held_rough)
-
     def _extend(self) -> None:
         """Add effects, one at a time or two together, while they pass."""
         settings = self.case.settings
         beam, level = [self.best], 0
         base: Node | None = None
         while level < settings.most_effects:
-            if self._quiet(self.best):
+            if self.best.rough <= settings.floor and self.settled:
                 reason = f"the training residual is noise: its systematic part is {self.best.rough:.2g} noise sds"
                 self.steps.append(Step("stop", "", True, reason))
                 return
@@ -109,8 +105,9 @@ class Search:
             chosen = next((node for node in ranked if self._passes(node)), None)
             if chosen is not None:
                 self.best = chosen
-            pursued = [node for node in self._distinct(children) if self._worth_pursuing(node)]
-            beam = list(dict.fromkeys([*([chosen] if chosen else []), *pursued]))[:_BEAM]
+            beam = [chosen] if chosen else []
+            beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
+            beam = beam[:_BEAM]
             if not beam:
                 return
 
@@ -118,23 +115,26 @@ class Search:
         """Return the sets that are as good as the best one, simplest first."""
         if not children:
             return []
-        price, excess = self.case.settings.price, self.case.excess
-        best = min((r for _, r in children), key=lambda r: r.chi2 + price * len(r.problem.free))
-        share = self.case.settings.tie_pliable if _pliable(best) else self.case.settings.tie
-        limit = self._tie_limit(best, share)
-        tied = [(added, r) for added, r in children if r.chi2 + price * len(r.problem.free) <= limit][:_TRIED]
+        price = self.case.settings.price
+        best = min((r for _, r in children), key=lambda r: r.priced(price))
+        margin = self.case.margin(best.chi2, self.best.chi2 - best.chi2, pliable=_pliable(best))
+        limit = best.priced(price) + margin
+        tied = [(added, r) for added, r in children if r.priced(price) <= limit][:_TRIED]
         nodes = [Node.of(added, r, self.case) for added, r in tied]
         least = min(n.chi2 + n.held for n in nodes)
         nodes.sort(key=lambda n: merit(n, least, price))
         if all(_pliable(n.refit) for n in nodes):
             # What a pliable law imitates deserves a try of its own, if it explains nearly all.
-            enough = self.best.chi2 - self.case.settings.pair_share * excess(self.best.chi2)
+            enough = self.best.chi2 - self.case.settings.pair_share * self.case.excess(self.best.chi2)
             plain = [(added, r) for added, r in children if not _pliable(r) and r.chi2 < enough][:1]
             nodes += [Node.of(added, r, self.case) for added, r in plain]
         return nodes
 
-    def _distinct(self, children: Sequence[Child]) -> list[Node]:
-        return [Node.of(added, r, self.case) for added, r in children[: _BEAM + 1]]
+    def _leading(self, children: Sequence[Child], besides: Sequence[Node]) -> list[Node]:
+        """Return the best sets that are not among those already taken."""
+        taken = {frozenset(node.added) for node in besides}
+        leading = [(added, r) for added, r in children[: _BEAM + 1] if frozenset(added) not in taken]
+        return [Node.of(added, r, self.case) for added, r in leading]
 
     def _worth_pursuing(self, node: Node) -> bool:
         """Return whether a set that is not accepted may be a step towards a better one."""
@@ -143,13 +143,6 @@ class Search:
             # Where hardly more than noise is left, no rival can do much better.
             return self.best.rough > settings.ceiling and excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
         return self.best.chi2 - node.chi2 > settings.least_share * excess(self.best.chi2)
-
-    def _tie_limit(self, best: Refit, share: float) -> float:
-        """Return the priced chi-square up to which a refit is as good as `best`: a share more of what that leaves."""
-        settings = self.case.settings
-        priced = best.chi2 + settings.price * len(best.problem.free)
-        idealised = settings.form * max(self.best.chi2 - best.chi2, 0.0)
-        return priced + max(settings.price, share * self.case.excess(best.chi2), idealised)
 
     def _passes(self, node: Node) -> bool:
         """Decide whether a set replaces the best one so far, and tell the story."""
@@ -183,7 +176,10 @@ class Search:
         rest = tuple(e for e in self.best.added if e != effect)
         if not rest:
             return self.root
-        return Node.of(rest, relaxed(self.best.refit, [effect]), self.case)
+        key = self.best, effect
+        if key not in self._smaller:
+            self._smaller[key] = Node.of(rest, relaxed(self.best.refit, [effect]), self.case)
+        return self._smaller[key]
 
     def _refine(self) -> None:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
@@ -209,8 +205,7 @@ class Search:
         price = self.case.settings.price
         for node in others:
             gain = self.best.priced(price) - node.priced(price)
-            least = max(price, self.case.settings.tie * self.case.excess(self.best.chi2))
-            if gain > least and node.held < self.best.held:
+            if gain > self.case.margin(self.best.chi2) and node.held < self.best.held:
                 reason = f"in its place {node.added[-1]} lowers chi-square by {gain:.0f} more"
                 numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
                 self.steps.append(
@@ -248,9 +243,9 @@ class Search:
             smaller = self._without(effect)
             branch = self._branches.of(smaller)
             whole = self.best.with_last(effect)
-            self.ambiguous[effect] = rivals(self.case, branch, smaller, whole, effect)
+            tied = self.ambiguous[effect] = rivals(self.case, branch, smaller, whole, effect)
             chance = self._branches.chance(branch, whole)
-            self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, chance)
+            self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, tied, chance)
 
 
 def _pliable(refitted: Refit) -> bool:

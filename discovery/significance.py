@@ -42,19 +42,16 @@ def surrogates(residual: FloatArray, bench: Bench, rng: np.random.Generator, cou
         Theiler et al., Physica D 58 (1992) 77: surrogates of a linear Gaussian process.
     """
     found = np.empty((residual.size, count))
-    position = 0
-    for e in bench.experiments:
-        shape = e.recording.output.shape
-        part = residual[position : position + shape[0] * shape[1]].reshape(shape)
-        present = e.weights() > 0
-        made = np.empty((*shape, count))
-        for c in range(shape[1]):
+    for rows, present in bench.blocks():
+        n = len(present)
+        part = residual[rows].reshape(present.shape)
+        made = np.empty((*present.shape, count))
+        for c, here in enumerate(present.T):
             # Gaps hold zeros; the power of the others stands for them.
-            filled = np.fft.rfft(part[:, c])[:, None] * np.sqrt(shape[0] / max(1, int(present[:, c].sum())))
+            filled = np.fft.rfft(part[:, c])[:, None] * np.sqrt(n / max(1, int(here.sum())))
             phase = np.exp(2j * np.pi * rng.random((filled.size, count)))
-            made[:, c] = np.fft.irfft(filled * phase, shape[0], axis=0) * present[:, c, None]
-        found[position : position + part.size] = made.reshape(-1, count)
-        position += part.size
+            made[:, c] = np.fft.irfft(filled * phase, n, axis=0) * here[:, None]
+        found[rows] = made.reshape(-1, count)
     return found
 
 

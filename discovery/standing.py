@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,15 +29,23 @@ def rivals(case: Case, branch: Branch, smaller: Node, larger: Node, effect: str)
     effect : str
         Its id.
     """
-    settings = case.settings
-    margin = max(settings.price, settings.tie * case.excess(larger.chi2), settings.form * (smaller.chi2 - larger.chi2))
+    margin = case.margin(larger.chi2, smaller.chi2 - larger.chi2)
     return tuple(r.effect for r in branch.refits if r.effect != effect and r.chi2 <= larger.chi2 + margin)
 
 
 def evidence(
-    case: Case, branch: Branch, smaller: Node, larger: Node, effect: str, chance: NDArray[np.float64]
+    case: Case,
+    branch: Branch,
+    smaller: Node,
+    larger: Node,
+    effect: str,
+    tied: Sequence[str],
+    chance: NDArray[np.float64],
 ) -> dict[str, float]:
-    """Return the numbers of the report's table of evidence; arguments as for `rivals`, and the gains of chance."""
+    """Return the numbers of the report's table of evidence.
+
+    Arguments as for `rivals`, whose answer is `tied`, and the gains of chance.
+    """
     gain = smaller.chi2 - larger.chi2
     excess = case.excess(smaller.chi2)
     others = [r.chi2 for r in branch.refits if r.effect != effect]
@@ -53,5 +63,5 @@ def evidence(
         "runner_up_delta_chi2": smaller.chi2 - min(others, default=smaller.chi2),
         "linear_score": own.score,
         "largest_similarity": max(likeness.values(), default=0.0),
-        **{f"similarity_{n}": likeness.get(n, 0.0) for n in rivals(case, branch, smaller, larger, effect)},
+        **{f"similarity_{n}": likeness.get(n, 0.0) for n in tied},
     }

@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
 import pytest
 
-from discovery.attribution import Candidate, candidates, screen
+from discovery.attribution import Candidate, candidates, grid_of, screen
 from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.fit import Fit, fit
@@ -14,6 +15,8 @@ from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.recording import Recording
 from discovery.refits import Refit, refit
+from discovery.registry import catalogue
+from discovery.responses import Grid, plan, respond
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.testing.states import every_effect
 
@@ -164,6 +167,74 @@ def test_scores_come_highest_first_with_as_many_starts_as_asked_for() -> None:
     assert len(one.starts) == 1
     assert len(five.starts) == 5
     assert one.score == five.score
+
+
+# What is simulated for it.
+
+
+def responses_of(effect: str, points: list[dict[str, float]]) -> tuple[Grid, np.ndarray]:
+    """Return the grid of an effect and the responses (samples, sets) to its points around a fit."""
+    found = declared_fit()
+    grids, settings = plan({effect: points}, "oscillator")
+    known, _ = np.linalg.qr(found.minimum.jacobian)
+    around = found.problem.expand(found.minimum.x[:, None])
+    with ThreadPoolExecutor(2) as pool:
+        answer = respond(pool, found.problem.bench, around, settings, found.minimum.residual, known)
+    assert answer.left @ known == pytest.approx(0.0, abs=1e-8 * max(1.0, np.abs(answer.left).max()))
+    return grids[effect], answer.moved(np.arange(len(settings)))
+
+
+def simulated(values: dict[str, float]) -> np.ndarray:
+    """Return how much given parameters move the residual of the fit, simulated alone."""
+    found = declared_fit()
+    parameters, initial = found.problem.expand(found.minimum.x[:, None])
+    for name, value in values.items():
+        parameters[found.problem.bench.names.index(name)] = value
+    return found.problem.bench.residuals(parameters, initial)[:, 0] - found.minimum.residual
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_responses_are_those_of_each_amplitude_alone_with_its_shapes(effect: str) -> None:
+    law = catalogue()[effect]
+    every = grid_of(law, "oscillator", UNITS)
+    points = [every[i] for i in np.linspace(0, len(every) - 1, 6).astype(int)]
+    grid, moved = responses_of(effect, points)
+    shapes = [p.name for p in grid.fitted if p.shape]
+    for i, point in enumerate(points):
+        for k, amplitude in enumerate(grid.fitted[j].name for j in grid.sizes):
+            # All shapes are set here, also those that are said not to matter.
+            alone = simulated({n: point[n] for n in (*shapes, amplitude)})
+            assert moved[:, grid.rows[i, k]] == pytest.approx(alone, abs=1e-9 * max(1.0, np.abs(alone).max()))
+
+
+def test_what_does_not_depend_on_a_shape_is_simulated_once() -> None:
+    every = grid_of(catalogue()["time_base_error"], "oscillator", UNITS)
+    grids, settings = plan({"time_base_error": every}, "oscillator")
+    rows = grids["time_base_error"].rows
+    # The drift of a clock has nothing to do with its sawtooth.
+    assert len(np.unique(rows[:, 0])) == 1
+    assert len(np.unique(rows[:, 1])) == len(every)
+    assert len(settings) == len(every) + 1
+
+
+def test_a_motion_that_blows_up_says_nothing() -> None:
+    grid, moved = responses_of("cubic_stiffness", [{"beta": 0.1}, {"beta": -1e6}])
+    assert np.isfinite(moved).all()
+    assert np.abs(moved[:, grid.rows[0, 0]]).max() > 1
+    assert np.abs(moved[:, grid.rows[1, 0]]).max() == 0
+
+
+def test_of_shapes_that_promise_the_same_the_first_comes_first() -> None:
+    # Friction that is smallest at creep: the bump is best absent, at whatever Stribeck speed.
+    friction = next(c for c in screened(f_k=0.03, f_b=-0.03, v_s=0.3) if c.effect == "stribeck_friction")
+    grid = grid_of(catalogue()["stribeck_friction"], "oscillator", UNITS)
+    equal = [d for d in friction.directions if d.gain == pytest.approx(friction.score, rel=1e-9)]
+    assert friction.score > 100
+    assert len(equal) > 2
+    names = [p.name for p in catalogue()["stribeck_friction"].fitted("oscillator")]
+    start = dict(zip(names, friction.starts[0][0], strict=True))
+    assert start["f_b"] == 0
+    assert start["v_s"] == min(g["v_s"] for g in grid)
 
 
 # Refits.

@@ -20,6 +20,7 @@ from discovery_datasets.twin import simulate
 from scipy.optimize import brentq
 
 from benchmarks.blind import generate, run, score
+from benchmarks.blind.spread import spread
 from benchmarks.blind.truth import catalogue_values
 
 TIME = np.linspace(0, 3, 61)
@@ -295,9 +296,14 @@ def test_a_case_is_written_sealed_and_kept(tmp_path, monkeypatch):
     assert generate.write_case(tmp_path, 7, index) == truth
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_jobs_are_done_once_each_on_any_number_of_processes(workers):
+    assert sorted(spread(abs, [-1, 3, -2], workers)) == [1, 2, 3]
+
+
 def test_a_failed_case_is_a_result_and_is_tried_again(tmp_path, monkeypatch):
     (tmp_path / "cases" / "case_0").mkdir(parents=True)
-    monkeypatch.setattr(run.resource, "setrlimit", lambda *a: None)
+    monkeypatch.setattr(run, "limit_memory", lambda: None)
 
     def fail(*_, **__):
         raise ArithmeticError("no such luck")

@@ -18,8 +18,7 @@ SLOPES = np.column_stack(
 
 
 def problem() -> SimpleNamespace:
-    experiment = SimpleNamespace(recording=SimpleNamespace(output=np.zeros((N, 1))), weights=lambda: np.ones((N, 1)))
-    bench = SimpleNamespace(experiments=[experiment], n_rows=N, n_data=N)
+    bench = SimpleNamespace(blocks=lambda: [(slice(0, N), np.ones((N, 1), bool))], n_rows=N, n_data=N)
     return SimpleNamespace(names=("a", "b", "c"), bench=bench, gaussian={"b": (0.0, 1.0)})
 
 

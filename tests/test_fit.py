@@ -202,6 +202,36 @@ def test_many_problems_at_once_are_the_same_problems_one_by_one() -> None:
         np.testing.assert_array_equal(alone.x, minimum.x)
 
 
+def test_problems_on_different_benches_are_fitted_as_each_alone() -> None:
+    model = Model("constant_radius", DECLARED, {"length": 1.0})
+    slow, fast = (Problem(model, bench(e), UNITS, {}) for e in paper_arm())
+    problems = [slow, fast, slow]
+    starts = [
+        p.start({"xi": xi, "alpha": 8.6, "gamma": 0.4}) for p, xi in zip(problems, (0.03, 0.03, 0.05), strict=True)
+    ]
+    for problem, start, minimum in zip(problems, starts, fit_problems(problems, starts), strict=True):
+        (alone,) = fit_problems([problem], [start])
+        np.testing.assert_array_equal(alone.x, minimum.x)
+
+
+def test_residuals_in_pieces_are_those_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    b = bench(*paper_arm())
+    problem = Problem(Model("constant_radius", DECLARED, {"length": 1.0}), b, UNITS, {})
+    many = np.repeat(problem.start({"xi": 0.03, "alpha": 8.6})[:, None], 150, axis=1)
+    many[problem.free.index("alpha")] = np.linspace(8.0, 9.0, 150)
+    # A stiffness that makes the solver blow up: refused, and its neighbours are not.
+    many[problem.free.index("alpha"), 70] = 1e9
+    at_once = b.residuals(*problem.expand(many))
+    monkeypatch.setattr("discovery.problem._PIECE", 64.0 * b.n_rows)
+    assert [p.indices(150)[:2] for p in b.pieces(150)] == [(0, 64), (64, 128), (128, 150)]
+    np.testing.assert_array_equal(b.residuals(*problem.expand(many)), at_once)
+    assert np.flatnonzero(~np.isfinite(at_once).all(axis=0)).tolist() == [70]
+    assert np.isinf(at_once[:, 70]).all()
+    for e, (rows, present), predicted in zip(b.experiments, b.blocks(), problem.predict(many[:, 0]), strict=True):
+        expected = np.where(present, (predicted - e.recording.output) / NOISE, 0.0)
+        np.testing.assert_allclose(at_once[rows, 0].reshape(present.shape), expected, rtol=1e-9)
+
+
 # The minimiser.
 
 

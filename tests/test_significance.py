@@ -14,10 +14,8 @@ RNG = np.random.default_rng(5)
 
 
 def bench(output: np.ndarray) -> SimpleNamespace:
-    """Return what the bootstrap asks of a bench: one recording with its weights."""
-    weights = np.where(np.isfinite(output), 1.0, 0.0)
-    recording = SimpleNamespace(output=output)
-    return SimpleNamespace(experiments=[SimpleNamespace(recording=recording, weights=lambda: weights)])
+    """Return what the bootstrap asks of a bench: one recording with its gaps."""
+    return SimpleNamespace(blocks=lambda: [(slice(0, output.size), np.isfinite(output))])
 
 
 def candidate(name: str, *bases: np.ndarray) -> Candidate:

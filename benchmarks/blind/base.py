@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,6 +18,7 @@ from discovery_datasets.instrument import record, write_csv
 from discovery_datasets.quick import readings
 
 from benchmarks.blind.generate import ANGLE_NOISE, rig_file, rounded
+from benchmarks.blind.spread import spread
 
 NOISE = 3e-4  # m, per axis
 
@@ -59,16 +58,6 @@ def _attempt(job: tuple[int, int]) -> dict[str, float]:
     return error(*job)
 
 
-def errors(seed: int, cases: int, workers: int) -> Iterator[dict[str, float]]:
-    """Yield the error of every arm in order."""
-    jobs = [(seed, i) for i in range(cases)]
-    if workers == 1:
-        yield from map(_attempt, jobs)
-        return
-    with get_context("spawn").Pool(workers) as pool:
-        yield from pool.imap(_attempt, jobs)
-
-
 def main() -> None:
     from scipy.stats import binomtest
 
@@ -79,13 +68,14 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     rows = []
-    for row in errors(options.seed, options.cases, options.workers):
+    for row in spread(_attempt, [(options.seed, i) for i in range(options.cases)], options.workers):
         rows.append(row)
         print(
             f"{len(rows)}/{options.cases} rod/tip {row['rod_over_tip']:.3f}, deflection {row['deflection']:.2f} then "
             f"{row['deflection_holdout']:.2f} rad: {1e3 * row['rms_m']:.3f} mm",
             flush=True,
         )
+    rows.sort(key=lambda row: row["case"])
     rms = np.array([row["rms_m"] for row in rows])
     good = int((rms <= NOISE).sum())
     low, high = binomtest(good, len(rows)).proportion_ci(0.95)

@@ -14,11 +14,9 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -31,10 +29,11 @@ from discovery_datasets.hidden import FAMILIES, Hidden
 from discovery_datasets.instrument import record, write_csv
 from discovery_datasets.quick import readings
 
+from benchmarks.blind.spread import limit_memory, spread
+
 #: A strength is corrected so often towards its wanted size.
 CORRECTIONS = 2
 ANGLE_NOISE = 7e-5  # rad
-MEMORY = 8 << 30  # bytes a process may use: what needs more is one failed case
 
 
 @cache
@@ -163,7 +162,7 @@ def write_case(out: Path, seed: int, index: int) -> dict[str, Any]:
 def _attempt(job: tuple[Path, int, int]) -> tuple[str, str]:
     """Write a case; the reason where it cannot be written."""
     out, seed, index = job
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    limit_memory()
     try:
         truth = write_case(out, seed, index)
     except Exception as error:
@@ -173,13 +172,8 @@ def _attempt(job: tuple[Path, int, int]) -> tuple[str, str]:
 
 
 def generate(out: Path, seed: int, indices: Sequence[int], workers: int) -> Iterator[tuple[str, str]]:
-    """Write cases on several processes; yields name and content as they are done."""
-    jobs = [(out, seed, i) for i in indices]
-    if workers == 1:
-        yield from map(_attempt, jobs)
-        return
-    with get_context("spawn").Pool(workers, maxtasksperchild=100) as pool:
-        yield from pool.imap_unordered(_attempt, jobs)
+    """Write cases on several processes; name and content of each as it is done."""
+    return spread(_attempt, [(out, seed, i) for i in indices], workers)
 
 
 def main() -> None:

@@ -9,16 +9,14 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import signal
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks.blind.generate import MEMORY
+from benchmarks.blind.spread import limit_memory, spread
 
 
 def trainings(case: Path) -> list[Path]:
@@ -80,7 +78,7 @@ def _late(*_: Any) -> None:
 def _attempt(job: tuple[Path, Path, bool, bool, int]) -> tuple[str, dict[str, Any]]:
     """Do one case; a failure is a result too."""
     case, out, with_holdout, with_peers, limit = job
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    limit_memory()
     signal.signal(signal.SIGALRM, _late)
     signal.alarm(limit)
     try:
@@ -112,17 +110,13 @@ def run(
     with_peers: bool = False,
     limit: int = 1200,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Run cases on several processes, each in at most `limit` seconds; yields name and result as they are done."""
+    """Run cases on several processes, each in at most `limit` seconds; name and result of each as it is done."""
     jobs = [
         (case, folder / "results" / case.name, with_holdout, with_peers, limit)
         for case in cases
         if not finished(folder / "results" / case.name / "done.json")
     ]
-    if workers == 1:
-        yield from map(_attempt, jobs)
-        return
-    with get_context("spawn").Pool(workers, maxtasksperchild=50) as pool:
-        yield from pool.imap_unordered(_attempt, jobs)
+    return spread(_attempt, jobs, workers)
 
 
 def main() -> None:
