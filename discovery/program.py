@@ -17,6 +17,7 @@ from discovery.mechanics import get_base
 from discovery.mechanics.base import Channel, Mechanics, Strand
 from discovery.mechanics.rod import STRAIGHT, Rod, rod_of
 from discovery.registry import get_effect
+from discovery.rod_end import loaded_end
 
 __all__ = ["RECORDED", "Program", "build_program", "radius_of", "strands"]
 
@@ -146,9 +147,8 @@ def _memory(effect: Memory, mechanics: Mechanics, n: int) -> tuple[dict[sp.Symbo
     return found, force
 
 
-def _kinetic(effect: Kinetic, channels: dict[sp.Symbol, Channel], n: int) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
+def _kinetic(energy: sp.Expr, channels: dict[sp.Symbol, Channel], n: int) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
     """Return what a kinetic energy in channel rates adds to the mass matrix and to the force."""
-    energy = effect.expression()
     mass = [[sp.Integer(0)] * n for _ in range(n)]
     force = [sp.Integer(0)] * n
     for c, c_dot in s.RATES.items():
@@ -223,11 +223,15 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     for effect in effects:
         for channel, force in _channel_forces(effect).items():
             forces[channel] = forces.get(channel, sp.Integer(0)) + force
+    end = loaded_end(mechanics, effects)
+    if end is not None:
+        forces[s.slope] = forces.get(s.slope, sp.Integer(0)) + end.moment
     mass = [list(row) for row in mechanics.mass]
     force = list(mechanics.force)
     for effect in effects:
         if isinstance(effect, Kinetic):
-            extra_mass, extra_force = _kinetic(effect, channels, n)
+            energy = effect.expression()
+            extra_mass, extra_force = _kinetic(energy if end is None else end.kinetic(energy), channels, n)
             mass = [[mass[i][j] + extra_mass[i][j] for j in range(n)] for i in range(n)]
             force = [force[i] + extra_force[i] for i in range(n)]
 
@@ -237,8 +241,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
             states, extra_force = _memory(effect, mechanics, n)
             memory.update(states)
             force = [force[i] + extra_force[i] for i in range(n)]
-    slopes = list(memory.values())
-    named = set().union(*[e.free_symbols for e in [*forces.values(), *slopes, *force, *mass[0]]])
+    named = set().union(*[e.free_symbols for e in [*forces.values(), *memory.values(), *force, *mass[0]]])
     program: Assignments = list(mechanics.assignments)
     program += [(c, sp.sympify(channels[c].value)) for c in channels if c in named]
     for channel, expression in forces.items():
@@ -254,6 +257,10 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         program += [(inertia[i][j], mass[i][j]) for i in range(n) for j in range(i + 1)]
         mass, force = inertia, total
     accelerations = _solve(mass, force, program)
+    if end is not None:
+        turning = channels[s.slope_dot]
+        bent = sp.Add(*[j * a for j, a in zip(turning.jacobian, accelerations, strict=True)]) + turning.bias
+        memory.update(end.states(bent))
 
     reading = base.reading(radius_of(effects, channels), rod)
     sensors = [e for e in effects if isinstance(e, Sensor)]
@@ -270,7 +277,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         n_coordinates=n,
         drive=tuple(_drive([e for e in effects if isinstance(e, Drive)], base.system, root)),
         derivative=tuple(program),
-        slopes=(*mechanics.rates, *accelerations, *slopes),
+        slopes=(*mechanics.rates, *accelerations, *memory.values()),
         reading=tuple(reading),
         lateness=sp.Add(*[e.lateness() for e in sensors]),
         rod=rod,

@@ -3,7 +3,9 @@ r"""Space discretisation of an inextensible planar Euler-Bernoulli beam of any d
 The elastic curvature is :math:`\kappa(\sigma) = \frac1l \sum_k q_k \psi_k(\sigma)`, :math:`\sigma = s/l`, with
 :math:`\psi_k = \sqrt{2k+3}\,(1-\sigma) P_k^{(2,0)}(2\sigma - 1)`: every function is free of moment at the tip, and the
 bending energy is diagonal, :math:`V = \frac{EI}{2l} \sum_k q_k^2`, because the Jacobi polynomials are orthogonal under
-:math:`(1-\sigma)^2`. Angle and position follow by integration on Chebyshev-Lobatto (Clenshaw-Curtis) nodes.
+:math:`(1-\sigma)^2`. Where the tip bears a moment, as from a disc that must turn with it, the functions are plain
+Legendre polynomials :math:`\psi_k = \sqrt{2k+1}\, P_k(2\sigma - 1)`, orthogonal too: those that vanish at the tip would
+converge with 1 / K only. Angle and position follow by integration on Chebyshev-Lobatto (Clenshaw-Curtis) nodes.
 
 Positions are complex numbers :math:`z = x + i y`. With :math:`z' = l e^{i\theta}` the kinetic energy is
 
@@ -76,14 +78,18 @@ def integration_matrix(nodes: int) -> tuple[FloatArray, FloatArray]:
     return (x + 1) / 2, integral
 
 
-def curvature_shapes(position: FloatArray, modes: int) -> FloatArray:
+def curvature_shapes(position: FloatArray, modes: int, *, tip_moment: bool = False) -> FloatArray:
     """Functions psi_k (n, K) of the curvature times length at positions sigma (n,)."""
     order = np.arange(modes)
+    if tip_moment:
+        return np.sqrt(2 * order + 1) * eval_jacobi(order, 0, 0, 2 * position[:, None] - 1)
     return np.sqrt(2 * order + 3) * (1 - position[:, None]) * eval_jacobi(order, 2, 0, 2 * position[:, None] - 1)
 
 
-def discretise(length: float, beam_mass: float, tip_mass: float, *, modes: int, nodes: int) -> Beam:
-    """Matrices of a beam of given length [m], rod mass [kg] and tip mass [kg].
+def discretise(
+    length: float, beam_mass: float, tip_mass: float, *, modes: int, nodes: int, tip_moment: bool = False
+) -> Beam:
+    """Matrices of a beam of given length [m], rod mass [kg] and tip mass [kg], whose tip may bear a moment.
 
     Raises
     ------
@@ -93,7 +99,7 @@ def discretise(length: float, beam_mass: float, tip_mass: float, *, modes: int, 
     if modes < 1 or nodes < modes + 2:
         raise ValueError(f"{modes} modes need at least {modes + 2} nodes (and at least one mode), not {nodes}")
     position, integral = integration_matrix(nodes)
-    curvature = curvature_shapes(position, modes)
+    curvature = curvature_shapes(position, modes, tip_moment=tip_moment)
     weights = integral[-1]
     rod = integral.T @ (weights[:, None] * integral)
     return Beam(

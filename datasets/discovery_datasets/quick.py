@@ -53,8 +53,8 @@ class Readings:
     deflection: FloatArray
 
 
-def _rod(rig: ArmRig, disturbances: Sequence[Disturbance], modes: int, nodes: int) -> Rod:
-    beam = discretise(rig.length, rig.beam_mass, rig.tip_mass, modes=modes, nodes=nodes)
+def _rod(rig: ArmRig, disturbances: Sequence[Disturbance], modes: int, nodes: int, tip_moment: bool) -> Rod:
+    beam = discretise(rig.length, rig.beam_mass, rig.tip_mass, modes=modes, nodes=nodes, tip_moment=tip_moment)
     position, integral = integration_matrix(nodes)
     mass = rig.beam_mass * beam.weights
     mass[-1] += rig.tip_mass
@@ -63,7 +63,7 @@ def _rod(rig: ArmRig, disturbances: Sequence[Disturbance], modes: int, nodes: in
         length=rig.length,
         rigidity=rig.flexural_rigidity,
         shapes=beam.angle_shapes,
-        curvatures=curvature_shapes(position, modes),
+        curvatures=curvature_shapes(position, modes, tip_moment=tip_moment),
         weights=beam.weights,
         integral=integral,
         levers=np.ascontiguousarray(levers),
@@ -205,7 +205,7 @@ def readings(
     disturbances : sequence of Disturbance
         Effects to add.
     modes, nodes : int
-        Number of curvature coordinates and of nodes.
+        Number of curvature coordinates, one more where the tip bears a moment, and of nodes.
     refine : float
         Steps are shorter by this factor than stability asks.
 
@@ -219,10 +219,12 @@ def readings(
     t = np.asarray(time, dtype=float)
     effects = [*disturbances] or [Disturbance()]
     p = _physics(rig, effects)
-    rod = _rod(rig, effects, modes, nodes)
+    tip_moment = p.rotary_inertia != 0.0
+    modes += tip_moment
+    rod = _rod(rig, effects, modes, nodes, tip_moment)
     while modes > 3 and (t[-1] - t[0]) * refine / _longest_step(rod, p) > MOST_STEPS:
         modes -= 1
-        rod = _rod(rig, effects, modes, nodes)
+        rod = _rod(rig, effects, modes, nodes, tip_moment)
     late = t + sum(d.reading_time(t) - t for d in effects)
     late = np.clip(late, t[0], None)
     kinks = np.array([k for k in manoeuvre.kinks if t[0] < k < max(t[-1], late[-1])])

@@ -29,6 +29,7 @@ from discovery.model import Model
 from discovery.program import RECORDED, Program, build_program, radius_of
 from discovery.registry import get_effect
 from discovery.rig import Rig
+from discovery.rod_end import loaded_end
 
 __all__ = ["Arm", "coupling_torque", "effective_inertia"]
 
@@ -72,7 +73,9 @@ def _program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     pushed = {symbol.name for symbol, _ in program.derivative}
     torque -= sp.Add(*[sp.Symbol(f"F_{c.name}", real=True) * by for c, by in TURN.items() if f"F_{c.name}" in pushed])
     rates = {rate: second(channels[rate]) for rate in s.RATES.values()}
-    torque += sp.Add(*[_kinetic_torque(e.expression(), rates) for e in effects if isinstance(e, Kinetic)])
+    end = loaded_end(mechanics, effects)
+    energies = [e.expression() for e in effects if isinstance(e, Kinetic)]
+    torque += sp.Add(*[_kinetic_torque(t if end is None else end.kinetic(t), rates) for t in energies])
     # On the shaft of the encoder, where a drive effect turns the hub by another angle: virtual work.
     torque *= sp.diff(program.drive[0][1], RECORDED[0])
     tip = base.reading(radius_of(effects, channels), program.rod)

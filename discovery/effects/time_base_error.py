@@ -8,17 +8,21 @@ from discovery.effect import Sensor
 from discovery.parameters import Flat, LogNormal, Normal, Parameter
 from discovery.symbols import t
 
+#: Least squares of a sharp sawtooth on the smooth one: Li_2(0.99) / Li_2(0.99^2).
+_SHARP = 1.0274391
+
 
 class TimeBaseError(Sensor):
     r"""The clock of the instrument drifts against that of the input, and its stamps lag in a sawtooth.
 
     .. math:: y_\mathrm{read}(t) = y\left(t - d_t\, t - j\, S(\Omega_j t - \varphi_j)\right),\qquad
-              S(x) = \tfrac12 - \tfrac1\pi \arctan\frac{\varrho \sin x}{1 - \varrho \cos x}
+              S(x) = \tfrac12 - \tfrac{c}{\pi} \arctan\frac{\varrho \sin x}{1 - \varrho \cos x}
 
     S grows from 0 to 1 within each period and falls back, as where frames wait for a packet to be sent, or a slow clock
-    is set right again and again; as :math:`\varrho = 0.99`, it falls back within a twentieth of a period. A lag that
-    falls while samples wait has j < 0 and the constant lag of a `sensor_delay`. The period is looked for above the
-    system's own frequency, where no force imitates it.
+    is set right again and again; as :math:`\varrho = 0.99`, it falls back within a twentieth of a period, and c = 1.027
+    makes j the height of the sharp sawtooth that it is nearest to. A lag that falls while samples wait has j < 0 and
+    the constant lag of a `sensor_delay`. The period is looked for above the system's own frequency, where no force
+    imitates it.
     """
 
     cite = "Allan, IEEE Trans. Ultrason. 34 (1987) 647; Mills, Computer Network Time Synchronization (2011), chapter 2"
@@ -39,4 +43,4 @@ class TimeBaseError(Sensor):
         """Return the age of the reported state [s]."""
         angle = self.Omega_j * t - self.phi_j
         part = sp.atan(99 * sp.sin(angle) / (100 - 99 * sp.cos(angle))) / sp.pi
-        return self.d_t * t + self.j_t * (sp.Rational(1, 2) - part)
+        return self.d_t * t + self.j_t * (sp.Rational(1, 2) - _SHARP * part)

@@ -66,6 +66,21 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class RodEnd:
+    """How the end of the rod turns beyond what the shapes of a base show, where it bears a moment.
+
+    Parameters
+    ----------
+    stiffness, damping, inertia : sympy.Expr
+        Moment per such turn [s^-2] and per its rate [s^-1], and the inertia of the rod in it [-], over m_eff l^2.
+    """
+
+    stiffness: sp.Expr
+    damping: sp.Expr
+    inertia: sp.Expr
+
+
+@dataclass(frozen=True)
 class Mechanics:
     """The mathematics of a base, ready to be printed.
 
@@ -87,6 +102,8 @@ class Mechanics:
         The same for the curvature at places of the rod, over three, each with its weight in an integral of its square.
     root : (sympy.Expr, sympy.Expr, tuple of sympy.Expr) or None
         The same for the curvature at the root over three; None where the root is no part of the base.
+    end : RodEnd or None
+        How the end gives way to a moment; None where only the shapes do.
     """
 
     coordinates: tuple[sp.Symbol, ...]
@@ -98,6 +115,7 @@ class Mechanics:
     bending: tuple[Strand, ...]
     fibres: tuple[tuple[float, Strand], ...] = ()
     root: Strand | None = None
+    end: RodEnd | None = None
 
 
 class Base(ABC):

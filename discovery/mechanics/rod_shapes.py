@@ -18,6 +18,7 @@ __all__ = [
     "RICH",
     "bending_matrix",
     "curvatures",
+    "end_residual",
     "mass_matrix",
     "polynomials",
     "quadrature",
@@ -73,6 +74,25 @@ def mass_matrix(weights: FloatArray, mu: float) -> FloatArray:
     s, w, cumulative = quadrature(RICH + 4)
     path = cumulative @ (weights @ polynomials(s)).T
     return (path.T * np.append(mu * w, 1.0)) @ path / (1 + 33 / 140 * mu)
+
+
+def end_residual(weights: FloatArray) -> tuple[float, float]:
+    """Return how a moment at the end bends the rod beyond what the shapes can show.
+
+    Returns
+    -------
+    compliance : float
+        Turn of the end beyond that of the shapes, over that of a rod under this moment, l / EI.
+    inertia : float
+        Integral of the squared deflection of that bending, per squared turn of the end and per length.
+    """
+    s, w, cumulative = quadrature(RICH + 4)
+    bends, ends = weights @ curvatures(s), weights.sum(axis=1)
+    # A moment bends the rod uniformly; the rest does not move the end, for a force there is shown without it.
+    rest = 1.0 - np.linalg.solve(bending_matrix(weights), ends) @ bends
+    compliance = float(rest @ w)
+    path = cumulative @ (cumulative @ rest)[:-1] / compliance
+    return compliance, float(w @ path[:-1] ** 2)
 
 
 def static_shapes(weights: FloatArray, deflections: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from discovery.compile import numpy_derivative
 from discovery.effect import Effect, Load, Memory
 from discovery.mechanics import get_base
 from discovery.program import Program, strands
+from discovery.rod_end import LoadedEnd, loaded_end
 from discovery.testing.states import Sample, whole
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "bare_base",
     "energy",
     "evaluator",
+    "loaded_end_of",
     "memory_states",
     "slopes_of",
 ]
@@ -127,6 +129,12 @@ def energy(effect: Effect, base_name: str) -> sp.Expr:
     if not isinstance(effect, Memory):
         return expression
     return sp.Add(*[weight * expression.subs(here) for weight, here in _components(effect, base_name)])
+
+
+@lru_cache(maxsize=64)
+def loaded_end_of(effect: Effect, base_name: str) -> LoadedEnd | None:
+    """Return what an inertia at the rod's end asks of a base, if the effect is one."""
+    return loaded_end(get_base(base_name).mechanics(), (effect,))
 
 
 def _components(effect: Memory, base_name: str) -> list[tuple[float, dict[sp.Symbol, sp.Expr]]]:

@@ -81,7 +81,7 @@ def recover(effect: str) -> tuple[Fit, dict[str, float]]:
     bench = Bench(base, every_effect(base), [experiment], _STEP)
     shapes = [n for n in truth if model.parameters[n].shape]
     # Residuals have many minima in a frequency: a grid of starts, none of them the truth.
-    grid = np.linspace(0.5, 1.5, 8) if shapes else np.ones(1)
+    grid = np.linspace(0.5, 1.5, 10) if shapes else np.ones(1)
     fits = []
     for shape, off in itertools.product(grid, (0.5, 1.5)):
         start = {n: v * (shape if n in shapes else off) for n, v in truth.items()}
