@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +14,7 @@ import numpy as np
 
 from discovery.errors import InputError
 from discovery.experiment import Experiment, make_experiment
+from discovery.kinds import KINDS
 from discovery.recording import Recording, read_recording
 from discovery.rig import RecordPart, Rig
 from discovery.rig_file import read_rig
@@ -30,19 +33,23 @@ class Dataset:
     train, holdout : tuple of Experiment
         Recordings to fit, and recordings that are never fitted. Where there is no hold-out, the last third of every
         training recording is kept out of the fit.
+    test : tuple of Experiment
+        Recordings that neither a fit nor a decision sees, for the score alone.
     """
 
     rig: Rig
     train: tuple[Experiment, ...]
     holdout: tuple[Experiment, ...]
+    test: tuple[Experiment, ...] = ()
 
     @cached_property
     def everything(self) -> tuple[tuple[str, Experiment], ...]:
-        """All recordings with their roles."""
+        """All recordings that are fitted or decide, with their roles."""
         return (*(("train", e) for e in self.train), *(("holdout", e) for e in self.holdout))
 
 
-def _part(path: Path, samples: tuple[int, int] | None, rig: Rig) -> Recording:
+def _read(part: RecordPart, rig: Rig) -> Recording:
+    path = part.file
     if not path.exists():
         # Public measured data lie in the user's data folder, not beside the rig file.
         from discovery_datasets import registry
@@ -52,7 +59,7 @@ def _part(path: Path, samples: tuple[int, int] | None, rig: Rig) -> Recording:
                 path = registry.locate(path.name)
             except registry.DataUnavailable as error:
                 raise InputError(f"{path} does not exist, and the {error}") from None
-    return read_recording(path, rig, samples)
+    return read_recording(path, rig, part.samples, where=part.where, name=part.name)
 
 
 def load_dataset(
@@ -80,29 +87,30 @@ def load_dataset(
     """
     rig = read_rig(rig_path)
     parts = {
-        "train": [RecordPart(Path(p), None) for p in train] or list(rig.records.get("train", ())),
-        "holdout": [RecordPart(Path(p), None) for p in holdout]
-        or ([] if train else list(rig.records.get("holdout", ()))),
+        "train": [RecordPart(Path(p)) for p in train] or list(rig.records.get("train", ())),
+        "holdout": [RecordPart(Path(p)) for p in holdout] or ([] if train else list(rig.records.get("holdout", ()))),
+        "test": [] if train or holdout else list(rig.records.get("test", ())),
     }
     if not parts["train"]:
         raise InputError(
             f"{rig_path}: there is nothing to fit. Give --train FILE, or a train list under [records] in the rig file."
         )
-    found = {role: [_part(p.file, p.samples, rig) for p in listed] for role, listed in parts.items()}
+    found = {role: [_read(part, rig) for part in listed] for role, listed in parts.items()}
     _refuse_twins(found)
-    _distinguish(found)
+    _distinguish(found, parts)
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,
         tuple(make_experiment(r, rig, fitted_samples=2 * r.time.size // 3 if alone else None) for r in found["train"]),
         tuple(make_experiment(r, rig) for r in found["holdout"]),
+        tuple(make_experiment(r, rig) for r in found["test"]),
     )
-    for role, experiment in dataset.everything:
+    for role, experiment in (*dataset.everything, *(("test", e) for e in dataset.test)):
         _refuse_unusable(role, experiment)
     return dataset
 
 
-#: Finite samples that a fitted and a held-out part need at least.
+#: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 _FEWEST = 30
 
 
@@ -129,10 +137,11 @@ def _refuse_unusable(role: str, experiment: Experiment) -> None:
     parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}
     if role == "train" and not fitted.all():
         parts["held-out"] = finite[~fitted]
+    fewest = min(_FEWEST, KINDS[experiment.rig.kind].fewest)
     for name, part in parts.items():
-        if part.sum() < _FEWEST:
+        if part.sum() < fewest:
             raise InputError(
-                f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {_FEWEST} are "
+                f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {fewest} are "
                 "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
             )
     if not experiment.is_arm and r.input is not None and np.ptp(r.input) == 0:
@@ -142,12 +151,28 @@ def _refuse_unusable(role: str, experiment: Experiment) -> None:
         )
 
 
-def _distinguish(found: dict[str, list[Recording]]) -> None:
-    """Give recordings that share a name, such as parts of one file, a number each."""
-    names = [r.name for listed in found.values() for r in listed]
+def _distinguish(found: dict[str, list[Recording]], parts: dict[str, list[RecordPart]]) -> None:
+    """Name recordings that share a name by the rows they are of, and number those that still do."""
+    _rename(found, lambda role, i, r: _rows_name(r.name, parts[role][i]) if parts[role][i].name is None else r.name)
     count: dict[str, int] = {}
-    for listed in found.values():
+
+    def numbered(role: str, i: int, recording: Recording) -> str:
+        count[recording.name] = count.get(recording.name, 0) + 1
+        return f"{recording.name}_{count[recording.name]}"
+
+    _rename(found, numbered)
+
+
+def _rename(found: dict[str, list[Recording]], name: Callable[[str, int, Recording], str]) -> None:
+    names = Counter(r.name for listed in found.values() for r in listed)
+    for role, listed in found.items():
         for i, recording in enumerate(listed):
-            if names.count(recording.name) > 1:
-                count[recording.name] = count.get(recording.name, 0) + 1
-                listed[i] = replace(recording, name=f"{recording.name}_{count[recording.name]}")
+            if names[recording.name] > 1:
+                listed[i] = replace(recording, name=name(role, i, recording))
+
+
+def _rows_name(name: str, part: RecordPart) -> str:
+    """Name rows of a file by the values that pick them, numbers with their column, or by their place in it."""
+    words = [value if isinstance(value, str) else f"{column}_{value:g}" for column, value in part.where]
+    name = re.sub(r"[^\w.+-]+", "_", "_".join(words)).strip("_").lower() if words else name
+    return f"{name}_{part.samples[0]}-{part.samples[1]}" if part.samples else name

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import hashlib
 import os
 import secrets
-import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from io import StringIO
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from discovery.errors import InputError
+from discovery.errors import InputError, suggestion
+from discovery.text_table import parse_text
 
 __all__ = ["Table", "atomic_write", "read_table"]
 
@@ -39,17 +37,56 @@ class Table:
         Of the file's bytes.
     lines : array of int, shape (n,)
         Line of each row in a text file, from 1; empty for other formats.
+    rows : array of int, shape (n,), or None
+        Row of the file that each row was, from 0; None where all were taken.
     """
 
     path: Path
     columns: Mapping[str, npt.NDArray[Any]]
     sha256: str
     lines: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    rows: npt.NDArray[np.int64] | None = None
 
     def where(self, row: int) -> str:
         """Name a row for people: data rows count from 1."""
         line = f" (line {self.lines[row]} of the file)" if row < self.lines.size else ""
-        return f"row {row + 1}{line}"
+        return f"row {(row if self.rows is None else self.rows[row]) + 1}{line}"
+
+    def take(self, names: Sequence[str], rows: npt.NDArray[np.int64]) -> Table:
+        """Return some columns and rows, which keep their places in the file for messages."""
+        columns = {name: self.columns[name][rows] for name in names}
+        known = rows if self.rows is None else self.rows[rows]
+        return replace(self, columns=columns, lines=self.lines[rows] if self.lines.size else self.lines, rows=known)
+
+    def matching(self, where: Sequence[tuple[str, str | float]]) -> npt.NDArray[np.int64]:
+        """Find the rows in which columns have given values, numbers up to rounding, text up to blanks around it.
+
+        Raises
+        ------
+        InputError
+            If a column is not there, or no row is left.
+        """
+        found: npt.NDArray[np.int64] | None = None
+        for name, value in where:
+            if name not in self.columns:
+                raise InputError(
+                    f"{self.path} has no column {name!r}, by which the rig file picks rows."
+                    f"{suggestion(name, self.columns)} Columns found: {', '.join(map(str, self.columns))[:300]}."
+                )
+            column = self.columns[name]
+            if isinstance(value, str):
+                fits = np.array([str(cell).strip() == value.strip() for cell in column], bool)
+            else:
+                fits = np.isclose(self.numbers(name), value, rtol=1e-9, atol=0.0)
+            rows = np.flatnonzero(fits) if found is None else found[fits[found]]
+            if rows.size == 0:
+                others = dict.fromkeys(str(cell).strip() for cell in (column if found is None else column[found]))
+                raise InputError(
+                    f"{self.path} has no row in which {name!r} is {value!r}.{suggestion(str(value), others)} "
+                    f"Values found: {', '.join(others)[:300]}."
+                )
+            found = rows
+        return np.arange(next(iter(self.columns.values())).size) if found is None else found
 
     def numbers(self, name: str) -> npt.NDArray[np.float64]:
         """Give a column as numbers, shape (n,); empty cells are NaN.
@@ -92,14 +129,15 @@ def _parse(column: npt.NDArray[Any]) -> tuple[npt.NDArray[np.float64], int | Non
     return values, int(np.argmax(wrong)) if wrong.any() else None
 
 
-def read_table(path: str | os.PathLike[str]) -> Table:
+def read_table(path: str | os.PathLike[str], header: Sequence[str] | None = None) -> Table:
     """Read the columns of a file.
 
     Parameters
     ----------
     path : path
-        CSV (separated by commas, semicolons or tabs, one header line, ``#`` starts a comment line), Parquet, MAT (any
-        version) or HDF5 (one-dimensional datasets).
+        Text (see `discovery.text_table.parse_text`), Parquet, MAT (any version) or HDF5 (one-dimensional datasets).
+    header : sequence of str, optional
+        Names of the columns of a text file without a line of names.
 
     Raises
     ------
@@ -118,7 +156,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         raise InputError(f"{path} is empty. Export the recording again.")
     sha256 = hashlib.sha256(content).hexdigest()
     if suffix in _CSV:
-        columns, lines = _read_csv(path, content)
+        columns, lines = parse_text(path, content, header)
         return Table(path, columns, sha256, lines)
     readers = {".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
     try:
@@ -134,69 +172,6 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     if not columns:
         raise InputError(f"{path} holds no column of numbers. Export the recording again, one named vector a column.")
     return Table(path, columns, sha256)
-
-
-def _read_csv(path: Path, content: bytes) -> tuple[dict[str, npt.NDArray[Any]], npt.NDArray[np.int64]]:
-    import pandas as pd
-
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text:
-        raise InputError(f"{path} is a binary file, not text. Export the recording as CSV, or give it its true suffix.")
-    stripped = (line.strip() for line in text.splitlines())
-    lines = np.array([number for number, line in enumerate(stripped, 1) if line and line[0] != "#"], np.int64)
-    if lines.size == 0:
-        raise InputError(f"{path} is empty but for comments. Export the recording again.")
-    kept = np.array(text.splitlines(), dtype=object)[lines - 1]
-    first = str(kept[0])
-    separator = max(",;\t", key=first.count)
-    names = [name.strip() for name in next(csv.reader([first], delimiter=separator))]
-    if all(_is_number(name) for name in names):
-        raise InputError(
-            f"{path}, line {lines[0]}: the first line holds numbers, not column names. Add a header such as "
-            "'time_s,motor_angle_rad,tip_x_m,tip_y_m'."
-        )
-    duplicate = [name for name, count in Counter(names).items() if count > 1]
-    if duplicate:
-        raise InputError(
-            f"{path}, line {lines[0]}: two columns are named {duplicate[0]!r}. Rename or remove one of them."
-        )
-    if lines.size == 1:
-        raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
-    for line, row in zip(lines[1:], kept[1:], strict=True):
-        cells = row.count(separator) + 1
-        if cells > len(names) and '"' not in row:
-            raise InputError(
-                f"{path}, line {line}: {cells} cells in a table of {len(names)} columns. Use a decimal point in "
-                f"numbers, "
-                f"and {separator!r} only between columns."
-            )
-    with warnings.catch_warnings():
-        # A column of mixed types is reported by Table.numbers, with its row.
-        warnings.simplefilter("ignore", pd.errors.DtypeWarning)
-        try:
-            frame = pd.read_csv(
-                StringIO("\n".join(kept[1:])),
-                sep=separator,
-                header=None,
-                names=names,
-                index_col=False,
-                skipinitialspace=True,
-                skip_blank_lines=False,
-            )
-        except pd.errors.ParserError as error:
-            raise InputError(f"{path} is not a table: {error}. Give every row as many cells as the header.") from error
-    return {name: frame[name].to_numpy() for name in names}, lines[1:]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _read_parquet(path: Path) -> dict[str, npt.NDArray[Any]]:

@@ -15,7 +15,6 @@ __all__ = ["check_arm", "check_signals"]
 
 FloatArray = npt.NDArray[np.float64]
 
-MINIMUM_SAMPLES = 50
 # Room for errors of scale and origin that are effects to be found, not mistakes of the file.
 LENGTH_MARGIN = 0.10
 NEAREST = 0.2
@@ -28,25 +27,25 @@ SLOWEST_SWING = 20.0
 def check_signals(
     table: Table,
     names: Mapping[str, str],
-    start: int,
     time: FloatArray,
     inputs: FloatArray | None,
     outputs: Mapping[str, FloatArray],
+    fewest: int,
 ) -> None:
     """Check what holds for a recording of any system.
 
     Parameters
     ----------
     table : Table
-        The file, for the messages.
+        The rows that the arrays hold, for the messages.
     names : mapping of str to str
         Signal (``"time"``, ``"motor_angle"``, ...) to the name of its column.
-    start : int
-        Row of the file at which the arrays begin.
     time, inputs : array, shape (n,)
         In SI units; there may be no input.
     outputs : mapping of str to array, shape (n,)
         The channels; empty where only times and inputs are given.
+    fewest : int
+        Samples that are needed at least.
 
     Raises
     ------
@@ -57,7 +56,7 @@ def check_signals(
     if np.isnan(time).any():
         row = int(np.argmax(np.isnan(time)))
         raise InputError(
-            f"{table.path}, column {label!r}, {table.where(start + row)}: the time is missing. "
+            f"{table.path}, column {label!r}, {table.where(row)}: the time is missing. "
             "Remove the row; only outputs may have gaps."
         )
     steps = np.diff(time)
@@ -65,45 +64,43 @@ def check_signals(
         row = int(np.argmax(steps <= 0)) + 1
         fault = "the same time as the row before" if steps[row - 1] == 0 else "earlier than the row before"
         raise InputError(
-            f"{table.path}, column {label!r}, {table.where(start + row)}: {time[row]:.9g} s is {fault}. "
+            f"{table.path}, column {label!r}, {table.where(row)}: {time[row]:.9g} s is {fault}. "
             "Times must strictly increase: sort the rows, remove repeated ones, and export times with enough digits."
         )
     if inputs is not None and np.isnan(inputs).any():
         row = int(np.argmax(np.isnan(inputs)))
         column = names.get("motor_angle", names.get("input", "input"))
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(start + row)}: the input is missing. The motion cannot be "
+            f"{table.path}, column {column!r}, {table.where(row)}: the input is missing. The motion cannot be "
             "computed across a gap in the input: fill it, or cut the recording there."
         )
     if not outputs:
         if time.size < 2:
             raise InputError(f"{table.path} is too short: {time.size} rows. A prediction needs at least 2.")
         return
-    if time.size < MINIMUM_SAMPLES:
+    if time.size < fewest:
         raise InputError(
-            f"{table.path} is too short: {time.size} rows, and at least {MINIMUM_SAMPLES} are needed. Record longer "
-            f"or faster."
+            f"{table.path} is too short: {time.size} rows, and at least {fewest} are needed. Record longer or faster."
         )
     for channel, values in outputs.items():
         finite = values[np.isfinite(values)]
         if finite.size > 0 and np.ptp(finite) == 0:
             raise InputError(
-                f"{table.path}, column {names[channel]!r}: every reading, from {table.where(start)} on, is "
+                f"{table.path}, column {names[channel]!r}: every reading, from {table.where(0)} on, is "
                 f"{finite[0]:.6g}. "
                 "The sensor is dead or not connected: check it and record again."
             )
-        if finite.size < MINIMUM_SAMPLES:
+        if finite.size < fewest:
             raise InputError(
                 f"{table.path}, column {names[channel]!r} is too short: {finite.size} readings in {time.size} rows, "
                 f"and at "
-                f"least {MINIMUM_SAMPLES} are needed. Close the gaps or record longer."
+                f"least {fewest} are needed. Close the gaps or record longer."
             )
 
 
 def check_arm(
     table: Table,
     names: Mapping[str, str],
-    start: int,
     rig: Rig,
     time: FloatArray,
     inputs: FloatArray | None,
@@ -120,40 +117,40 @@ def check_arm(
     assert rig.length is not None  # read_rig demands it of an arm
     length = rig.length.value
     assert inputs is not None  # the column is required
-    _check_motor(table, names["motor_angle"], start, inputs)
+    _check_motor(table, names["motor_angle"], inputs)
     if not outputs:
         return
     _check_duration(table, names["time"], rig, time)
     if "tip_x" in outputs:
         columns = names["tip_x"], names["tip_y"]
         radius = np.hypot(outputs["tip_x"], outputs["tip_y"])
-        _check_within(table, columns, start, length, radius)
-        _check_not_nearer(table, columns, start, length, radius)
+        _check_within(table, columns, length, radius)
+        _check_not_nearer(table, columns, length, radius)
         direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
         # The camera does not count turns.
         deflection = np.angle(np.exp(1j * (direction - inputs)))
-        _check_follows(table, names["motor_angle"], start, inputs, direction, deflection)
+        _check_follows(table, names["motor_angle"], inputs, direction, deflection)
     elif "tip_angle" in outputs:
         deflection = outputs["tip_angle"] - inputs
         worst = int(np.nanargmax(np.abs(deflection)))
         if abs(deflection[worst]) > LARGEST_DEFLECTION:
             raise InputError(
-                f"{table.path}, column {names['tip_angle']!r}, {table.where(start + worst)}: the tip would be "
+                f"{table.path}, column {names['tip_angle']!r}, {table.where(worst)}: the tip would be "
                 f"deflected by "
                 f"{deflection[worst]:.4g} rad from the motor's direction, more than half a turn. If one of the angles "
                 f"is in "
                 "degrees, rename its column to end in _deg; the angle of the tip must not jump by full turns."
             )
     else:
-        _check_within(table, [names["tip_deflection"]], start, length, np.abs(outputs["tip_deflection"]))
+        _check_within(table, [names["tip_deflection"]], length, np.abs(outputs["tip_deflection"]))
 
 
-def _check_motor(table: Table, column: str, start: int, inputs: FloatArray) -> None:
+def _check_motor(table: Table, column: str, inputs: FloatArray) -> None:
     turn = float(np.ptp(inputs))
     if turn > LARGEST_TURN:
         row = int(np.argmax(np.abs(inputs - inputs[0])))
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(start + row)}: the motor would turn by {turn:.4g} rad, "
+            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by {turn:.4g} rad, "
             f"more than "
             "two full turns. If the angle is in degrees, rename the column to 'motor_angle_deg'."
         )
@@ -180,7 +177,7 @@ def _check_duration(table: Table, column: str, rig: Rig, time: FloatArray) -> No
         )
 
 
-def _check_within(table: Table, columns: Sequence[str], start: int, length: float, distance: FloatArray) -> None:
+def _check_within(table: Table, columns: Sequence[str], length: float, distance: FloatArray) -> None:
     """Refuse a tip beyond the reach of the arm, at its first row."""
     beyond = distance > (1.0 + LENGTH_MARGIN) * length
     if not beyond.any():
@@ -192,17 +189,17 @@ def _check_within(table: Table, columns: Sequence[str], start: int, length: floa
     else:
         cure = "Correct length_m in the rig file, the unit in the column's name, or the camera's origin: it is the hub."
     raise InputError(
-        f"{table.path}, {_columns(columns)}, {table.where(start + row)}: the tip would be {distance[row]:.4g} m away "
+        f"{table.path}, {_columns(columns)}, {table.where(row)}: the tip would be {distance[row]:.4g} m away "
         f"on an "
         f"arm that is {length:.4g} m long. {cure}"
     )
 
 
-def _check_not_nearer(table: Table, columns: Sequence[str], start: int, length: float, radius: FloatArray) -> None:
+def _check_not_nearer(table: Table, columns: Sequence[str], length: float, radius: FloatArray) -> None:
     farthest = int(np.nanargmax(radius))
     if radius[farthest] < NEAREST * length:
         raise InputError(
-            f"{table.path}, {_columns(columns)}, {table.where(start + farthest)}: the tip is never farther from the "
+            f"{table.path}, {_columns(columns)}, {table.where(farthest)}: the tip is never farther from the "
             f"hub "
             f"than {radius[farthest]:.4g} m, but the arm is {length:.4g} m long. Correct length_m in the rig file or "
             f"the "
@@ -215,7 +212,7 @@ def _columns(columns: Sequence[str]) -> str:
 
 
 def _check_follows(
-    table: Table, column: str, start: int, inputs: FloatArray, direction: FloatArray, deflection: FloatArray
+    table: Table, column: str, inputs: FloatArray, direction: FloatArray, deflection: FloatArray
 ) -> None:
     """Refuse a motor angle in degrees: it runs away from the tip, by 57 radians for each."""
     finite = np.isfinite(direction)
@@ -225,7 +222,7 @@ def _check_follows(
     if turn > 1.0 and (turn > 20.0 * follows or (turn > 2.0 * np.pi and far > 0.9 * LARGEST_DEFLECTION)):
         row = int(np.argmax(np.abs(inputs - inputs[0])))
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(start + row)}: the motor would turn by {turn:.4g} rad "
+            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by {turn:.4g} rad "
             f"while the "
             f"tip's direction changes by {follows:.3g} rad. If the angle is in degrees, rename the column to "
             "'motor_angle_deg'."

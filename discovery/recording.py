@@ -10,17 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.errors import InputError, suggestion
-from discovery.io import Table, read_table
+from discovery.force_view import force_samples, noise_gain, sampling_rate, zero_phase
+from discovery.io import read_table
+from discovery.kinds import KINDS
 from discovery.plausibility import check_arm, check_signals
-from discovery.rig import Rig
-from discovery.units import si_factor, si_symbol, split_suffix
+from discovery.quantisation import resolution as resolution
+from discovery.reading_notes import clean_output, time_notes
+from discovery.recording_columns import ARM_OUTPUTS, ARM_STEMS, arm_columns, declared_columns, picked_rows
+from discovery.rig import ForceView, Rig
+from discovery.unit_mistakes import check_units, near_hanging
+from discovery.units import si_factor, si_symbol
 
 __all__ = ["Recording", "blind", "estimate_noise", "read_recording", "resolution"]
 
 FloatArray = npt.NDArray[np.float64]
-
-_ARM_STEMS = {"time": "s", "motor_angle": "rad", "tip_x": "m", "tip_y": "m", "tip_angle": "rad", "tip_deflection": "m"}
-_ARM_OUTPUTS = (("tip_x", "tip_y"), ("tip_angle",), ("tip_deflection",))
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,11 @@ class Recording:
     Attributes
     ----------
     name : str
-        Name for people: the file's, without its suffix.
+        Name for people: the one that the rig file gives, else the file's without its suffix.
     time : array, shape (n,)
         Sample times [s], strictly increasing, at any spacing.
     input : array, shape (n,), or None
-        Motor angle of an arm [rad], input of an oscillator, None for a free decay.
+        Motor angle of an arm [rad], input of another system, None for a free decay.
     output : array, shape (n, c)
         What the instrument read; NaN marks a gap.
     channels : tuple of str
@@ -46,9 +49,11 @@ class Recording:
     sha256 : str
         Of the file's bytes.
     source : str
-        The file, and the samples taken from it.
+        The file, and the rows taken from it.
     noise_estimated : bool
         Whether `noise` was estimated from this recording because the rig does not state it.
+    notes : tuple of str
+        What is unusual: coarse readings, stuck or clipped ones (which are gaps of `output`), spikes, odd times.
     """
 
     name: str
@@ -61,6 +66,7 @@ class Recording:
     sha256: str
     source: str
     noise_estimated: bool = False
+    notes: tuple[str, ...] = ()
 
 
 def estimate_noise(values: FloatArray) -> float:
@@ -97,7 +103,7 @@ def estimate_noise(values: FloatArray) -> float:
 
 def blind(recording: Recording) -> Recording:
     """Return times and input of a recording only, as of a file that asks for a prediction."""
-    shown = _ARM_OUTPUTS[0] if recording.channels[0] in _ARM_STEMS else ("output",)
+    shown = ARM_OUTPUTS[0] if recording.channels[0] in ARM_STEMS else ("output",)
     units = ("m", "m") if len(shown) == 2 else recording.units
     empty = np.full((recording.time.size, len(shown)), np.nan)
     noise = np.full(len(shown), float(recording.noise[0]))
@@ -109,21 +115,28 @@ def read_recording(
     rig: Rig,
     samples: tuple[int, int] | None = None,
     require_output: bool = True,
+    *,
+    where: Sequence[tuple[str, str | float]] = (),
+    name: str | None = None,
 ) -> Recording:
-    """Read a recording and refuse what cannot be a measurement of this rig.
+    """Read a recording, refuse what cannot be a measurement of this rig, and leave out what no sensor measured.
 
     Parameters
     ----------
     path : path
-        CSV, Parquet, MAT or HDF5, see `discovery.io.read_table`. The columns of an arm are ``time_s``,
+        Text, Parquet, MAT or HDF5, see `discovery.io.read_table`. The columns of an arm are ``time_s``,
         ``motor_angle_rad`` and ``tip_x_m``, ``tip_y_m`` (or ``tip_angle_rad``, or ``tip_deflection_m``), with any unit
-        of the right kind as the suffix; those of an oscillator are declared in the rig file. Other columns are ignored.
+        of the right kind as the suffix; those of other systems are declared in the rig file. Other columns are ignored.
     rig : Rig
         The system.
     samples : (int, int), optional
-        Take only ``start <= i < stop``.
+        Take only ``start <= i < stop`` of the rows that `where` leaves.
     require_output : bool
         False for a file of times and inputs that asks for a prediction: without output columns, every output is NaN.
+    where : sequence of (str, str or float)
+        Take only the rows in which these columns have these values.
+    name : str, optional
+        Name of the recording; the file's by default.
 
     Returns
     -------
@@ -136,115 +149,96 @@ def read_recording(
         numbers, times that do not increase, gaps in the input, a dead sensor, too short a record, or values that are
         physically impossible; the message names file, column, row and remedy.
     """
-    table = read_table(path)
+    table = read_table(path, rig.columns.header)
     arm = rig.kind == "flexible_arm"
-    channels, names, units = _arm_columns(table) if arm else _declared_columns(table, rig)
+    channels, names, units = arm_columns(table) if arm else declared_columns(table, rig)
     if require_output and not channels:
         wanted = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m" if arm else rig.columns.output.name
-        raise InputError(f"{table.path} has no output column: add {wanted}.{_suggest(table, wanted)}")
-    rows = _slice(table, names, samples)
-    values = {stem: table.numbers(name)[rows] * si_factor(units[stem]) for stem, name in names.items()}
-    start = rows.start or 0
-    if "time" in values:
-        time = values["time"]
-    else:
-        rate = rig.columns.time.rate
-        assert rate is not None  # read_rig demands a rate or a column
-        time = np.arange(len(values[next(iter(names))])) / rate
+        raise InputError(f"{table.path} has no output column: add {wanted}.{suggestion(wanted, table.columns)}")
+    table = table.take(list(dict.fromkeys(names.values())), picked_rows(table, names, samples, where))
+    values = {stem: _in_si(table.numbers(column), rig, stem, units[stem]) for stem, column in names.items()}
+    source = str(table.path) + _part(samples, where)
+    time = values["time"] if "time" in values else _counted(rig, len(next(iter(table.columns.values()))))
     inputs = values.get("motor_angle" if arm else "input")
-    shown = channels or (_ARM_OUTPUTS[0] if arm else ("output",))
-    output = np.column_stack([values.get(channel, np.full(time.size, np.nan)) for channel in shown])
-    check_signals(table, names, start, time, inputs, {channel: values[channel] for channel in channels})
+    shown = channels or (ARM_OUTPUTS[0] if arm else ("output",))
+    read = {channel: values[channel] for channel in channels}
+    if rig.kind == "pendulum" and rig.view is None and "output" in read:
+        read["output"] = near_hanging(read["output"])
+    check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
     if arm:
-        check_arm(table, names, start, rig, time, inputs, {channel: values[channel] for channel in channels})
-    stated = _stated_noise(rig, shown)
-    measured = [estimate_noise(column) for column in output.T] if channels else [1.0] * len(shown)
-    noise = [found if known is None else known for known, found in zip(stated, measured, strict=True)]
-    # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
-    floors = [resolution(column) for column in output.T]
+        check_arm(table, names, rig, time, inputs, read)
+    elif read:
+        check_units(table, rig, names, time, read["output"], inputs is not None)
+    if inputs is not None and "added" in values and rig.controller is not None:
+        # What is added to the command acts as a reference that is further off.
+        inputs = inputs + values["added"] / (rig.controller.kv * rig.controller.kp)
+    si = tuple(ARM_STEMS[channel] if arm else si_symbol(rig.columns.output.unit) for channel in shown)
+    stated, noise, notes = _stated_noise(rig, shown), [], time_notes(time, rig.columns.time.assumed)
+    for channel, known, unit in zip(shown, stated, si, strict=True):
+        if channel not in read:
+            noise.append(1.0 if known is None else known)
+            continue
+        # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
+        floor = resolution(read[channel])
+        noise.append(max(estimate_noise(read[channel]) if known is None else known, floor))
+        returns = rig.kind in ("oscillator", "pendulum", "base_excited") and rig.view is None
+        read[channel], found = clean_output(names[channel], unit, time, read[channel], noise[-1], returns)
+        notes += found
+    check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
+    if rig.view is not None and inputs is not None and read:
+        inputs, read["output"], gain = _seen_as_force(rig.view, time, inputs, read["output"], source)
+        noise = [gain * value for value in noise]
     return Recording(
-        name=table.path.stem,
+        name=name or table.path.stem,
         time=time,
         input=inputs,
-        output=output,
+        output=np.column_stack([read.get(channel, np.full(time.size, np.nan)) for channel in shown]),
         channels=shown,
-        units=tuple(_ARM_STEMS[channel] if arm else si_symbol(rig.columns.output.unit) for channel in shown),
-        noise=np.array([max(value, floor) for value, floor in zip(noise, floors, strict=True)]),
+        units=si,
+        noise=np.array(noise),
         sha256=table.sha256,
-        source=str(table.path) + (f"[{samples[0]}:{samples[1]}]" if samples else ""),
+        source=source,
         noise_estimated=bool(channels) and any(known is None for known in stated),
+        notes=tuple(notes),
     )
 
 
-def _arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str, str]]:
-    """Channels, and the column and the unit of each stem, by the names of an arm recording."""
-    names: dict[str, str] = {}
-    units: dict[str, str] = {}
-    for name in table.columns:
-        split = split_suffix(name, _ARM_STEMS)
-        if split is None:
-            continue
-        stem, unit = split
-        if not unit:
-            raise InputError(
-                f"{table.path}: the column {name!r} lacks its unit. Write it as a suffix, '{name}_{_ARM_STEMS[stem]}'."
-            )
-        if stem in names:
-            raise InputError(f"{table.path}: {stem} is given twice, as {names[stem]!r} and {name!r}. Keep one of them.")
-        try:
-            si_factor(unit, _ARM_STEMS[stem])
-        except InputError as error:
-            raise InputError(f"{table.path}, column {name!r}: {error}") from error
-        names[stem], units[stem] = name, unit
-    for stem in ("time", "motor_angle"):
-        if stem not in names:
-            wanted = f"{stem}_{_ARM_STEMS[stem]}"
-            raise InputError(f"{table.path} has no column {wanted!r}.{_suggest(table, wanted)} {_listed(table)}")
-    channels = next((channels for channels in _ARM_OUTPUTS if all(channel in names for channel in channels)), ())
-    for first, second in (("tip_x", "tip_y"), ("tip_y", "tip_x")):
-        if not channels and first in names:
-            wanted = f"{second}_m"
-            raise InputError(
-                f"{table.path} has {names[first]!r} but no column {wanted!r}: the tip needs both."
-                f"{_suggest(table, wanted)} {_listed(table)}"
-            )
-    used = ("time", "motor_angle", *channels)
-    return channels, {stem: names[stem] for stem in used}, units
+def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
+    column = {"input": rig.columns.input, "output": rig.columns.output}.get(stem)
+    if column is not None and (column.zero, column.scale) != (0.0, 1.0):
+        values = column.scale * (values - column.zero)
+    return values * si_factor(unit)
 
 
-def _declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str, str], dict[str, str]]:
-    """Channels, and the column and the unit of each signal, as the rig file declares them."""
-    columns = rig.columns
-    wanted = [("time", columns.time.name, columns.time.unit)] if columns.time.name and columns.time.rate is None else []
-    if columns.input is not None:
-        wanted.append(("input", columns.input.name, columns.input.unit))
-    present = columns.output.name in table.columns
-    if present:
-        wanted.append(("output", columns.output.name, columns.output.unit))
-    for _, name, _ in wanted:
-        if name not in table.columns:
-            raise InputError(
-                f"{table.path} has no column {name!r}, which the rig file declares.{_suggest(table, str(name))} "
-                f"{_listed(table)}"
-            )
-    channels = ("output",) if present else ()
-    names = {stem: str(name) for stem, name, _ in wanted}
-    return channels, names, {stem: unit for stem, _, unit in wanted}
+def _counted(rig: Rig, size: int) -> FloatArray:
+    rate = rig.columns.time.rate
+    assert rate is not None  # read_rig demands a rate or a column
+    return np.arange(size) / rate
 
 
-def _slice(table: Table, names: dict[str, str], samples: tuple[int, int] | None) -> slice:
-    sizes = {name: table.columns[name].size for name in names.values()}
-    if not sizes:
-        raise InputError(f"{table.path} has neither a time nor an input column, so the number of samples is not known.")
-    if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{name!r} {size}" for name, size in sizes.items())
-        raise InputError(f"{table.path}: the columns differ in length ({listed}). Export them with the same samples.")
-    size = next(iter(sizes.values()))
-    if samples is None:
-        return slice(0, size)
-    if not 0 <= samples[0] < samples[1] <= size:
-        raise InputError(f"{table.path} has {size} samples, so [{samples[0]}, {samples[1]}] is not a part of it.")
-    return slice(*samples)
+def _part(samples: tuple[int, int] | None, where: Sequence[tuple[str, str | float]]) -> str:
+    """Name the rows that were taken, in brackets."""
+    words = [f"{column}={value}" for column, value in where] + ([f"{samples[0]}:{samples[1]}"] if samples else [])
+    return f"[{', '.join(words)}]" if words else ""
+
+
+def _seen_as_force(
+    view: ForceView, time: FloatArray, motion: FloatArray, force: FloatArray, source: str
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the smoothed motion, the smoothed force with gaps between the samples to use, and the gain of noise."""
+    if np.isnan(force).any():
+        raise InputError(
+            f"{source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps with "
+            "samples = [start, stop]."
+        )
+    rate = sampling_rate(time, source)
+    smooth = zero_phase(force, rate, view.cutoff)
+    used = force_samples(view, time, rate)
+    return (
+        zero_phase(motion, rate, view.motion_cutoff),
+        np.where(used, smooth, np.nan),
+        noise_gain(rate, view.cutoff),
+    )
 
 
 def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:
@@ -257,31 +251,3 @@ def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:
     return [
         rig.position_noise / rig.length.value if channel == "tip_angle" else rig.position_noise for channel in channels
     ]
-
-
-def resolution(values: FloatArray) -> float:
-    """Give the standard deviation of rounding, the smallest error that readings can have.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Readings; NaN are skipped.
-
-    Returns
-    -------
-    float
-        The smallest step between different readings over sqrt(12) if the readings repeat, else that of the last bit.
-    """
-    finite = values[np.isfinite(values)]
-    distinct = np.unique(finite)
-    bit = float(np.spacing(np.max(np.abs(distinct), initial=np.finfo(float).tiny)))
-    step = float(np.min(np.diff(distinct))) if 1 < distinct.size < 0.5 * finite.size else 0.0
-    return max(step, bit) / float(np.sqrt(12.0))
-
-
-def _suggest(table: Table, wanted: str) -> str:
-    return suggestion(wanted, table.columns)
-
-
-def _listed(table: Table) -> str:
-    return f"Columns found: {', '.join(str(name) for name in table.columns)[:300]}."

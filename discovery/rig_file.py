@@ -17,22 +17,16 @@ from typing import Any
 from pydantic import ValidationError
 
 from discovery.errors import InputError
-from discovery.rig import (
-    ARM_COLUMNS,
-    LINEAR_MODEL,
-    PAPER_MODEL,
-    Columns,
-    InputColumn,
-    OutputColumn,
-    Quantity,
-    RecordPart,
-    Rig,
-    TimeColumn,
-)
-from discovery.rig_schema import QUANTITIES, ColumnsTable, QuantityTable, RecordsTable, RigTable, explain, line_of
+from discovery.kinds import KINDS
+from discovery.rig import Quantity, RecordPart, Rig
+from discovery.rig_schema import QUANTITIES, QuantityTable, RecordsTable, RigTable, explain, key_of, line_of
+from discovery.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.units import si_factor, split_suffix
 
 __all__ = ["read_rig"]
+
+# Standard gravity and its range between places at sea level and mountains, poles and equator.
+_GRAVITY = Quantity(9.80665, 0.02)
 
 
 def read_rig(path: str | os.PathLike[str]) -> Rig:
@@ -74,15 +68,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     arm = table.kind == "flexible_arm"
     if arm and "length" not in quantities:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
-    if arm and table.columns is not None:
-        raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns',))}, declares [columns], but those of an arm are "
-            'fixed (time_s, motor_angle_rad, tip_x_m, tip_y_m). Remove the table, or set kind = "oscillator".'
-        )
-    if not arm and table.columns is None:
-        raise InputError(
-            f"The rig file {path} describes an oscillator but has no table [columns]. Declare time and output."
-        )
+    check_tables(path, text, table)
     values = {stem: quantity.value for stem, quantity in quantities.items()}
     if arm and values.get("position_noise", 0.0) > 0.1 * values["length"]:
         raise InputError(
@@ -98,9 +84,12 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         flexural_rigidity=quantities.get("flexural_rigidity"),
         position_noise=values.get("position_noise"),
         angle_noise=values.get("angle_noise"),
-        columns=ARM_COLUMNS if table.columns is None else _columns(path, text, table.columns),
-        declared=tuple(table.model.effects) if table.model else (PAPER_MODEL if arm else LINEAR_MODEL),
+        columns=columns_of(path, text, table),
+        declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
         records=_records(path, text, table.records),
+        gravity=quantities.get("gravity", _GRAVITY if table.kind in ("pendulum", "falling_body") else None),
+        controller=controller_of(path, text, table),
+        view=view_of(path, text, table),
         path=path,
         sha256=hashlib.sha256(content).hexdigest(),
     )
@@ -119,8 +108,9 @@ def _quantities(path: Path, text: str, document: Mapping[str, Any]) -> tuple[dic
         expected, relative, absolute, largest = QUANTITIES[stem]
         where = f"The rig file {path}, line {line_of(text, (key,))}:"
         if not unit:
-            suffix = expected.replace(" ", "_").replace("^", "")
-            raise InputError(f"{where} the key {key!r} lacks its unit. Write it as a suffix, '{stem}_{suffix}'.")
+            raise InputError(f"{where} the key {key!r} lacks its unit. Write it as a suffix, {key_of(stem)!r}.")
+        if key == key_of(stem):  # a bare key has no sign for the negative power of an acceleration
+            unit = expected
         if stem in quantities:
             raise InputError(f"{where} the key {key!r} gives {stem} a second time. Keep one of them.")
         try:
@@ -140,34 +130,9 @@ def _quantities(path: Path, text: str, document: Mapping[str, Any]) -> tuple[dic
     return rest, quantities
 
 
-def _columns(path: Path, text: str, table: ColumnsTable) -> Columns:
-    def factor(column: str, unit: str, expected: str | None = None) -> float:
-        try:
-            return si_factor(unit, expected)
-        except InputError as error:
-            line = line_of(text, ("columns", column, "unit"))
-            raise InputError(f"The rig file {path}, line {line}, column {column!r}: {error}") from error
-
-    if (table.time.rate_hz is None) == (table.time.name is None):
-        raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns', 'time'))}: the time needs either a rate, "
-            'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }.'
-        )
-    factor("time", table.time.unit, "s")
-    noise = table.output.noise
-    scale = factor("output", table.output.unit)
-    if table.input is not None:
-        factor("input", table.input.unit)
-    return Columns(
-        time=TimeColumn(table.time.name, table.time.unit, table.time.rate_hz),
-        input=InputColumn(**table.input.model_dump()) if table.input else None,
-        output=OutputColumn(table.output.name, table.output.unit, None if noise is None else noise * scale),
-    )
-
-
 def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[RecordPart, ...]]:
     records: dict[str, tuple[RecordPart, ...]] = {}
-    for name, parts in (("train", table.train), ("holdout", table.holdout)):
+    for name, parts in (("train", table.train), ("holdout", table.holdout), ("test", table.test)):
         for part in parts:
             if part.samples and part.samples[0] >= part.samples[1]:
                 raise InputError(
@@ -176,7 +141,12 @@ def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[Reco
                 )
         if parts:
             records[name] = tuple(
-                RecordPart(_find(path, part.file), (part.samples[0], part.samples[1]) if part.samples else None)
+                RecordPart(
+                    _find(path, part.file),
+                    (part.samples[0], part.samples[1]) if part.samples else None,
+                    tuple(part.where.items()),
+                    part.name,
+                )
                 for part in parts
             )
     return records

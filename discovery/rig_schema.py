@@ -7,21 +7,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from discovery.errors import suggestion
 
 __all__ = [
     "QUANTITIES",
     "ColumnsTable",
+    "ControllerTable",
     "QuantityTable",
     "RecordsTable",
     "RigTable",
+    "ViewTable",
     "explain",
+    "key_of",
     "line_of",
 ]
 
 QUANTITIES: Mapping[str, tuple[str, float, float, float]] = {
+    "gravity": ("m s^-2", 0.0, 0.02, 30.0),
     "length": ("m", 0.0, 1e-3, 30.0),
     "tip_mass": ("kg", 0.005, 0.0, 1000.0),
     "beam_mass": ("kg", 0.02, 0.0, 1000.0),
@@ -40,6 +44,15 @@ _Positive = Annotated[FiniteFloat, Field(gt=0)]
 _Text = Annotated[str, Field(min_length=1)]
 
 
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("must not be zero")
+    return value
+
+
+_Scale = Annotated[FiniteFloat, AfterValidator(_not_zero)]
+
+
 class QuantityTable(_Table):
     """A positive number, with or without its standard deviation."""
 
@@ -51,35 +64,63 @@ class _Time(_Table):
     rate_hz: _Positive | None = None
     name: _Text | None = None
     unit: _Text = "s"
+    assumed: bool = False
 
 
 class _Input(_Table):
     name: _Text
     unit: _Text
-    interpolation: Literal["band_limited", "spline", "linear", "hold"] = "spline"
+    interpolation: Literal["band_limited", "spline", "linear", "hold", "motion", "auto"] | None = None
+    zero: FiniteFloat = 0.0
+    scale: _Scale = 1.0
 
 
 class _Output(_Table):
     name: _Text
     unit: _Text
     noise: _Positive | None = None
+    reads: Literal["position", "acceleration"] = "position"
+    zero: FiniteFloat = 0.0
+    scale: _Scale = 1.0
 
 
 class ColumnsTable(_Table):
-    """The table ``[columns]`` of an oscillator."""
+    """The table ``[columns]`` of a system other than an arm."""
 
+    header: Annotated[list[_Text], Field(min_length=1)] | None = None
     time: _Time
     input: _Input | None = None
     output: _Output
 
 
+class ControllerTable(_Table):
+    """The table ``[controller]`` of a drive that was recorded in closed loop."""
+
+    kp: _Positive
+    kv: _Positive
+    limit: _Positive | None = None
+    unit: _Text = "1"
+    added: _Text | None = None
+
+
+class ViewTable(_Table):
+    """The table ``[view]``."""
+
+    output: Literal["force"]
+    motion_cutoff_hz: _Positive
+    cutoff_hz: _Positive
+    decimation: Annotated[int, Field(ge=1)] | None = None
+
+
 class _Model(_Table):
-    effects: Annotated[list[_Text], Field(min_length=1)]
+    effects: list[_Text]
 
 
 class _Part(_Table):
     file: _Text
     samples: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=2, max_length=2)] | None = None
+    where: dict[str, str | FiniteFloat] = {}
+    name: Annotated[str, Field(pattern=r"^[\w.+-]+$")] | None = None
 
 
 class RecordsTable(_Table):
@@ -87,16 +128,25 @@ class RecordsTable(_Table):
 
     train: list[_Part] = []
     holdout: list[_Part] = []
+    test: list[_Part] = []
 
 
 class RigTable(_Table):
     """The whole file, without the keys that carry a unit."""
 
     name: _Text
-    kind: Literal["flexible_arm", "oscillator"] = "flexible_arm"
+    kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body"] = "flexible_arm"
     columns: ColumnsTable | None = None
+    controller: ControllerTable | None = None
+    view: ViewTable | None = None
     model: _Model | None = None
     records: RecordsTable = RecordsTable()
+
+
+def key_of(stem: str) -> str:
+    """Return the key of a quantity in its SI unit: ``"length"`` gives ``"length_m"``."""
+    unit = QUANTITIES[stem][0].replace(" ", "_").replace("^", "").replace("-", "")
+    return f"{stem}_{unit}"
 
 
 def line_of(text: str, keys: Sequence[str]) -> int | str:
@@ -124,12 +174,12 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
     where = f"The rig file {path}, line {line_of(text, keys)}:"
     if detail["type"] == "extra_forbidden":
         tables: dict[str, type[_Table]] = {"columns": ColumnsTable, "time": _Time, "input": _Input, "output": _Output}
-        tables |= {"model": _Model, "records": RecordsTable, "train": _Part, "holdout": _Part}
+        tables |= {"model": _Model, "controller": ControllerTable, "view": ViewTable, "records": RecordsTable}
+        tables |= dict.fromkeys(("train", "holdout", "test"), _Part)
         parent = tables.get(keys[-2], QuantityTable) if len(keys) > 1 else RigTable
         known = list(parent.model_fields)
         if parent is RigTable:
-            units = {stem: unit[0].replace(" ", "_").replace("^", "") for stem, unit in QUANTITIES.items()}
-            known += [f"{stem}_{unit}" for stem, unit in units.items()]
+            known += [key_of(stem) for stem in QUANTITIES]
         return (
             f"{where} the key {name!r} is not known.{suggestion(keys[-1], known)} Known here: {', '.join(known)}.{more}"
         )

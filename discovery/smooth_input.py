@@ -26,9 +26,9 @@ def build_drive(recording: Recording, rig: Rig) -> Drive | None:
     ----------
     recording : Recording
     rig : Rig
-        Says how the input runs between samples: an arm's motor angle is smoothed to its encoder's error
-        (``angle_noise``, uniform; estimated where the rig does not state it); the input of an oscillator is
-        interpolated, band limited, by a cubic spline, linearly or held.
+        Says how the input runs between samples: a motion, such as an arm's motor angle, is smoothed to its encoder's
+        error (``angle_noise``, uniform; estimated where the rig does not state it); any other is interpolated, band
+        limited, by a cubic spline (also ``"auto"``), linearly or held.
 
     Returns
     -------

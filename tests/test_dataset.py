@@ -71,7 +71,7 @@ def test_the_rigs_own_records_are_the_default(folder: Path) -> None:
     assert data.train[1].recording.time[0] == pytest.approx(4.0)
     assert [e.recording.name for e in data.holdout] == ["two"]
     # Parts of one file are told apart.
-    assert [e.recording.name for e in data.train] == ["one_1", "one_2"]
+    assert [e.recording.name for e in data.train] == ["one_0-200", "one_200-320"]
 
 
 def test_recordings_on_the_command_line_replace_all_of_the_rigs(folder: Path) -> None:
@@ -121,3 +121,52 @@ def test_a_public_file_with_another_hash_is_refused(folder: Path, monkeypatch: p
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     with pytest.raises(InputError, match="SHA-256"):
         load_dataset(folder / "rig.toml", [folder / "SNLS80mV.mat"])
+
+
+PICKED = """
+name = "drops"
+kind = "oscillator"
+[columns]
+time = { name = "t", unit = "s" }
+output = { name = "y", unit = "m" }
+[records]
+train = [
+  { file = "drops.csv", where = { ball = "Tennis Ball", drop = 1 } },
+  { file = "drops.csv", where = { ball = "Tennis Ball", drop = 2 }, samples = [0, 60] },
+]
+holdout = [{ file = "drops.csv", where = { ball = "Golf", drop = 1 }, name = "golf" }]
+test = [{ file = "drops.csv", where = { ball = "Golf", drop = 2 } }]
+"""
+
+
+@pytest.fixture
+def drops(tmp_path: Path) -> Path:
+    frames = []
+    for ball in ("Tennis Ball", "Golf"):
+        for drop in (1, 2):
+            t = 0.1 * np.arange(80)
+            frames.append(pd.DataFrame({"ball": ball, "drop": drop, "t": t, "y": drop + np.cos(2.0 * t)}))
+    pd.concat(frames).to_csv(tmp_path / "drops.csv", index=False)
+    (tmp_path / "rig.toml").write_text(PICKED)
+    return tmp_path / "rig.toml"
+
+
+def test_recordings_picked_from_one_file_are_named_by_what_picks_them(drops: Path) -> None:
+    data = load_dataset(drops)
+    assert [e.recording.name for e in data.train] == ["tennis_ball_drop_1", "tennis_ball_drop_2_0-60"]
+    assert [e.recording.name for e in data.holdout] == ["golf"]
+    assert [e.recording.time.size for e in data.train] == [80, 60]
+
+
+def test_recordings_that_are_only_scored_are_apart_and_give_way_to_the_command_line(drops: Path) -> None:
+    data = load_dataset(drops)
+    assert [e.recording.name for e in data.test] == ["golf_drop_2"]
+    assert not {e.recording.name for _, e in data.everything} & {"golf_drop_2"}
+    write(drops.parent, "other.csv", 3)
+    assert load_dataset(drops, [drops.parent / "other.csv"]).test == ()
+
+
+def test_the_same_rows_twice_are_refused(drops: Path) -> None:
+    drops.write_text(PICKED.replace('ball = "Golf", drop = 2', 'ball = "Tennis Ball", drop = 1'))
+    with pytest.raises(InputError, match="given twice, as train and as test"):
+        load_dataset(drops)

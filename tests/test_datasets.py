@@ -261,6 +261,17 @@ def test_the_measured_data_here_are_the_registered_ones():
     assert registry.locate("SNLS80mV.mat").name == "SNLS80mV.mat"
 
 
+def test_a_card_tells_the_origin_of_every_file_of_its_set(no_data):
+    for name in ("emps", "DATA_EMPS.mat"):
+        card = registry.card(name)
+        assert card.startswith("# EMPS (measured)")
+        assert all(
+            entry.url in card and entry.sha256 in card for key, entry in FILES.items() if key.startswith("emps/")
+        )
+    with pytest.raises(DataUnavailable, match="registered as 'nothing'"):
+        registry.card("nothing")
+
+
 def test_no_measured_data_lie_in_the_repository():
     names = {Path(name).name for name in FILES}
     assert not [path for path in DATASETS.rglob("*") if path.name in names]

@@ -91,6 +91,27 @@ def entry_of(name: str) -> MeasuredFile:
     return found[0]
 
 
+def card(name: str) -> str:
+    """Card of a set, with origin and SHA-256 of its files; the name of the set or of one of its files.
+
+    Raises
+    ------
+    DataUnavailable
+        If nothing is registered under that name.
+    """
+    folder = name if any(key.startswith(f"{name}/") for key in FILES) else entry_of(name).name.partition("/")[0]
+    words = Path(__file__).parents[1] / folder / "CARD.md"
+    entries = [entry for entry in FILES.values() if entry.name.startswith(f"{folder}/")]
+    # Where only the packages are installed, the registry has to do.
+    parts = [words.read_text(encoding="utf-8")] if words.is_file() else []
+    for entry in entries:
+        parts.append(
+            f"{entry.name}: {entry.measured}\n    cite     {entry.citation}\n    licence  {entry.licence}\n"
+            f"    origin   {entry.url}{f' ({entry.derived})' if entry.derived else ''}\n    SHA-256  {entry.sha256}\n"
+        )
+    return "\n".join(parts)
+
+
 def cache_folder() -> Path:
     """Folder that receives downloads."""
     return Path(user_cache_dir("discovery")) / "measured"

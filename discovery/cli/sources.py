@@ -74,12 +74,21 @@ def data() -> None:
 
 
 @data.command("list")
-def data_list() -> None:
-    """List the registered files with origin and licence."""
+@click.argument("name", required=False)
+def data_list(name: str | None) -> None:
+    """List the registered files with origin and licence, or show the card of the set or file NAME."""
     from discovery_datasets import registry
 
-    for name, entry in registry.FILES.items():
-        click.echo(f"{name:50} {entry.licence}\n    {entry.url}")
+    from discovery.errors import InputError
+
+    if name is not None:
+        try:
+            click.echo(registry.card(name))
+        except registry.DataUnavailable as error:
+            raise InputError(str(error)) from None
+        return
+    for key, entry in registry.FILES.items():
+        click.echo(f"{key:50} {entry.licence}\n    {entry.url}")
 
 
 @data.command("fetch")

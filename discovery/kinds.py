@@ -1,0 +1,76 @@
+"""Kinds of systems: what a rig file may describe, and what its recordings then hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = ["KINDS", "LINEAR_MODEL", "PAPER_MODEL", "Kind"]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of system with one degree of freedom.
+
+    Attributes
+    ----------
+    name : str
+        The word for it in rig files.
+    base : str
+        Name of the mechanics of the bare system.
+    declared : tuple of str
+        Effect ids of the model that is declared where the rig file names none.
+    needs_input : bool or None
+        Whether recordings have an input; None where they may.
+    input, output : str
+        What they are, for messages.
+    unit : str or None
+        Unit whose dimension the output must have; None for any.
+    may_be_bare : bool
+        Whether a model without any effect describes a motion worth fitting.
+    fewest : int
+        Samples that a recording needs at least.
+    interpolation : str
+        How the input runs between samples where the rig file does not say it.
+    """
+
+    name: str
+    base: str
+    declared: tuple[str, ...]
+    needs_input: bool | None
+    input: str
+    output: str
+    unit: str | None = None
+    may_be_bare: bool = False
+    fewest: int = 50
+    interpolation: Literal["motion", "spline"] = "spline"
+
+
+PAPER_MODEL = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
+LINEAR_MODEL = ("viscous_damping", "linear_stiffness")
+
+KINDS: Mapping[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "flexible_arm", "constant_radius", PAPER_MODEL, True, "motor angle", "tip position", interpolation="motion"
+        ),
+        Kind("oscillator", "oscillator", LINEAR_MODEL, None, "force", "deflection from rest"),
+        Kind(
+            "pendulum", "oscillator", ("viscous_damping", "gravity_torque"), None, "torque", "angle from hanging", "rad"
+        ),
+        Kind(
+            "base_excited",
+            "base_excited",
+            LINEAR_MODEL,
+            True,
+            "motion of the base or hub",
+            "deflection relative to it",
+            interpolation="motion",
+        ),
+        Kind("drive", "oscillator", ("viscous_damping",), True, "force", "position", may_be_bare=True),
+        Kind("falling_body", "falling_body", (), False, "none", "height", "m", may_be_bare=True, fewest=20),
+    )
+}
+"""Every kind by its name."""

@@ -1,0 +1,67 @@
+"""The steps in which an instrument reads."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["quantum", "resolution"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_CANDIDATES = (0.05, 0.25, 0.5)
+_TOLERANCE = 0.05
+_AGREEING = 0.98
+_NEAR = 20.0
+
+
+def quantum(values: FloatArray) -> float:
+    """Give the step of an instrument whose readings are all multiples of one.
+
+    The differences between neighbouring distinct readings of a quantised signal are small multiples of the step. Their
+    lower quantiles are tried as the step and refined on all of them; the step is believed if nearly all differences are
+    within a twentieth of a multiple.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Readings; NaN are skipped.
+
+    Returns
+    -------
+    float
+        The step in the unit of `values`; 0 where there is none, or fewer than half of the readings repeat.
+    """
+    finite = values[np.isfinite(values)]
+    distinct = np.unique(finite)
+    if not 1 < distinct.size < 0.5 * finite.size:
+        return 0.0
+    gaps = np.diff(distinct)
+    # Conversions of units leave twins of one reading that differ in the last bits.
+    gaps = gaps[gaps > 1e-9 * (distinct[-1] - distinct[0])]
+    for share in _CANDIDATES:
+        step = float(np.quantile(gaps, share, method="lower"))
+        near = gaps[gaps < _NEAR * step]
+        step = float(near.sum() / np.round(near / step).sum())
+        multiple = gaps[gaps < _NEAR * step] / step
+        if multiple.size and np.mean(np.abs(multiple - np.round(multiple)) < _TOLERANCE) >= _AGREEING:
+            return step
+    return 0.0
+
+
+def resolution(values: FloatArray) -> float:
+    """Give the standard deviation of rounding, the smallest error that readings can have.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Readings; NaN are skipped.
+
+    Returns
+    -------
+    float
+        The quantum over sqrt(12), or where there is none, the last bit's.
+    """
+    finite = values[np.isfinite(values)]
+    bit = float(np.spacing(np.max(np.abs(finite), initial=np.finfo(float).tiny)))
+    return max(quantum(values), bit) / float(np.sqrt(12.0))

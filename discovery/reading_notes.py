@@ -1,0 +1,114 @@
+"""What people should know of a recording before they trust what is found in it, as sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.quantisation import quantum
+from discovery.sensor_faults import drift, flat_runs, spikes
+
+__all__ = ["clean_output", "time_notes"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_JITTER = 0.05  # of a step
+_GAP = 1.5  # steps
+_RARE = 0.1  # share of the steps
+_SLOW, _FAST = 1.0, 1e-6  # steps of mechanical recordings [s]
+_COARSE = 0.3  # of the noise
+
+
+def time_notes(time: FloatArray, assumed: bool) -> list[str]:
+    """Tell what is unusual about sample times.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Times [s], strictly increasing.
+    assumed : bool
+        Whether the sampling rate is not known.
+    """
+    if assumed:
+        return ["The sampling rate is not known: times count samples, and rates and frequencies are per sample."]
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    notes = []
+    gaps = steps > _GAP * step
+    regular = np.abs(steps[~gaps] - step) < _JITTER * step
+    if 0 < gaps.mean() < _RARE and regular.mean() > 0.9:
+        missing = int(np.round(steps[gaps] / step - 1.0).sum())
+        notes.append(
+            f"{missing} samples are missing in {int(gaps.sum())} gaps of the times; the longest lasts "
+            f"{steps.max():.4g} s. The motion is computed through them, an input is interpolated."
+        )
+    elif np.quantile(np.abs(steps - step), 0.95) > _JITTER * step:
+        kind = "come in bursts" if steps.mean() > 2.0 * step else "jitter"
+        notes.append(
+            f"The time stamps {kind}: their steps lie between {steps.min():.4g} and {steps.max():.4g} s. "
+            "They are taken as they are."
+        )
+    if not _FAST < step < _SLOW:
+        right, times = ("milliseconds", "too long") if step >= _SLOW else ("seconds", "too short")
+        notes.append(
+            f"The samples are {step:.4g} s apart. If the times are in {right}, they are {times} by a thousand: correct "
+            "the unit or the rate in the rig file."
+        )
+    return notes
+
+
+def clean_output(
+    label: str, unit: str, time: FloatArray, values: FloatArray, noise: float, returns: bool
+) -> tuple[FloatArray, list[str]]:
+    """Leave out what the instrument did not measure, and tell what else is unusual.
+
+    Parameters
+    ----------
+    label, unit : str
+        Column and SI unit, for the sentences.
+    time, values : array, shape (n,)
+        Times [s] and readings; NaN are gaps.
+    noise : float
+        Standard deviation of a reading.
+    returns : bool
+        Whether the system has a rest position, so that its mean must not creep.
+
+    Returns
+    -------
+    values : array, shape (n,)
+        With NaN for stuck and clipped readings; the same array where there are none.
+    notes : list of str
+    """
+    step = quantum(values)
+    notes = []
+    if step / np.sqrt(12.0) > _COARSE * noise:
+        notes.append(
+            f"{label!r} reads in steps of {step:.4g} {unit}: its noise is taken as at least "
+            f"{step / np.sqrt(12.0):.3g} {unit}, the standard deviation of rounding."
+        )
+    flat = flat_runs(values, max(noise, step))
+    if flat.stretches:
+        longest = max(flat.stretches, key=lambda run: run[1])
+        notes.append(
+            f"{label!r} is stuck in {len(flat.stretches)} stretches while the system moves, {int(flat.stuck.sum())} "
+            f"samples in all, the longest {longest[1]} samples from {time[longest[0]]:.4g} s. They are left out."
+        )
+    if flat.limits:
+        at = " and ".join(f"{limit:.4g}" for limit in flat.limits)
+        notes.append(
+            f"{label!r} saturates at {at} {unit}: {int(flat.clipped.sum())} clipped samples are left out. Widen the "
+            "instrument's range."
+        )
+    kept = values if not flat.stretches and not flat.limits else np.where(flat.stuck | flat.clipped, np.nan, values)
+    found = spikes(kept, noise)
+    if found.size:
+        notes.append(
+            f"{label!r} has {found.size} spikes, readings far from where their neighbours put them, the first at "
+            f"{time[found[0]]:.4g} s. They are kept."
+        )
+    if returns and (creep := drift(time, kept)):
+        notes.append(
+            f"The mean of {label!r} creeps by {creep:.3g} {unit} over the record: a drifting instrument, or a rest "
+            "position that moves."
+        )
+    return kept, notes

@@ -1,0 +1,170 @@
+"""Readings that the instrument did not measure: stuck, clipped, spiked; and a mean that creeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["FlatRuns", "drift", "flat_runs", "spikes"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_SHORTEST_CLIPPED = 3  # equal readings at the extreme
+_SHORTEST_STUCK = 10  # equal readings elsewhere
+_TRAVEL = 30.0  # quanta or noise sds that the signal covers beside a run, in as many samples
+# Speed at the edge of a run against that beside it: a motion that comes to rest slows down first, one that turns is
+# half as fast there.
+_ABRUPT_STUCK = 0.8
+_ABRUPT_CLIPPED = 0.5
+_EDGE = 2  # samples that tell the speed at the edge, at least
+_SEEN = 5.0  # quanta or noise sds that they must cover
+_SPIKE = 12.0  # robust sds
+_NEIGHBOURHOOD = 25  # samples on either side of a spike that tell what is usual
+_PERIODS = 4.0  # over which a mean is taken
+_CREEP = 0.05  # of the signal's sd
+
+
+@dataclass(frozen=True)
+class FlatRuns:
+    """Samples of a signal that stand still where the signal cannot.
+
+    Attributes
+    ----------
+    stuck, clipped : array of bool, shape (n,)
+        Readings to be left out: the repeats of a stuck reading, and those at the end of the instrument's range.
+    stretches : tuple of (int, int)
+        First sample and length of each stuck stretch.
+    limits : tuple of float
+        Values at which the readings are clipped.
+    """
+
+    stuck: BoolArray
+    clipped: BoolArray
+    stretches: tuple[tuple[int, int], ...]
+    limits: tuple[float, ...]
+
+
+def flat_runs(values: FloatArray, error: float) -> FlatRuns:
+    """Find equal readings in a row between which the system was moving.
+
+    A motion that turns or comes to rest slows down before it stands still, and a quantised one covers only a few
+    quanta beside a turning point. A run is a fault if the signal covers far more in as many samples beside it, and
+    enters or leaves it at speed; at the extreme of all readings it is clipped, elsewhere it is stuck.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Readings; NaN are gaps.
+    error : float
+        Standard deviation of a reading, or the quantum if that is larger.
+    """
+    change = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
+    starts, lengths = change[:-1], np.diff(change)
+    finite = values[np.isfinite(values)]
+    stuck = np.zeros(values.size, bool)
+    stretches: list[tuple[int, int]] = []
+    at_limit: dict[float, list[tuple[int, int]]] = {}
+    extremes = (float(np.min(finite, initial=np.inf)), float(np.max(finite, initial=-np.inf)))
+    for start, length in zip(starts[1:], lengths[1:], strict=True):  # a record may begin at rest
+        limit = values[start] in extremes
+        if length < (_SHORTEST_CLIPPED if limit else _SHORTEST_STUCK):
+            continue
+        if not _interrupts(values, int(start), int(length), error, _ABRUPT_CLIPPED if limit else _ABRUPT_STUCK):
+            continue
+        run = (int(start), int(length))
+        if limit:
+            at_limit.setdefault(float(values[start]), []).append(run)
+        else:
+            stretches.append(run)
+    limits = sorted(value for value, runs in at_limit.items() if len(runs) > 1)
+    alone = [run for runs in at_limit.values() if len(runs) == 1 for run in runs]
+    stretches += [run for run in alone if run[1] >= _SHORTEST_STUCK]
+    for start, length in stretches:
+        stuck[start + 1 : start + length] = True
+    return FlatRuns(stuck, np.isin(values, limits), tuple(sorted(stretches)), tuple(limits))
+
+
+def _interrupts(values: FloatArray, start: int, length: int, error: float, abrupt: float) -> bool:
+    """Whether a run of equal readings interrupts a motion."""
+    stop = start + length
+    width = max(length, 2 * _EDGE)
+    sides = [values[max(0, start - width) : start + 1][::-1], values[stop - 1 : stop + width]]
+    sides = [side for side in sides if side.size > 2 * _EDGE and np.isfinite(side).all()]
+    if not sides or any(np.ptp(side) < _TRAVEL * error for side in sides):
+        return False
+    for side in sides:
+        # Over fewer samples a slow motion is hidden by the error.
+        edge = max(_EDGE, int(np.ceil(_SEEN * error / np.abs(np.diff(side)).mean())))
+        if side.size > 2 * edge:
+            usual = np.median(np.abs(side[edge:] - side[:-edge]))
+            if abs(side[edge] - side[0]) > abrupt * usual:
+                return True
+    return False
+
+
+def spikes(values: FloatArray, error: float) -> npt.NDArray[np.int64]:
+    """Find single readings far from where their neighbours put them.
+
+    A cubic through two neighbours on either side predicts a reading. A spike misses its prediction by far more than is
+    usual around it, and pulls the predictions beside it two thirds as far to the other side.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Readings; NaN are gaps.
+    error : float
+        Standard deviation of a reading.
+
+    Returns
+    -------
+    array of int
+        Samples.
+    """
+    if values.size < 4 * _NEIGHBOURHOOD:
+        return np.empty(0, np.int64)
+    miss = np.zeros(values.size)
+    miss[2:-2] = values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
+    size = np.abs(np.nan_to_num(miss))
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.pad(size, _NEIGHBOURHOOD, mode="reflect"), 2 * _NEIGHBOURHOOD + 1
+    )
+    candidates = np.flatnonzero(size > _SPIKE * max(error, 1.4826 * float(np.median(size))))
+    usual = 1.4826 * np.median(around[candidates], axis=1)
+    before, here, after = miss[candidates - 1], miss[candidates], miss[np.minimum(candidates + 1, values.size - 1)]
+    opposite = (before * here < 0) & (after * here < 0)
+    large = np.minimum(np.abs(before), np.abs(after)) > 0.4 * np.abs(here)
+    return candidates[(np.abs(here) > _SPIKE * usual) & opposite & large]
+
+
+def drift(time: FloatArray, values: FloatArray) -> float:
+    """Give by how much the mean about which a signal swings creeps over the record.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Times [s], about equally spaced.
+    values : array, shape (n,)
+        Readings; NaN are skipped.
+
+    Returns
+    -------
+    float
+        The change over the whole record of a straight line through means over four periods, in the unit of `values`; 0
+        if it is below a twentieth of the signal's standard deviation, or the record is shorter than four such windows.
+    """
+    good = np.isfinite(values)
+    x = np.interp(time, time[good], values[good])
+    spectrum = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size)))
+    first = 2  # a creeping mean itself lies below
+    peak = first + int(np.argmax(spectrum[first:]))
+    width = round(_PERIODS * x.size / peak)
+    if 4 * width > x.size:
+        return 0.0
+    window = np.hanning(width + 2)[1:-1]  # no side lobes that the swing could pass through
+    middle = np.convolve(x, window / window.sum(), mode="valid")
+    at = time[: middle.size] + (time[-1] - time[0]) * (width - 1) / (2 * (x.size - 1))
+    change = float(np.polynomial.Polynomial.fit(at, middle, 1).deriv()(at[0]) * (time[-1] - time[0]))
+    return change if abs(change) > _CREEP * float(np.std(x)) else 0.0

@@ -1,0 +1,130 @@
+"""Numbers that are plausible in another unit: angles in degrees, times in milliseconds, heights in millimetres."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.errors import InputError
+from discovery.io import Table
+from discovery.rig import Rig
+
+__all__ = ["check_units", "near_hanging"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_FULL_TURN = 2.0 * np.pi
+_SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
+_LENGTH_MARGIN = 4.0  # ratio of a fitted to a stated length: an extended body swings slower
+_GRAVITY_MARGIN = 10.0  # drag slows a fall, but not to a tenth
+
+
+def near_hanging(angle: FloatArray) -> FloatArray:
+    """Join the turns of an angle that was recorded modulo 2 pi, and count it from the nearest full turn.
+
+    Parameters
+    ----------
+    angle : array, shape (n,)
+        Angle of a pendulum [rad]; NaN are gaps.
+
+    Returns
+    -------
+    array, shape (n,)
+        The same array where it neither jumps nor lies a turn away.
+    """
+    good = np.isfinite(angle)
+    joined = angle.copy()
+    joined[good] = np.unwrap(angle[good])
+    turns = float(np.round(np.median(joined[good]) / _FULL_TURN)) if good.any() else 0.0
+    joined -= _FULL_TURN * turns
+    return joined if turns or not np.array_equal(joined[good], angle[good]) else angle
+
+
+def check_units(
+    table: Table, rig: Rig, names: dict[str, str], time: FloatArray, output: FloatArray, driven: bool
+) -> None:
+    """Refuse a motion that gravity cannot have made.
+
+    Parameters
+    ----------
+    table : Table
+        The file, for the messages.
+    rig : Rig
+        The system; only pendulums and falling bodies are held against gravity.
+    names : dict of str to str
+        Signal to the name of its column.
+    time, output : array, shape (n,)
+        In SI units.
+    driven : bool
+        Whether a force acts beside gravity.
+
+    Raises
+    ------
+    InputError
+        If a pendulum swings through more than a turn and back, comes to rest upright, or swings or falls as in another
+        gravity by a factor that only a wrong unit explains.
+    """
+    if rig.gravity is None or rig.view is not None:
+        return
+    good = np.isfinite(output)
+    t, y = time[good], output[good]
+    where = f"{table.path}, column {names['output']!r}"
+    if rig.kind == "pendulum" and not driven:
+        _check_swing(where, rig, t, y)
+    elif rig.kind == "falling_body":
+        _check_fall(where, rig.gravity.value, t, y)
+
+
+def _check_swing(where: str, rig: Rig, t: FloatArray, angle: FloatArray) -> None:
+    assert rig.gravity is not None  # `check_units` asked
+    swing = float(np.quantile(angle, 0.98) - np.quantile(angle, 0.02))
+    # One that first turns over does so in one sense: its later half tells.
+    later = angle[angle.size // 2 :]
+    later_swing = float(np.quantile(later, 0.98) - np.quantile(later, 0.02))
+    if min(swing, later_swing) > _FULL_TURN:
+        raise InputError(
+            f"{where}: the pendulum would swing to and fro by {swing:.4g} rad, more than a full turn. If the angle is "
+            'in degrees, set unit = "deg" for the output in the rig file.'
+        )
+    if abs(float(np.median(later))) > 0.5 * np.pi:
+        raise InputError(
+            f"{where}: the pendulum would swing about {np.median(later):.4g} rad, that is upright. If the angle is "
+            "counted from upright, set zero = 3.14159265 (in the unit of the column) for the output in the rig file."
+        )
+    frequency = _frequency(t, angle)
+    if frequency is None:
+        return
+    length = rig.gravity.value / (2.0 * np.pi * frequency) ** 2
+    stated = rig.length.value if rig.length is not None else None
+    shortest, longest = (_SMALLEST, _LARGEST) if stated is None else (stated / _LENGTH_MARGIN, stated * _LENGTH_MARGIN)
+    if not shortest < length < longest:
+        known = "" if stated is None else f", and the rig file states {stated:.4g} m"
+        raise InputError(
+            f"{where}: the pendulum would swing once in {1.0 / frequency:.4g} s, as if it were {length:.4g} m long"
+            f"{known}. Correct the unit of the time or its rate, or the length, in the rig file."
+        )
+
+
+def _frequency(t: FloatArray, x: FloatArray) -> float | None:
+    """Frequency of a swing from the median time between its upward crossings of the median [Hz]."""
+    level = x - np.median(x)
+    # Crossings count only between excursions that noise does not reach.
+    far = 0.3 * float(np.quantile(np.abs(level), 0.9))
+    sign = np.where(level > far, 1, np.where(level < -far, -1, 0))
+    marked = np.flatnonzero(sign)
+    up = marked[1:][np.diff(sign[marked]) > 0]
+    return float(1.0 / np.median(np.diff(t[up]))) if up.size > 3 else None
+
+
+def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -> None:
+    fall = float(np.polynomial.Polynomial.fit(t, height, 2).deriv(2)(t[0]))
+    if fall > 0.02 * gravity:
+        raise InputError(
+            f"{where}: the body would fall upwards. The output is the height: set scale = -1 for it in the rig file if "
+            "the column holds the depth."
+        )
+    if not gravity / _GRAVITY_MARGIN < -fall < gravity * _GRAVITY_MARGIN:
+        raise InputError(
+            f"{where}: the body would fall with {-fall:.4g} m/s^2 where gravity is {gravity:.4g} m/s^2. Correct the "
+            "unit of the time or of the height in the rig file."
+        )

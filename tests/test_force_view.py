@@ -1,0 +1,88 @@
+"""Inverse dynamics: what the declared filters do to motion and force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from discovery.errors import InputError
+from discovery.force_view import force_samples, noise_gain, zero_phase
+from discovery.recording import read_recording
+from discovery.rig import Columns, Controller, ForceView, InputColumn, OutputColumn, Rig, TimeColumn
+
+RATE, CUTOFF = 1000.0, 10.0
+T = np.arange(20000) / RATE
+
+
+def test_slow_signals_pass_without_delay_and_fast_ones_do_not():
+    slow, fast = np.sin(2 * np.pi * 1.0 * T), np.sin(2 * np.pi * 100.0 * T)
+    np.testing.assert_allclose(zero_phase(slow, RATE, CUTOFF)[500:-500], slow[500:-500], atol=1e-5)
+    assert np.abs(zero_phase(fast, RATE, CUTOFF)[500:-500]).max() < 1e-6
+    at_cutoff = np.sin(2 * np.pi * CUTOFF * T)
+    np.testing.assert_allclose(zero_phase(at_cutoff, RATE, CUTOFF)[500:-500], 0.5 * at_cutoff[500:-500], atol=1e-3)
+    both = np.column_stack([slow, fast])[:, None, :]
+    np.testing.assert_array_equal(zero_phase(both, RATE, CUTOFF)[:, 0, 0], zero_phase(slow, RATE, CUTOFF))
+    assert zero_phase(slow, RATE, RATE) is slow
+
+
+def test_the_gain_of_noise_is_that_of_the_filter():
+    noise = np.random.default_rng(0).normal(size=200_000)
+    assert zero_phase(noise, RATE, CUTOFF).std() == pytest.approx(noise_gain(RATE, CUTOFF), rel=0.05)
+
+
+def test_four_samples_in_a_period_of_the_cutoff():
+    used = force_samples(ForceView(50.0, CUTOFF), T, RATE)
+    assert np.diff(np.flatnonzero(used)).tolist() == [25] * (used.sum() - 1)
+    assert not used[:100].any()
+    assert force_samples(ForceView(50.0, CUTOFF, 7), T, RATE)[700]
+
+
+def rig(**changes):
+    columns = Columns(TimeColumn("t"), InputColumn("q", "m", "spline"), OutputColumn("f", "N", None, "position", 0, 2))
+    return Rig("d", kind="drive", columns=columns, **changes)
+
+
+def record(path, time=T):
+    q = np.sin(2.0 * time)
+    f = 0.5 * (3.0 * -4.0 * q + 5.0 * 2.0 * np.cos(2.0 * time))
+    rng = np.random.default_rng(1)
+    frame = pd.DataFrame({"t": time, "q": q, "f": f + rng.normal(0.0, 0.05, f.size), "p": 4.0})
+    frame.to_csv(path, index=False)
+    return q, 2.0 * f
+
+
+def test_a_recording_is_seen_as_force(tmp_path):
+    q, force = record(tmp_path / "r.csv")
+    recording = read_recording(tmp_path / "r.csv", rig(view=ForceView(50.0, CUTOFF)))
+    used = np.isfinite(recording.output[:, 0])
+    assert recording.time.size == T.size
+    assert used.sum() == pytest.approx(T.size / 25, rel=0.02)
+    error = recording.output[used, 0] - force[used]
+    assert error.std() == pytest.approx(recording.noise[0], rel=0.15)
+    assert recording.noise[0] == pytest.approx(0.1 * noise_gain(RATE, CUTOFF), rel=0.05)
+    np.testing.assert_allclose(recording.input, q, atol=2e-3)
+    assert recording.units == ("N",)
+
+
+def test_uneven_times_and_gaps_are_refused(tmp_path):
+    view = ForceView(50.0, CUTOFF)
+    record(tmp_path / "gap.csv", np.delete(T, slice(300, 320)))
+    with pytest.raises(InputError, match="not equally spaced"):
+        read_recording(tmp_path / "gap.csv", rig(view=view))
+    record(tmp_path / "r.csv")
+    frame = pd.read_csv(tmp_path / "r.csv")
+    frame.loc[7, "f"] = np.nan
+    frame.to_csv(tmp_path / "nan.csv", index=False)
+    with pytest.raises(InputError, match="the force has gaps"):
+        read_recording(tmp_path / "nan.csv", rig(view=view))
+
+
+def test_what_is_added_to_the_command_moves_the_reference(tmp_path):
+    q, _ = record(tmp_path / "r.csv")
+    controller = Controller(kp=10.0, kv=2.0, unit="mV", added="p")
+    recording = read_recording(tmp_path / "r.csv", rig(controller=controller))
+    # kv (kp (reference - q) - q') + p with p = 4 mV.
+    np.testing.assert_allclose(recording.input, q + 4e-3 / 20.0, rtol=0, atol=1e-12)
+    without = read_recording(tmp_path / "r.csv", rig(controller=Controller(10.0, 2.0, added="absent")))
+    np.testing.assert_allclose(without.input, q, atol=1e-12)

@@ -1,0 +1,193 @@
+"""The rig files of the public measurements: read without the data; with them, and with faults put into them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from discovery_datasets import registry
+
+from discovery.dataset import Dataset, load_dataset
+from discovery.errors import InputError
+from discovery.recording import Recording, read_recording
+from discovery.registry import catalogue
+from discovery.rig import RecordPart, Rig
+from discovery.rig_file import read_rig
+
+DATASETS = Path(__file__).parents[1] / "datasets"
+SETS = sorted({name.partition("/")[0] for name in registry.FILES})
+RIGS = sorted(str(path.relative_to(DATASETS)) for folder in SETS for path in (DATASETS / folder).glob("rig*.toml"))
+
+
+def test_every_set_has_rig_files_and_a_card():
+    for folder in SETS:
+        assert any(rig.startswith(f"{folder}/") for rig in RIGS)
+        card = (DATASETS / folder / "CARD.md").read_text()
+        for heading in ("What", "Here", "Declared", "Split", "Noise", "Known figures", "Cite", "Licence"):
+            assert f"**{heading}.**" in card
+        assert card in registry.card(folder)
+        assert all(e.sha256 in registry.card(folder) for n, e in registry.FILES.items() if n.startswith(f"{folder}/"))
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_rig_files_are_complete_and_refer_to_registered_files(name):
+    rig = read_rig(DATASETS / name)
+    assert set(rig.declared) <= set(catalogue())
+    assert rig.records["train"]
+    assert rig.records["holdout"]
+    for part in (part for parts in rig.records.values() for part in parts):
+        assert registry.entry_of(part.file.name).name.startswith(f"{name.partition('/')[0]}/")
+
+
+def test_no_ball_is_left_out():
+    words = (DATASETS / "falling_balls" / "CARD.md").read_text()
+    assert "Eleven" in words
+    balls = {read_rig(path).records["train"][0].where[0] for path in (DATASETS / "falling_balls").glob("rig_*.toml")}
+    assert len(balls) == 11
+
+
+@pytest.fixture
+def data() -> None:
+    """Skip where the measured files are not here."""
+    missing = [state.name for state in registry.check() if state.state != "ok"]
+    if missing:
+        pytest.skip(f"measured data are not here: {', '.join(missing)}; set {registry.VARIABLE} to their folder")
+
+
+def load(name: str) -> Dataset:
+    return load_dataset(DATASETS / name)
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize("name", [rig for rig in RIGS if not rig.startswith(("falling", "silverbox"))])
+def test_measured_sets_are_read_and_nothing_is_left_out(data, name):
+    dataset = load(name)
+    for _, experiment in dataset.everything:
+        recording = experiment.recording
+        if dataset.rig.view is None:
+            assert np.isfinite(recording.output).all()
+        assert not re.search("stuck|saturates|missing|jitter|creeps|apart", " ".join(recording.notes))
+
+
+@pytest.mark.measured
+def test_what_is_known_of_the_instruments(data):
+    small = load("multiarm_pendulum/rig_small.toml").train[0].recording
+    assert small.noise[0] == pytest.approx(2 * np.pi / 40000 / np.sqrt(12.0), rel=1e-3)
+    assert "steps of 0.0001571 rad" in small.notes[0]
+    assert abs(np.median(small.output)) < 0.02
+    hub = load("rotary_flexible_link/rig_hub.toml").train[0].recording
+    assert hub.noise[0] == pytest.approx(2 * np.pi / 4096 / np.sqrt(12.0), rel=1e-3)
+    assert "steps of 1 pixel" in load("air_track/rig.toml").train[0].recording.notes[0]
+    assert "per sample" in load("robot_arm/rig.toml").train[0].recording.notes[0]
+
+
+@pytest.mark.measured
+def test_the_length_of_the_video_pendulum_is_the_tracked_radius(data):
+    frame = pd.read_csv(registry.locate("clean_AAAtAmp3.csv"))
+    rig = read_rig(DATASETS / "video_pendulum" / "rig.toml")
+    assert np.hypot(frame["x_m"], frame["y_m"]).mean() == pytest.approx(rig.length.value, abs=1e-4)
+
+
+@pytest.mark.measured
+def test_the_pulses_of_the_drive_are_what_the_controller_did_not_command(data):
+    rig = read_rig(DATASETS / "emps" / "rig_closed_loop.toml")
+    (part,) = rig.records["holdout"]
+    from discovery.io import read_table
+
+    table = read_table(registry.locate(part.file.name))
+    q = table.numbers("qm")
+    c = rig.controller
+    law = c.kv * (c.kp * (table.numbers("qg") - q) - np.gradient(q, 1e-3))
+    command, pulses = table.numbers("vir"), table.numbers("pulses_N")
+    assert np.std(command - law - pulses) < 0.1 * np.std(command - law)
+    reference = read_recording(registry.locate(part.file.name), rig).input
+    np.testing.assert_allclose(c.kv * c.kp * (reference - table.numbers("qg")), pulses, atol=1e-9)
+
+
+@pytest.mark.measured
+def test_balls_fall(data):
+    for name in (rig for rig in RIGS if rig.startswith("falling")):
+        dataset = load(name)
+        assert dataset.train[0].recording.name.endswith("drop_1")
+        assert dataset.holdout[0].recording.name.endswith("drop_2")
+        assert 0.01 < dataset.train[0].recording.noise[0] < 0.06
+
+
+def spoil(tmp_path: Path, rig: Rig, edit) -> Recording:
+    """Read the training part of a set with a fault put into it; text files only."""
+    (part,) = rig.records["train"]
+    assert isinstance(part, RecordPart)
+    frame = pd.read_csv(registry.locate(part.file.name)).iloc[slice(*part.samples)].reset_index(drop=True)
+    edit(frame).to_csv(tmp_path / "spoilt.csv", index=False)
+    return read_recording(tmp_path / "spoilt.csv", rig)
+
+
+ANGLE = {"multiarm_pendulum/rig_large.toml": "theta1_rad(pi=hanging)", "video_pendulum/rig.toml": "theta_rad"}
+LINK = {"rotary_flexible_link/rig_link.toml": "alpha_deg"}
+
+
+def hold(column):
+    def edit(frame):
+        frame.loc[600:700, column] = frame.loc[600, column]
+        return frame
+
+    return edit
+
+
+def clip(column):
+    return lambda f: f.assign(**{column: f[column].clip(upper=f[column].quantile(0.9))})
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize(("name", "column"), [*ANGLE.items(), *LINK.items()])
+@pytest.mark.parametrize(("fault", "note"), [(hold, "is stuck in 1 stretches"), (clip, "saturates at")])
+def test_faults_of_the_sensor_are_found_in_measured_sets(data, tmp_path, name, column, fault, note):
+    rig = read_rig(DATASETS / name)
+    recording = spoil(tmp_path, rig, fault(column))
+    assert note in " ".join(recording.notes)
+    assert 50 < np.isnan(recording.output).sum() < 0.3 * recording.time.size
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize(("name", "column"), [*ANGLE.items(), *LINK.items()])
+def test_lost_rows_spikes_and_dead_sensors_are_found(data, tmp_path, name, column):
+    rig = read_rig(DATASETS / name)
+    lost = spoil(tmp_path, rig, lambda f: f.drop(index=range(500, 530)))
+    assert "30 samples are missing in 1 gaps" in " ".join(lost.notes)
+
+    def jump(frame):
+        frame.loc[[333, 777], column] += 3 * frame[column].std()
+        return frame
+
+    assert "spikes" in " ".join(spoil(tmp_path, rig, jump).notes)
+    with pytest.raises(InputError, match="dead or not connected"):
+        spoil(tmp_path, rig, lambda f: f.assign(**{column: 3.0}))
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize(("name", "column"), ANGLE.items())
+def test_wrong_units_of_a_pendulum_are_found(data, tmp_path, name, column):
+    rig = read_rig(DATASETS / name)
+    with pytest.raises(InputError, match='unit = "deg"'):
+        spoil(tmp_path, rig, lambda f: f.assign(**{column: np.degrees(f[column])}))
+    with pytest.raises(InputError, match="unit of the time"):
+        spoil(tmp_path, rig, lambda f: f.assign(t_s=1e3 * f["t_s"]))
+    with pytest.raises(InputError, match="Times must strictly increase"):
+        spoil(tmp_path, rig, lambda f: f.assign(t_s=f["t_s"].round(1)))
+
+
+@pytest.mark.measured
+def test_a_drifting_instrument_is_found(data, tmp_path):
+    rig = read_rig(DATASETS / "video_pendulum" / "rig.toml")
+    drifted = spoil(tmp_path, rig, lambda f: f.assign(theta_rad=f["theta_rad"] + 0.05 * f.index / len(f)))
+    (creep,) = re.findall(r"creeps by ([\d.]+) rad", " ".join(drifted.notes))
+    assert float(creep) == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.measured
+def test_a_slow_clock_is_noted(data, tmp_path):
+    rig = read_rig(DATASETS / "rotary_flexible_link" / "rig_link.toml")
+    assert "2 s apart" in " ".join(spoil(tmp_path, rig, lambda f: f.assign(t_s=1e3 * f["t_s"])).notes)

@@ -1,0 +1,161 @@
+"""Faults put into signals are found, and ordinary motions are not taken for faults."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discovery.quantisation import quantum, resolution
+from discovery.reading_notes import clean_output, time_notes
+from discovery.recording import read_recording
+from discovery.rig import Columns, OutputColumn, Rig, TimeColumn
+from discovery.sensor_faults import drift, flat_runs, spikes
+
+T = 0.005 * np.arange(8000)
+DECAY = np.exp(-0.05 * T) * np.cos(6.0 * T)
+NOISE = 1e-4
+
+
+def noisy(signal, seed=0, noise=NOISE):
+    return signal + np.random.default_rng(seed).normal(0.0, noise, signal.size)
+
+
+def sliding(friction=0.4):
+    """Free swing with dry friction, which comes to rest: amplitudes fall linearly, half cycle by half cycle."""
+    half = np.floor(6.0 * T / np.pi)
+    amplitude = np.maximum(1.0 - 2 * friction * 0.05 * half, 0.0)
+    centre = 0.05 * friction * np.where(half % 2 == 0, 1.0, -1.0) * (amplitude > 0)
+    return np.where(amplitude > 0, centre + (amplitude - 0.05 * friction) * np.cos(6.0 * T), 0.0)
+
+
+ORDINARY = {
+    "free decay": noisy(DECAY),
+    "without noise": DECAY,
+    "coarse encoder": np.round(DECAY / 0.01) * 0.01,
+    "very coarse encoder": np.round(DECAY / 0.1) * 0.1,
+    "steady swing, coarse": np.round(np.cos(6.0 * T) / 0.003) * 0.003,
+    "sliding to rest": np.round(sliding() / 1e-3) * 1e-3,
+    "moves between rests": np.round(np.clip(np.cumsum(np.clip(np.sin(2.0 * T), 0, 1) ** 2) / 200, 0, 99) / 1e-4) * 1e-4,
+    "fall": np.round(40.0 - 4.9 * T[:500] ** 2, 2),
+}
+
+
+@pytest.mark.parametrize("motion", ORDINARY)
+def test_ordinary_motions_are_left_alone(motion):
+    values = ORDINARY[motion]
+    found = flat_runs(values, max(NOISE, quantum(values)))
+    assert not found.stretches
+    assert not found.limits
+    assert spikes(values, max(NOISE, resolution(values))).size == 0
+
+
+@given(st.integers(300, 3000), st.integers(25, 150), st.booleans())
+def test_stuck_readings_are_found(start, length, coarse):
+    values = np.round(DECAY / 1e-3) * 1e-3 if coarse else noisy(DECAY)
+    # Beside a turning point a sensor that sticks cannot be told from a motion that turns.
+    if np.abs(values[start + length] - values[start]) < 0.15:
+        return
+    values = values.copy()
+    values[start : start + length] = values[start]
+    found = flat_runs(values, max(NOISE, quantum(values)))
+    assert found.stuck[start + 1 : start + length].all()
+    assert found.stuck.sum() <= length + 2
+    assert not found.stuck[start]
+
+
+@given(st.floats(0.5, 0.95))
+def test_clipped_readings_are_found(limit):
+    values = noisy(np.cos(6.0 * T))
+    clipped = np.clip(values, -limit, 2.0)
+    found = flat_runs(clipped, NOISE)
+    assert found.limits == (-limit,)
+    assert (found.clipped == (clipped == -limit))[50:-50].mean() > 0.995
+
+
+@given(st.integers(100, 7900), st.floats(0.02, 0.5))
+def test_spikes_are_found(at, size):
+    values = noisy(DECAY)
+    values[at] += size
+    assert spikes(values, NOISE).tolist() == [at]
+
+
+def test_the_mean_that_creeps():
+    assert drift(T, noisy(DECAY)) == 0.0
+    assert drift(T, noisy(np.cos(6.0 * T)) + 0.2 * T / T[-1]) == pytest.approx(0.2, rel=0.03)
+    assert drift(T, noisy(np.cos(6.0 * T)) + 0.01 * T / T[-1]) == 0.0
+    assert drift(T[:3000], noisy(np.cos(6.0 * T) + T)[:3000]) == 0.0
+
+
+@pytest.mark.parametrize("step", [0.08789062590975255, 1.0, 2 * np.pi / 40000])
+def test_the_quantum_is_found_through_conversions(step):
+    values = np.round(300 * step * DECAY / step) * step
+    assert quantum(values) == pytest.approx(step, rel=1e-6)
+    assert quantum(np.radians(np.degrees(values + 0.3))) == pytest.approx(step, rel=1e-6)
+    assert resolution(values) == pytest.approx(step / np.sqrt(12.0), rel=1e-6)
+    assert quantum(noisy(values, noise=step)) == 0.0
+
+
+def test_coarse_readings_raise_the_noise_to_that_of_rounding(tmp_path):
+    frame = pd.DataFrame({"t": T, "y": np.round(DECAY / 0.01) * 0.01})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    for stated in (None, 1e-5):
+        rig = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("y", "m", stated)))
+        recording = read_recording(tmp_path / "r.csv", rig)
+        assert recording.noise[0] == pytest.approx(0.01 / np.sqrt(12.0), rel=0.2 if stated is None else 1e-6)
+        assert any("reads in steps of 0.01 m" in note for note in recording.notes)
+
+
+def test_faulty_samples_become_gaps_with_a_note(tmp_path):
+    values = noisy(DECAY)
+    values[1000:1080] = values[1000]
+    values = np.minimum(values, 0.8)
+    values[5000] += 0.3
+    frame = pd.DataFrame({"t": T, "y": values})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    rig = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("y", "m")))
+    recording = read_recording(tmp_path / "r.csv", rig)
+    text = " ".join(recording.notes)
+    assert "'y' is stuck in 1 stretches while the system moves, 79 samples" in text
+    assert "'y' saturates at 0.8 m" in text
+    assert "'y' has 1 spikes" in text
+    gaps = np.isnan(recording.output[:, 0])
+    assert gaps[1001:1080].all()
+    assert gaps[values == 0.8].all()
+    assert gaps.sum() == 79 + (values == 0.8).sum()
+
+
+def test_a_clean_signal_is_passed_on_itself():
+    values = noisy(DECAY)
+    kept, notes = clean_output("y", "m", T, values, NOISE, True)
+    assert kept is values
+    assert notes == []
+
+
+REGULAR = 0.01 * np.arange(1000)
+JITTERED = REGULAR + np.random.default_rng(3).uniform(-3e-3, 3e-3, 1000)
+
+
+@pytest.mark.parametrize(
+    ("time", "words"),
+    [
+        (REGULAR, []),
+        (np.round(np.arange(500) / 30.0, 3), []),
+        (np.delete(REGULAR, [100, 101, 102, 700]), ["4 samples are missing in 2 gaps", "longest lasts 0.04 s"]),
+        (JITTERED, ["stamps jitter", "taken as they are"]),
+        (np.sort(np.concatenate([REGULAR[::5] + k * 1e-4 for k in range(5)])), ["come in bursts"]),
+        (1e3 * REGULAR, ["10 s apart", "milliseconds"]),
+        (1e-5 * REGULAR, ["1e-07 s apart", "too short by a thousand"]),
+    ],
+)
+def test_notes_on_times(time, words):
+    text = " ".join(time_notes(time, assumed=False))
+    assert bool(text) == bool(words)
+    for word in words:
+        assert word in text
+
+
+def test_an_assumed_rate_is_said():
+    assert "per sample" in time_notes(REGULAR, assumed=True)[0]

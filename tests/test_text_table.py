@@ -1,0 +1,98 @@
+"""Text tables: separators, comments, headers given from outside, rows picked by value."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from discovery.errors import InputError
+from discovery.io import read_table
+from discovery.recording import read_recording
+from discovery.rig import Columns, OutputColumn, Rig, TimeColumn
+
+VALUES = np.array([[0.0, 1.5, -2e-3], [0.1, 2.5, 4e-3], [0.2, 3.5, 6e-3]])
+LAYOUTS = {
+    "comma": "0,1.5,-2e-3\n0.1,2.5,4e-3\n0.2,3.5,6e-3\n",
+    "tab": "0\t1.5\t-2e-3\n0.1\t2.5\t4e-3\n0.2\t3.5\t6e-3\n",
+    "blanks": "   0.0   1.5  -2e-3\n   0.1   2.5   4e-3\n   0.2   3.5   6e-3  \n",
+    "padded tab": "  0 \t  1.5\t -2e-3\r\n 0.1\t 2.5\t 4e-3\r\n 0.2\t3.5 \t6e-3 \r\n",
+    "tab and blanks": "0 \t1.5  -2e-3\n0.1\t2.5 4e-3\n0.2 3.5\t6e-3\n",
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("comment", ["", "# made on Monday\n", "% t x v\n\n"])
+@pytest.mark.parametrize("named", [True, False])
+def test_layouts(tmp_path, layout, comment, named):
+    path = tmp_path / "r.txt"
+    separator = {"comma": ",", "tab": "\t", "padded tab": " \t "}.get(layout, "  ")
+    header = "" if named else separator.join("txv") + "\n"
+    path.write_text(comment + header + LAYOUTS[layout])
+    table = read_table(path, list("txv") if named else None)
+    assert list(table.columns) == ["t", "x", "v"]
+    np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in "txv"]), VALUES)
+    assert "line" in table.where(0)
+
+
+@pytest.mark.parametrize(
+    ("content", "header", "message"),
+    [
+        ("1 2 3\n4 5\n", list("abc"), "line 2: 2 cells in a table of 3 columns.*write nan"),
+        ("1 2 3\n4 5 6 7\n", list("abc"), "line 2: 4 cells.*blanks only between columns"),
+        ("a b c\n1 2 3\n", list("abc"), "line 1: the first line holds names.*Remove header"),
+        ("1 2\n3 4\n", list("aa"), "two columns are named 'a'"),
+        ("1 2\n3 4\n", None, r"line 1: the first line holds numbers.*header = \["),
+        ("1,2\n3,4\n", list("abc")[:1], "2 cells in a table of 1 columns"),
+    ],
+)
+def test_refusals(tmp_path, content, header, message):
+    path = tmp_path / "r.dat"
+    path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_table(path, header)
+
+
+@pytest.fixture
+def drops(tmp_path):
+    rows = [f"{ball},{drop},{0.1 * i:.1f},{100 * drop + i}" for ball in ("Golf", "Tennis Ball") for drop in (1, 2)
+            for i in range(60)]  # fmt: skip
+    path = tmp_path / "drops.csv"
+    path.write_text("ball,drop,t,h\n" + "\n".join(rows) + "\n")
+    return path
+
+
+RIG = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("h", "m")))
+
+
+def test_rows_are_picked_by_text_and_number(drops):
+    where = (("ball", "Tennis Ball"), ("drop", 2))
+    recording = read_recording(drops, RIG, where=where, name="two")
+    np.testing.assert_array_equal(recording.output[:, 0], 200.0 + np.arange(60))
+    assert recording.name == "two"
+    part = read_recording(drops, RIG, (5, 58), where=where)
+    np.testing.assert_array_equal(part.output[:, 0], 205.0 + np.arange(53))
+    assert part.source.endswith("drops.csv[ball=Tennis Ball, drop=2, 5:58]")
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ((("bal", "Golf"),), r"no column 'bal'.*Did you mean 'ball'\?"),
+        ((("ball", "Tenis Ball"),), r"no row in which 'ball' is 'Tenis Ball'. Did you mean 'Tennis Ball'\?"),
+        ((("ball", "Golf"), ("drop", 3)), "no row in which 'drop' is 3. Values found: 1, 2"),
+        ((("ball", 3.0),), "'Golf' is not a number"),
+    ],
+)
+def test_rows_that_are_not_there(drops, where, message):
+    with pytest.raises(InputError, match=message):
+        read_recording(drops, RIG, where=where)
+
+
+def test_messages_count_rows_of_the_file(drops):
+    lines = drops.read_text().splitlines()
+    lines[200] = "Tennis Ball,2,nan,5"
+    drops.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"row 200 \(line 201 of the file\): the time is missing"):
+        read_recording(drops, RIG, where=(("ball", "Tennis Ball"), ("drop", 2)))
+    with pytest.raises(InputError, match=r"has 60 samples of this kind, so \[0, 61\] is not"):
+        read_recording(drops, RIG, (0, 61), where=(("ball", "Golf"), ("drop", 1)))

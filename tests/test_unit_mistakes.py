@@ -1,0 +1,102 @@
+"""Units that gravity contradicts, and angles that turn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+from discovery.errors import InputError
+from discovery.recording import read_recording
+from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.unit_mistakes import near_hanging
+
+T = np.arange(0.0, 30.0, 0.02)
+
+
+def swing(amplitude, rate=0.0):
+    """Pendulum of a metre, damped, by an independent integrator."""
+    found = solve_ivp(lambda _, s: [s[1], -9.81 * np.sin(s[0]) - 0.1 * s[1]], (0, 30), [amplitude, rate], t_eval=T,
+                      rtol=1e-9)  # fmt: skip
+    return found.y[0]
+
+
+def pendulum(length=None, driven=False, **output):
+    column = OutputColumn("a", **({"unit": "rad"} | output))
+    columns = Columns(TimeColumn("t"), InputColumn("u", "1", "spline") if driven else None, column)
+    return Rig("p", kind="pendulum", length=length, columns=columns, gravity=Quantity(9.81, 0.02))
+
+
+def read(tmp_path, rig, angle, time=T):
+    pd.DataFrame({"t": time, "u": 0.0 * time, "a": angle}).to_csv(tmp_path / "p.csv", index=False)
+    return read_recording(tmp_path / "p.csv", rig)
+
+
+@pytest.mark.parametrize("amplitude", [0.05, 1.0, 3.0])
+def test_swings_are_plausible(tmp_path, amplitude):
+    angle = swing(amplitude)
+    np.testing.assert_array_equal(read(tmp_path, pendulum(Quantity(1.0, 1e-3)), angle).output[:, 0], angle)
+
+
+def test_one_that_turns_over_first_is_plausible_and_counted_from_where_it_rests(tmp_path):
+    angle = swing(0.0, 8.0)
+    assert np.ptp(angle) > 3 * np.pi
+    recording = read(tmp_path, pendulum(), angle)
+    assert abs(np.median(recording.output[-500:])) < 0.5
+
+
+def test_turns_are_joined():
+    angle = swing(2.0) + np.pi
+    wrapped = np.angle(np.exp(1j * angle))
+    wrapped[100:110] = np.nan
+    joined = near_hanging(wrapped) - near_hanging(wrapped)[0] + angle[0]
+    np.testing.assert_allclose(joined[~np.isnan(wrapped)], angle[~np.isnan(wrapped)], atol=1e-9)
+    assert near_hanging(angle) is angle
+
+
+def test_zero_and_scale_apply_to_the_column(tmp_path):
+    angle = swing(0.5)
+    turned = np.angle(np.exp(1j * (np.pi - angle)))
+    recording = read(tmp_path, pendulum(zero=np.pi, scale=-1.0), turned)
+    np.testing.assert_allclose(recording.output[:, 0], angle, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rig", "angle", "time", "words"),
+    [
+        (pendulum(), np.degrees(swing(0.3)), T, ["to and fro by", 'unit = "deg"']),
+        (pendulum(), swing(0.3) + np.pi, T, ["upright", "zero = 3.14159265"]),
+        (pendulum(), swing(0.3), 1e3 * T, ["as if it were", "unit of the time"]),
+        (pendulum(), swing(0.3), 1e-3 * T, ["as if it were", "unit of the time"]),
+        (pendulum(Quantity(0.03, 1e-3)), swing(0.3), T, ["the rig file states 0.03 m"]),
+    ],
+)
+def test_mistakes_of_a_pendulum(tmp_path, rig, angle, time, words):
+    with pytest.raises(InputError) as error:
+        read(tmp_path, rig, angle, time)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_a_driven_pendulum_may_do_anything(tmp_path):
+    angle = 5.0 * swing(2.0)
+    assert read(tmp_path, pendulum(driven=True), angle).output[0, 0] == pytest.approx(10.0)
+
+
+FALL = Rig(
+    "b", kind="falling_body", columns=Columns(TimeColumn("t"), None, OutputColumn("a", "m")), gravity=Quantity(9.81, 0)
+)
+
+
+def test_falls(tmp_path):
+    time = np.arange(45) / 15.0
+    height = 45.0 - 4.9 * time**2
+    assert read(tmp_path, FALL, height, time).time.size == 45
+    for fall, at, words in [
+        (1e3 * height, time, "unit of the time or of the height"),
+        (height, 1e3 * time, "unit of the time or of the height"),
+        (-height, time, "fall upwards.*scale = -1"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            read(tmp_path, FALL, fall, at)
