@@ -59,7 +59,7 @@ class Branches:
         key = frozenset(node.added)
         if key not in self._made:
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            names = candidates(problem.model, self.case.train[0].recording.units[0])
+            names = candidates(problem.model, self.case.train[0].coordinate_unit)
             beside = f" beside {' and '.join(node.added)}" if node.added else ""
             self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
             scored = screen(problem.model, minimum, problem, names)

@@ -57,6 +57,8 @@ class LoopSettings:
     pair_share : float
         Share of the excess chi-square that two effects must remove together where neither passes alone, and that every
         one of several effects must remove from what the others leave.
+    kept_share : float
+        The latter where the residual stays unexplained, and no law in the set imitates others.
     least_known : float
         Where the residual stays unexplained, effects are named only if at most this share of the excess is left.
     most_effects : int
@@ -78,6 +80,7 @@ class LoopSettings:
     form: float = 5e-4
     tie_pliable: float = 0.25
     pair_share: float = 0.7
+    kept_share: float = 0.4
     least_known: float = 0.2
     most_effects: int = 4
     seed: int = 1
@@ -145,7 +148,7 @@ class Case:
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        return tuple(sorted({*model.effects, *candidates(model, self.train[0].recording.units[0])}))
+        return tuple(sorted({*model.effects, *candidates(model, self.train[0].coordinate_unit)}))
 
     def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
         """Fit a model with the kernel that holds the whole catalogue of its base."""

@@ -189,7 +189,7 @@ def check_contradictions(
     if candidates is None:
         # What the exact arm contains is in the prediction already.
         provided = get_base("elastica").provides
-        candidates = [e for e in possible(fit.model, experiments[0].recording.units[0]) if e not in provided]
+        candidates = [e for e in possible(fit.model, experiments[0].coordinate_unit) if e not in provided]
     contradictions = []
     for check, (_, freed) in zip(checks, found, strict=True):
         if check.contradicts:

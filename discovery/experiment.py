@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.effect import ARM
+from discovery.force_view import sampling_rate, zero_phase
 from discovery.recording import Recording
 from discovery.rig import Rig
 from discovery.simulate import DriveLike
+from discovery.units import si_symbol
 
 __all__ = ["Experiment", "make_experiment"]
 
@@ -70,6 +72,9 @@ class Experiment:
         ndarray, shape (n, c, k)
         """
         names = self.recording.channels
+        if self.rig.view is not None:
+            # The computed force passes the low-pass that the measured one did.
+            return zero_phase(reading, self._rate, self.rig.view.cutoff)
         if names in (("tip_x", "tip_y"), ("output",)):
             return reading
         x, y = reading[:, 0], reading[:, 1]
@@ -81,8 +86,31 @@ class Experiment:
         return (c * y - s * x)[:, None]
 
     @cached_property
+    def _rate(self) -> float:
+        return sampling_rate(self.recording.time, self.recording.source)
+
+    @property
+    def force(self) -> FloatArray | None:
+        """What was recorded of the force on an oscillator, shape (n,): its input, or the output of inverse dynamics."""
+        return self.recording.input if self.rig.view is None else self.recording.output[:, 0]
+
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether the output is the second derivative of the coordinate."""
+        return self.rig.columns.output.reads == "acceleration"
+
+    @property
+    def coordinate_unit(self) -> str:
+        """SI unit of the coordinate."""
+        if self.rig.view is not None and self.rig.columns.input is not None:
+            return si_symbol(self.rig.columns.input.unit)
+        return "rad" if self.is_arm else self.recording.units[0]
+
+    @cached_property
     def deflection(self) -> FloatArray:
-        """Measured deflection theta_t - theta_m [rad] (an oscillator: the output), NaN in gaps, shape (n,)."""
+        """Measured deflection theta_t - theta_m [rad] (an oscillator: its coordinate), NaN in gaps, shape (n,)."""
+        if self.rig.view is not None and self.recording.input is not None:
+            return self.recording.input
         out = self.recording.output
         names = self.recording.channels
         if names == ("tip_x", "tip_y"):
@@ -97,7 +125,9 @@ class Experiment:
 
     @cached_property
     def initial_guess(self) -> tuple[float, float]:
-        """Deflection and its rate at the first sample, from a parabola through the first samples."""
+        """Deflection and its rate at the first sample, from a parabola through the first samples; rest if not read."""
+        if self.reads_acceleration:
+            return 0.0, 0.0
         t, d = self.recording.time, self.deflection
         good = np.flatnonzero(np.isfinite(d))
         first = good[: max(4, min(9, good.size))]

@@ -169,12 +169,11 @@ def declared_model(experiment: Experiment) -> Model:
             f"The declared model is that of an Experiment, not of a {type(experiment).__name__}; make one with "
             "`make_experiment(recording, rig)`, or take one of `load_dataset(rig_path, recordings).train`."
         )
-    base = "constant_radius" if experiment.is_arm else "oscillator"
-    unit = experiment.recording.units[0]
+    unit = experiment.coordinate_unit
     for effect in experiment.rig.declared:
         if get_effect(effect).angular and not experiment.is_arm and unit != "rad":
-            raise InputError(f"Effect {effect} needs an angle in rad, but the output is in {unit}.")
-    return Model(base, tuple(experiment.rig.declared), known_values(experiment))
+            raise InputError(f"Effect {effect} needs an angle in rad, but the coordinate is in {unit}.")
+    return Model(experiment.rig.base, tuple(experiment.rig.declared), known_values(experiment))
 
 
 #: Starts of a parameter that the rig hardly knows, in its stated values.

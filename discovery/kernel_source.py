@@ -130,7 +130,7 @@ def _plans(
     memory = {slopes[k][0]: program.states[k] for k in range(n, len(slopes))}
     while True:
         owners = {sp.Symbol(name, real=True): effect for effect, names in switches.items() for name in names}
-        observed = plan(program.drive[:1], readings, switches=owners, parameters=parameters)
+        observed = plan(program.drive, readings, switches=owners, parameters=parameters)
         derived = plan(
             (*program.drive, *program.derivative), slopes, switches=owners, parameters=parameters, rates=memory,
             needs=observed.needs,
@@ -166,12 +166,18 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
         ("P", program.parameters),
         *((label, states) for label in "YSKFA"),
         ("Q", [*states[:n_q], *(states[k] for k in sampled)]),
-        ("D", [r.name for r in RECORDED]),
+        ("D", [*(r.name for r in RECORDED), "t"]),
         ("R", [f"reading_{k}" for k in range(len(program.reading))]),
+        ("T", ["t"]),
+        ("L", ["age"]),
+        ("B", [f"hermite_{k}" for k in range(6)]),
+        ("G", [f"cubic_{k}" for k in range(4)]),
     ):
         offset[label] = write.size
         places[label] = write.rows(names)
     known = places["P"]
+    owners = {sp.Symbol(name, real=True): effect for effect, names in switches.items() for name in names}
+    aged = plan((), [(sp.Symbol("age", real=True), program.lateness)], switches=owners, parameters=real)
     once = []
     texts = []
     for found, inputs in (
@@ -180,6 +186,7 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
             {**places["S"], **dict(zip((f"slope_{k}" for k in range(len(states))), places["K"].values(), strict=True))},
         ),
         (observed, places["Q"] | places["D"] | places["R"]),
+        (aged, places["T"] | places["L"]),
     ):
         fixed = write.rows([symbol.name for symbol, _ in found.once])
         pieces = tuple(Piece(symbol, expression) for symbol, expression in found.once)
@@ -200,12 +207,8 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
             text += f"{indent}if {condition}:\n" + re.sub("^(?=.)", "    ", indent + loop, flags=re.MULTILINE)
         return text
 
-    owners = {sp.Symbol(name, real=True): effect for effect, names in switches.items() for name in names}
     lagging = Splitter(owners, real).owner(program.lateness)
     late = "False" if program.lateness == 0 else write.condition(lagging)
-    lateness = [
-        f"    {n} = w[{known[n]} + i]" for n in sorted(x.name for x in program.lateness.free_symbols) if n in known
-    ]
     single = {effect: write.guards[frozenset({effect})] for effect in switches}
     amplitudes = [[known[name], single[effect]] for effect, names in switches.items() for name in names]
     members = [[single[e], k] for effects, k in write.guards.items() for e in sorted(effects or ()) if k != single[e]]
@@ -230,7 +233,7 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
         "ONCE": "\n".join(once),
         "DERIVATIVE": "\n".join(texts[0]),
         "OBSERVE": "\n".join(texts[1]),
-        "LATENESS": "\n".join([*lateness, f"    return {printed(program.lateness)} + 0.0 * t"]),
+        "AGE": "\n".join(texts[2]),
         **offset,
     }.items():
         text = text.replace(f"@{key}@", str(value))

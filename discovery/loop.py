@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from discovery.experiment import Experiment
 from discovery.fit import Fit, declared_model, fit, rig_uncertainty
 from discovery.holdout import HoldOut
 from discovery.problem import natural_units
+from discovery.quantisation import quantum
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
@@ -150,7 +152,7 @@ def close_loop(
     LoopResult
     """
     units = natural_units(train)
-    settings = settings or LoopSettings()
+    settings = _for_quantised(settings or LoopSettings(), train)
     case = Case(
         train, HoldOut(train, holdout, units, settings.tolerance), settings, units, progress or (lambda _: None)
     )
@@ -198,6 +200,16 @@ def close_loop(
         contradiction=_contradiction(after, case) if follow_up and noise else None,
         separations=_separations(search, after, case) if follow_up else (),
     )
+
+
+def _for_quantised(settings: LoopSettings, train: Sequence[Experiment]) -> LoopSettings:
+    """Return settings that ask no more of a reading than its rounding, whose error follows the motion, allows."""
+    steps = [
+        quantum(column) / noise
+        for e in train
+        for column, noise in zip(e.recording.output.T, e.recording.noise, strict=True)
+    ]
+    return replace(settings, floor=max(settings.floor, max(steps) / math.sqrt(12.0)))
 
 
 def _contradiction(after: Fit, case: Case) -> ContradictionReport:

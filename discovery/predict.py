@@ -221,8 +221,10 @@ def held_out(
     for model, values in candidates:
         known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
         problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}))
-    minima = fit_problems(problems, [p.start({}) for p in problems], iterations=12)
-    vectors = [p.expand(m.x[:, None]) for p, m in zip(problems, minima, strict=True)]
+    starts = [p.start({}) for p in problems]
+    if starts[0].size:
+        starts = [m.x for m in fit_problems(problems, starts, iterations=12)]
+    vectors = [p.expand(x[:, None]) for p, x in zip(problems, starts, strict=True)]
     parameters = np.concatenate([v[0] for v in vectors], axis=1)
     initial = np.concatenate([v[1] for v in vectors], axis=2)
     channels = bench.predict(parameters, initial)

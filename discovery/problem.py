@@ -21,6 +21,8 @@ __all__ = ["LIGHT_ROD", "Bench", "NaturalUnits", "Problem", "known_values", "nat
 FloatArray = NDArray[np.float64]
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
+#: Rows of residuals that are reduced side by side.
+_FOLD = 16
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7
 
@@ -38,7 +40,8 @@ class NaturalUnits:
     def scale(self, parameter: Parameter) -> float:
         """Return the size of one natural unit of a parameter, in the problem's units."""
         unit = natural_scale(parameter.unit, time=self.time, coordinate=self.coordinate, length=self.length)
-        return unit / self.drive if parameter.name == "g" else unit
+        # What links a force to an acceleration scales with the size of the recorded force.
+        return unit / self.drive if parameter.name == "g" else unit * self.drive if parameter.name == "m" else unit
 
 
 def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
@@ -66,20 +69,30 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
             frequencies.append(float(grid[np.argmax(lombscargle(t[keep], d[keep], grid))]))
     arm = experiments[0].is_arm
     length = experiments[0].rig.length
-    inputs = [e.recording.input for e in experiments if e.recording.input is not None]
+    forces = [e.force for e in experiments if e.force is not None]
+    time = 1.0 / float(np.median(frequencies))
     return NaturalUnits(
-        time=1.0 / float(np.median(frequencies)),
-        coordinate=1.0 if arm else largest_deflection(experiments),
+        time=time,
+        coordinate=1.0 if arm else largest_deflection(experiments) * time ** (2 * experiments[0].reads_acceleration),
         length=length.value if length is not None else 1.0,
-        drive=1.0 if arm or not inputs else float(max(np.abs(u).max() for u in inputs)),
+        drive=1.0 if arm or not forces else float(max(np.nanmax(np.abs(u)) for u in forces)),
     )
 
 
 def known_values(experiment: Experiment) -> dict[str, float]:
-    """Return the parameters that the rig file fixes: length and mass ratio of an arm; no input gain without input."""
+    """Return the parameters that the rig file fixes.
+
+    Length and mass ratio of an arm, gravity of a falling body, the controller of a drive; no input gain without input.
+    """
     rig = experiment.rig
     if rig.kind != ARM:
-        return {} if experiment.recording.input is not None else {"g": 0.0}
+        known: dict[str, float] = {} if experiment.recording.input is not None else {"g": 0.0}
+        if rig.gravity is not None:
+            known["g_0"] = rig.gravity.value
+        if rig.controller is not None:
+            known |= {"k_p": rig.controller.kp, "k_v": rig.controller.kv}
+            known |= {} if rig.controller.limit is None else {"c_max": rig.controller.limit}
+        return known
     # A rod of unknown mass counts as light; the exact arm needs some mass to be solvable.
     known = {"length": rig.length.value if rig.length else 1.0, "mu": LIGHT_ROD}
     if rig.beam_mass is not None and rig.tip_mass is not None:
@@ -150,8 +163,7 @@ class Bench:
             parts = [channels.reshape(-1, parameters.shape[1]) for channels in predicted]
             residuals = parts[0] if len(parts) == 1 else np.concatenate(parts)
             # A trial that blows up is refused by its infinite cost, even where it stays finite to the end.
-            largest = np.maximum(residuals.max(axis=0), -residuals.min(axis=0))
-            residuals[:, ~(largest < self._absurd)] = np.inf
+            residuals[:, ~(_largest(residuals) < self._absurd)] = np.inf
         return residuals
 
     def pieces(self, columns: int) -> Iterator[slice]:
@@ -184,6 +196,15 @@ class Bench:
         return int(sum((w > 0).sum() for w in self._weights))
 
 
+def _largest(values: FloatArray) -> FloatArray:
+    """Return the largest magnitude in each column (n, k); long rows first, for short ones are slow."""
+    k, tail = values.shape[1], len(values) % _FOLD
+    folded = values[: len(values) - tail].reshape(-1, _FOLD * k)
+    top, bottom = (f(folded, axis=0, initial=0.0).reshape(_FOLD, k) for f in (np.max, np.min))
+    rest = np.abs(values[len(values) - tail :])
+    return np.concatenate([top, -bottom, rest]).max(axis=0)
+
+
 @dataclass(frozen=True)
 class Problem:
     """One model to be fitted on a bench: which numbers are free, and what the others are.
@@ -208,8 +229,13 @@ class Problem:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Free physical parameters, then initial deflection and rate of every experiment."""
-        initial = [f"{n}[{e.recording.name}]" for e in self.bench.experiments for n in ("delta_0_init", "rate_0_init")]
+        initial = [f"{n}[{e.recording.name}]" for e in self._released for n in ("delta_0_init", "rate_0_init")]
         return (*self.free, *initial)
+
+    @property
+    def _released(self) -> tuple[Experiment, ...]:
+        """Experiments with an initial state: all, or none where the motion is prescribed."""
+        return () if self.model.mechanics.prescribed else self.bench.experiments
 
     @cached_property
     def free(self) -> tuple[str, ...]:
@@ -226,7 +252,7 @@ class Problem:
         ]
         # Initial values are known from the data to a small part of the amplitude.
         q, rate = 0.01 * self.units.coordinate, 0.01 * self.units.coordinate / self.units.time
-        return np.array([*sizes, *([q, rate] * len(self.bench.experiments))])
+        return np.array([*sizes, *([q, rate] * len(self._released))])
 
     def _declared_width(self, parameter: Parameter) -> float:
         return parameter.prior.width * self.units.scale(parameter)
@@ -245,7 +271,7 @@ class Problem:
                 unit = self.units.scale(parameter)
                 lower.append(parameter.bounds[0] * unit)
                 upper.append(parameter.bounds[1] * unit)
-        free_start = [np.inf] * (2 * len(self.bench.experiments))
+        free_start = [np.inf] * (2 * len(self._released))
         return np.array([*lower, *(-np.array(free_start))]), np.array([*upper, *free_start])
 
     def start(self, values: Mapping[str, float]) -> FloatArray:
@@ -260,7 +286,7 @@ class Problem:
                 parameter = self.model.parameters[name]
                 first = parameter.starts[0] if parameter.starts else parameter.default
                 x.append(first * self.units.scale(parameter))
-        for e in self.bench.experiments:
+        for e in self._released:
             names = (f"delta_0_init[{e.recording.name}]", f"rate_0_init[{e.recording.name}]")
             guess = (0.0, 0.0) if values.keys() >= set(names) else e.initial_guess
             x += [values.get(n, g) for n, g in zip(names, guess, strict=True)]
@@ -282,7 +308,9 @@ class Problem:
         template, where = self._template
         parameters = np.repeat(template[:, None], x.shape[1], axis=1)
         parameters[where] = x[: len(self.free)]
-        return parameters, x[len(self.free) :].reshape(len(self.bench.experiments), 2, -1)
+        if not self._released:
+            return parameters, np.zeros((len(self.bench.experiments), 2, x.shape[1]))
+        return parameters, x[len(self.free) :].reshape(len(self._released), 2, -1)
 
     def named(self, x: FloatArray) -> dict[str, float]:
         """Return a free vector (m,) by name."""

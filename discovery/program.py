@@ -81,8 +81,8 @@ class Program:
         return (0, 0) if self.rod == STRAIGHT else self._form(parameters)
 
 
-def _drive(effects: list[Drive], system: str, root: Root | None) -> Assignments:
-    if system != ARM:
+def _drive(effects: list[Drive], input_moves: bool, root: Root | None) -> Assignments:
+    if not input_moves:
         value: sp.Expr = RECORDED[0]
         for effect in effects:
             value = effect.expression().subs(s.u, value)
@@ -200,6 +200,16 @@ def _solve(mass: list[list[sp.Expr]], force: list[sp.Expr], out: Assignments) ->
     return result
 
 
+def _told(reading: sp.Expr, accelerations: Sequence[sp.Expr], program: Assignments) -> sp.Expr:
+    """Return a reading of the acceleration in terms of the state."""
+    if s.acceleration not in reading.free_symbols:
+        return reading
+    told = reading.xreplace({s.acceleration: accelerations[0]})
+    for symbol, expression in reversed(program):
+        told = told.xreplace({symbol: expression})
+    return told
+
+
 @lru_cache(maxsize=256)
 def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     """Return the mathematics of a base with a set of effects.
@@ -262,7 +272,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         bent = sp.Add(*[j * a for j, a in zip(turning.jacobian, accelerations, strict=True)]) + turning.bias
         memory.update(end.states(bent))
 
-    reading = base.reading(radius_of(effects, channels), rod)
+    reading = tuple(_told(r, accelerations, program) for r in base.reading(radius_of(effects, channels), rod))
     sensors = [e for e in effects if isinstance(e, Sensor)]
     if base.system == ARM:
         reading = tuple(s.length * r for r in reading)
@@ -271,13 +281,14 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     else:
         for sensor in sensors:
             reading = (sensor.oscillator_reading(reading[0]),)
+    still = (sp.Integer(0),) * (2 * n)
     result = Program(
         parameters=tuple(parameters),
         states=(*mechanics.coordinates, *mechanics.rates, *memory),
         n_coordinates=n,
-        drive=tuple(_drive([e for e in effects if isinstance(e, Drive)], base.system, root)),
+        drive=tuple(_drive([e for e in effects if isinstance(e, Drive)], base.input_moves, root)),
         derivative=tuple(program),
-        slopes=(*mechanics.rates, *accelerations, *memory.values()),
+        slopes=(*(still if base.prescribed else (*mechanics.rates, *accelerations)), *memory.values()),
         reading=tuple(reading),
         lateness=sp.Add(*[e.lateness() for e in sensors]),
         rod=rod,

@@ -137,19 +137,19 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
         extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         where = [extended.free.index(n) for n in problem.free]
         added = [i for i in range(len(extended.free)) if i not in where]
-        tail = len(extended.names) - len(extended.free)
         lower, upper = extended.bounds
         x = np.empty(len(extended.names))
         jacobian = np.zeros((len(minimum.residual), x.size))
         x[where], x[added] = minimum.x[: len(problem.free)], np.clip(vector, lower[added], upper[added])
-        x[-tail:] = minimum.x[-tail:]
+        first, was = len(extended.free), len(problem.free)
+        x[first:] = minimum.x[was:]
         jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
-        jacobian[:, -tail:] = minimum.jacobian[:, -tail:]
+        jacobian[:, first:] = minimum.jacobian[:, was:]
         jacobian[: len(columns), added] = columns
         if alpha is None:
             # The fitted parameters move with the effect: first-order compensation.
             push = minimum.residual + jacobian[:, added] @ x[added]
-            old = [*where, *range(x.size - tail, x.size)]
+            old = [*where, *range(first, x.size)]
             step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
             x[old] = np.clip(x[old] + step, lower[old], upper[old])
         else:

@@ -212,4 +212,6 @@ class Rig:
         """Name of the mechanics of the bare system."""
         if self.view is not None:
             return "inverse_dynamics"
+        if self.columns.output.reads == "acceleration":
+            return "accelerometer"
         return KINDS[self.kind].base if self.controller is None else "servo"

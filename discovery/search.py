@@ -63,6 +63,7 @@ class Search:
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
         self._branches = Branches(case)
+        self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
 
     @property
@@ -79,6 +80,7 @@ class Search:
         """Search until both the training and the held-out residual are noise, or nothing passes."""
         self._extend()
         self._refine()
+        self._distrust()
         self._conclude()
 
     def _extend(self) -> None:
@@ -97,9 +99,10 @@ class Search:
             if level > len(self.best.added) + 1:
                 return
             level += 1
-            children = self._branches.children(beam)
+            children = self._children(beam)
             if base is not None:
-                children = sorted([*children, *self._branches.pairs(base)], key=lambda child: child[1].chi2)
+                pairs = self._trusted(self._branches.pairs(base))
+                children = sorted([*children, *pairs], key=lambda child: child[1].chi2)
             base = self.best
             ranked = self._ordered(children)
             chosen = next((node for node in ranked if self._passes(node)), None)
@@ -111,6 +114,14 @@ class Search:
             if not beam:
                 return
 
+    def _children(self, nodes: Sequence[Node]) -> list[Child]:
+        """Return what the catalogue offers beside some sets, best first."""
+        return self._trusted(self._branches.children(nodes))
+
+    def _trusted(self, children: Sequence[Child]) -> list[Child]:
+        """Return the sets without laws that imitate others, once these have been given up."""
+        return [(added, r) for added, r in children if not (self._plain and any(map(_imitates, added)))]
+
     def _ordered(self, children: Sequence[Child]) -> list[Node]:
         """Return the sets that are as good as the best one, simplest first."""
         if not children:
@@ -121,14 +132,34 @@ class Search:
         limit = best.priced(price) + margin
         tied = [(added, r) for added, r in children if r.priced(price) <= limit][:_TRIED]
         nodes = [Node.of(added, r, self.case) for added, r in tied]
-        least = min(n.chi2 + n.held for n in nodes)
-        nodes.sort(key=lambda n: merit(n, least, price))
+        if min(n.rough for n in nodes) > self.case.settings.ceiling:
+            # None of them explains what is there: then what was not fitted knows best.
+            seen = [id(r) for _, r in tied]
+            others = [(added, r) for added, r in children[:_TRIED] if id(r) not in seen and self._helps(r)]
+            nodes = self._by_both([*nodes, *(Node.of(added, r, self.case) for added, r in others)])
+        else:
+            least = min(n.chi2 + n.held for n in nodes)
+            nodes.sort(key=lambda n: merit(n, least, price))
         if all(_pliable(n.refit) for n in nodes):
             # What a pliable law imitates deserves a try of its own, if it explains nearly all.
             enough = self.best.chi2 - self.case.settings.pair_share * self.case.excess(self.best.chi2)
             plain = [(added, r) for added, r in children if not _pliable(r) and r.chi2 < enough][:1]
             nodes += [Node.of(added, r, self.case) for added, r in plain]
         return nodes
+
+    def _by_both(self, nodes: Sequence[Node]) -> list[Node]:
+        """Sort sets by what they leave of all recordings, those that are equal within a tie by their merit."""
+        price = self.case.settings.price
+        least = min(n.chi2 + n.held for n in nodes)
+        margin = max(price, self.case.settings.tie * (self.case.excess(least) - self.case.n_held))
+        equal = [n for n in nodes if n.chi2 + n.held <= least + margin]
+        rest = [n for n in nodes if n not in equal]
+        return sorted(equal, key=lambda n: merit(n, least, price)) + sorted(rest, key=lambda n: n.chi2 + n.held)
+
+    def _helps(self, refit: Refit) -> bool:
+        """Return whether a refit removes a share of the excess worth naming."""
+        gain = self.best.chi2 - refit.chi2
+        return gain > self.case.settings.least_share * self.case.excess(self.best.chi2)
 
     def _leading(self, children: Sequence[Child], besides: Sequence[Node]) -> list[Node]:
         """Return the best sets that are not among those already taken."""
@@ -142,7 +173,7 @@ class Search:
         if len(node.added) == len(self.best.added):
             # Where hardly more than noise is left, no rival can do much better.
             return self.best.rough > settings.ceiling and excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
-        return self.best.chi2 - node.chi2 > settings.least_share * excess(self.best.chi2)
+        return self._helps(node.refit)
 
     def _passes(self, node: Node) -> bool:
         """Decide whether a set replaces the best one so far, and tell the story."""
@@ -200,7 +231,7 @@ class Search:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
             self.best = smaller
             return
-        ranked = self._ordered(self._branches.children([smaller]))
+        ranked = self._ordered(self._children([smaller]))
         others = [n for n in ranked if n.added[-1] != effect]
         price = self.case.settings.price
         for node in others:
@@ -225,20 +256,8 @@ class Search:
 
     def _conclude(self) -> None:
         """Withdraw what does not explain enough of an unexplained residual; collect the evidence of the rest."""
-        settings = self.case.settings
         if self.best.added and not self.settled:
-            kept = self.case.excess(self.best.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
-            held = self.case.held_excess(self.best.held) / max(self.case.held_excess(self.root.held), 1e-300)
-            imitating = [e for e in self.best.added if catalogue()[e].pliable]
-            if max(kept, held) > settings.least_known or imitating:
-                reason = "what is left is not noise, and " + (
-                    f"{' and '.join(imitating)} may imitate what nobody declared: it corrects no prediction"
-                    if imitating and max(kept, held) <= settings.least_known
-                    else f"{100 * max(kept, held):.0f} % of the excess chi-square is still there: no effect of the "
-                    "catalogue is named"
-                )
-                self.steps += [Step("withdraw", e, True, reason) for e in self.best.added]
-                self.best = self.root
+            self._withdraw()
         for effect in self.best.added:
             smaller = self._without(effect)
             branch = self._branches.of(smaller)
@@ -247,6 +266,34 @@ class Search:
             chance = self._branches.chance(branch, whole)
             self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, tied, chance)
 
+    def _distrust(self) -> None:
+        """Search again without the laws that imitate others, where they are found and yet something is left."""
+        imitating = [e for e in self.best.added if _imitates(e)]
+        if self.settled or not imitating:
+            return
+        for effect in imitating:
+            reason = f"what is left is not noise, and {effect} may imitate what nobody declared"
+            self.steps.append(Step("withdraw", effect, True, reason))
+        self.best, self._plain = self.root, True
+        self._extend()
+        self._refine()
+
+    def _withdraw(self) -> None:
+        """Take everything back where too much is left for a name to be more than a guess."""
+        case = self.case
+        left = max(
+            case.excess(self.best.chi2) / max(case.excess(self.root.chi2), 1e-300),
+            case.held_excess(self.best.held) / max(case.held_excess(self.root.held), 1e-300),
+        )
+        if left > case.settings.least_known:
+            reason = f"what is left is not noise, and {100 * left:.0f} % of the excess chi-square is still there"
+            self.steps += [Step("withdraw", e, True, f"{reason}: no effect is named") for e in self.best.added]
+            self.best = self.root
+
+
+def _imitates(effect: str) -> bool:
+    return catalogue()[effect].pliable
+
 
 def _pliable(refitted: Refit) -> bool:
-    return catalogue()[refitted.effect].pliable
+    return _imitates(refitted.effect)

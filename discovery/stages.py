@@ -238,6 +238,9 @@ def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingF
     """Return the force that the final model lacks where the loop explains not all; None where it does."""
     if result.verdict != "unexplained":
         return None
+    if not result.after.model.mechanics.reads_state:
+        tell("no missing force: it is reconstructed where the instrument reads the position")
+        return None
     tell("reconstructing the missing force")
     try:
         return missing_force(result.after, dataset.holdout)

@@ -15,6 +15,7 @@ __all__ = [
     "RATE_CHANNELS",
     "U_4",
     "U",
+    "acceleration",
     "alpha",
     "alpha_m",
     "arc",
@@ -92,6 +93,8 @@ arc = sp.Symbol("arc", real=True)
 theta_m, omega_m, alpha_m = sp.symbols("theta_m omega_m alpha_m", real=True)
 #: Measured input of an oscillator, in its own unit.
 u = sp.Symbol("u", real=True)
+#: Acceleration of the coordinate of an oscillator [s^-2 q], as its equation of motion gives it: for readings only.
+acceleration = sp.Symbol("acceleration", real=True)
 #: Linear stiffness per unit inertia [s^-2], declared by `linear_stiffness`; relative effects scale with it.
 alpha = sp.Symbol("alpha", real=True)
 #: Length of the arm [m].

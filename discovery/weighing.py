@@ -59,6 +59,9 @@ def weigh(
     # In the company of a law that imitates others, every effect must explain most of what is left.
     company = len(larger.added) > 1 and any(catalogue()[e].pliable for e in larger.added)
     share = s.pair_share if noise or strict or company or len(new) > 1 else s.least_share
+    if strict and not company and larger.held_rough > s.limit(root.held_rough):
+        # Where something unknown is left, nothing explains most of what the others leave.
+        share = s.kept_share
     if strict and held_gain > share * held_excess > 0:
         # It is needed to predict, however little it shows in training.
         share = s.least_share

@@ -374,6 +374,44 @@ def test_a_delay_shifts_the_trajectory(delay: float) -> None:
     np.testing.assert_allclose(got[1:-1], expected[1:-1], atol=1e-12)
 
 
+@pytest.mark.parametrize("base", ["constant_radius", "elastica_2", "oscillator"])
+@pytest.mark.parametrize("gap", [0.003, 0.05])
+def test_each_lane_reads_at_its_own_age(base: str, gap: float) -> None:
+    """Delays, drifts and sawtooths side by side, several samples in a step and several steps between samples."""
+    time = np.arange(0.5, 2.5, gap)
+    drive, values, ends = trapezoid(1.0, 1.25), {"xi": 0.05, "alpha": 9.0, "length": 1.0, "mu": 0.3}, np.array([0, 3.0])
+    late = Simulator(
+        base,
+        ("viscous_damping", "linear_stiffness", "sensor_delay", "time_base_error"),
+        np.concatenate([ends[:1], time, ends[1:]]),
+        drive,
+        step=0.01,
+    )
+    clocks = [
+        *({"tau": tau} for tau in (-0.25, -0.011, 0.0, 0.004, 0.3)),
+        *({"d_t": d_t} for d_t in (-0.05, 0.02)),
+        *({"j_t": j_t, "Omega_j": 8.0, "phi_j": 0.7, "tau": tau} for j_t in (0.1, -0.003) for tau in (0.0, 0.02)),
+    ]
+    sets = columns(late.names, values, len(clocks))
+    for k, clock in enumerate(clocks):
+        sets[[late.names.index(n) for n in clock], k] = list(clock.values())
+    got = late(sets, np.full(len(clocks), 0.2), np.zeros(len(clocks)))[1:-1]
+    for k, clock in enumerate(clocks):
+        angle = clock.get("Omega_j", 0.0) * time - clock.get("phi_j", 0.0)
+        fall = np.arctan(0.99 * np.sin(angle) / (1 - 0.99 * np.cos(angle))) / np.pi
+        age = clock.get("tau", 0.0) + clock.get("d_t", 0.0) * time + clock.get("j_t", 0.0) * (0.5 - 1.0274391 * fall)
+        read, place = np.unique(time - age, return_inverse=True)
+        plain = Simulator(
+            base,
+            ("viscous_damping", "linear_stiffness"),
+            np.concatenate([ends[:1], read, ends[1:]]),
+            drive,
+            step=0.01,
+        )
+        expected = run(plain, values, deflection=0.2)[1:-1]
+        np.testing.assert_allclose(got[:, :, k], expected[place].reshape(got.shape[:2]), rtol=0, atol=1e-12)
+
+
 def test_an_instrument_that_is_late_reports_the_rest_before_the_start() -> None:
     time = np.linspace(0.0, 1.0, 51)
     sim = simulator("constant_radius", time, trapezoid(1.0, 1.25), 0.01)

@@ -9,10 +9,21 @@ __all__ = ["Base", "base_names", "get_base"]
 
 
 def _bases() -> dict[str, Base]:
-    from discovery.mechanics import constant_radius, elastica, oscillator, reduced
+    from discovery.mechanics import (
+        accelerometer,
+        base_excited,
+        constant_radius,
+        elastica,
+        falling_body,
+        inverse_dynamics,
+        oscillator,
+        reduced,
+        servo,
+    )
 
     rods = (elastica.BASE, elastica.TWO_MODES, elastica.ONE_MODE)
-    bases = (constant_radius.BASE, reduced.BASE, *rods, oscillator.BASE)
+    lines = (oscillator, accelerometer, base_excited, servo, inverse_dynamics, falling_body)
+    bases = (constant_radius.BASE, reduced.BASE, *rods, *(module.BASE for module in lines))
     return {base.name: base for base in bases}
 
 

@@ -128,6 +128,12 @@ class Base(ABC):
     n_coordinates: ClassVar[int]
     #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.
     provides: ClassVar[frozenset[str]] = frozenset()
+    #: Whether the input is a motion, theta_m with its two derivatives, rather than a force u.
+    input_moves: ClassVar[bool] = False
+    #: Whether the coordinate moves as recorded: nothing is integrated, and there is no initial state.
+    prescribed: ClassVar[bool] = False
+    #: Whether the instrument reads the state itself, not an acceleration or a force that follows from it.
+    reads_state: ClassVar[bool] = True
     #: Parameter sets simulated side by side in one block of the kernel.
     lanes: ClassVar[int] = 32
 
@@ -170,6 +176,7 @@ class ArmBase(Base):
     """A base of the flexible arm: lengths are in units of the arm's length, which the reading needs."""
 
     system = ARM
+    input_moves = True
     length = Parameter("m", "length of the arm", (1e-3, 100.0), Normal(1.0, 1.0), default=1.0, fixed=True, latex="l")
 
     def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):

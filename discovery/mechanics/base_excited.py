@@ -1,0 +1,38 @@
+"""A deflection on a base that moves as recorded."""
+
+from __future__ import annotations
+
+from discovery import symbols as s
+from discovery.mechanics.one_coordinate import OneCoordinate
+from discovery.parameters import Normal, Parameter
+
+__all__ = ["BASE", "BaseExcited"]
+
+
+class BaseExcited(OneCoordinate):
+    r"""The deflection q of a body of unit inertia from a base that moves by the recorded u(t): q'' = -p u'' + effects.
+
+    Springs and losses act between base and body (Den Hartog, Mechanical Vibrations (1956), section 2.9); the position
+    in the fixed frame, which gravity sees, is u + q. The participation p is one for a point mass, and another number
+    where q is a measure of how a link or a beam bends (Meirovitch, Fundamentals of Vibrations (2001), section 7.16).
+    """
+
+    name = "base_excited"
+    input_moves = True
+
+    p = Parameter(
+        "1", "participation of the base's motion", (-100.0, 100.0), Normal(1.0, 3.0), default=1.0, starts=(1.0,)
+    )
+
+    @property
+    def fixed_frame(self):
+        """Position and rate against the ground."""
+        q, rate = self.position
+        return s.theta_m + q, s.omega_m + rate
+
+    def pull(self):
+        """Return -p u''."""
+        return -self.p * s.alpha_m
+
+
+BASE = BaseExcited()

@@ -1,0 +1,48 @@
+"""The force that a recorded motion takes."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from discovery import symbols as s
+from discovery.mechanics.one_coordinate import OneCoordinate
+from discovery.parameters import LogNormal, Parameter
+
+__all__ = ["BASE", "InverseDynamics"]
+
+
+class InverseDynamics(OneCoordinate):
+    r"""A body whose motion u(t) is recorded; what is read is the force that it takes.
+
+    .. math:: F = m \left(\ddot u - \text{effects}(u, \dot u)\right)
+
+    Nothing is integrated but the memory of effects, and there is no initial state (Gautier, Janot and Vandanjon, IEEE
+    Transactions on Control Systems Technology 21 (2013) 428, the inverse dynamic identification model). A late
+    instrument would be a motion that is early: those effects are not offered here.
+    """
+
+    name = "inverse_dynamics"
+    reads_state = False
+    input_moves = True
+    prescribed = True
+    provides = frozenset({"sensor_delay", "time_base_error", "position_scale"})
+
+    m = Parameter(
+        "s^2 q^-1", "inertia: force per acceleration", (1e-6, 1e6), LogNormal(1.0, 3.0), default=1.0, starts=(1.0,)
+    )
+
+    @property
+    def position(self):
+        """The recorded motion and its rate."""
+        return s.theta_m, s.omega_m
+
+    def pull(self):
+        """Return nothing: the body moves as it did."""
+        return sp.Integer(0)
+
+    def reading(self, closure, rod=None):
+        """Return the force."""
+        return (self.m * (s.alpha_m - s.acceleration),)
+
+
+BASE = InverseDynamics()

@@ -1,0 +1,78 @@
+"""What systems with one coordinate share: a body of unit inertia on a line or about an axis."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+import sympy as sp
+
+from discovery import symbols as s
+from discovery.effect import OSCILLATOR
+from discovery.mechanics.base import Base, Channel, Mechanics, lagrangian_mechanics
+from discovery.mechanics.rod import STRAIGHT
+
+__all__ = ["OneCoordinate"]
+
+_Q, _QD = sp.symbols("q_1 qd_1", real=True)
+
+
+class OneCoordinate(Base):
+    """A coordinate q with unit inertia: q'' = pull + effects."""
+
+    system = OSCILLATOR
+    n_coordinates = 1
+
+    @property
+    def position(self) -> tuple[sp.Expr, sp.Expr]:
+        """The coordinate and its rate, as effects see them."""
+        return _Q, _QD
+
+    @property
+    def fixed_frame(self) -> tuple[sp.Expr, sp.Expr]:
+        """Position and rate against the ground."""
+        return self.position
+
+    @abstractmethod
+    def pull(self) -> sp.Expr:
+        """Return the acceleration of the bare body [q s^-2]."""
+
+    def mechanics(self, rod=STRAIGHT) -> Mechanics:
+        """Return the mathematics."""
+        bare = lagrangian_mechanics(
+            _Q,
+            _QD,
+            kinetic=_QD**2 / 2,
+            theta=_Q,
+            delta=_Q,
+            tip=(_Q, sp.Integer(0)),
+            speed2=_QD**2,
+            # The lever of a force across the tip: a force on a coordinate has none.
+            radius=sp.Integer(1),
+            bend=_Q,
+            elastic=_Q**2 / 2,
+            quartic=_Q**4 / 4,
+            slope=_Q,
+        )
+        seen = dict(zip((_Q, _QD), self.position, strict=True))
+        ground = dict(zip((_Q, _QD), self.fixed_frame, strict=True))
+
+        def moved(channel: Channel, frame: dict[sp.Symbol, sp.Expr]) -> Channel:
+            value, *jacobian = (sp.sympify(e).xreplace(frame) for e in (channel.value, *channel.jacobian))
+            return Channel(value, tuple(jacobian), channel.bias)
+
+        absolute = (s.theta, s.omega, s.slope, s.slope_dot)
+        channels = {c: moved(channel, ground if c in absolute else seen) for c, channel in bare.channels.items()}
+        value, rate, jacobian = bare.bending[0]
+        bending = (value.xreplace(seen), rate.xreplace(seen), jacobian)
+        return Mechanics(
+            bare.coordinates, bare.rates, (), channels, bare.mass, (self.pull(),), (bending,), ((1, bending),)
+        )
+
+    def reading(self, closure, rod=STRAIGHT):
+        """Return the coordinate."""
+        return (self.position[0],)
+
+    def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
+        """Return the coordinate and its rate."""
+        return np.asarray(deflection)[None], np.asarray(rate)[None]

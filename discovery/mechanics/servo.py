@@ -1,0 +1,39 @@
+"""A drive in its position loop."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from discovery import symbols as s
+from discovery.mechanics.one_coordinate import OneCoordinate
+from discovery.parameters import Normal, Parameter
+
+__all__ = ["BASE", "Servo"]
+
+
+class Servo(OneCoordinate):
+    r"""A body of unit inertia under a known controller that follows the recorded reference u(t).
+
+    .. math:: \ddot q = g\, c + \text{effects},\qquad c = k_v \left(k_p (u - q) - \dot q\right)
+
+    The command c is cut off at the controller's limit. The loop is simulated, not its recorded command: what the body
+    does feeds back into the force in the model as in the machine (Forssell and Ljung, Automatica 35 (1999) 1215).
+    """
+
+    name = "servo"
+
+    g = Parameter("s^-2 q", "acceleration per unit of command", (0.0, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
+    k_p = Parameter("s^-1", "position gain", (0.0, 1e6), Normal(0.0, 1e3), default=1.0, fixed=True, latex="k_p")
+    k_v = Parameter("q^-1 s", "velocity gain", (0.0, 1e6), Normal(0.0, 1e3), default=1.0, fixed=True, latex="k_v")
+    c_max = Parameter(
+        "1", "largest command", (0.0, 1e6), Normal(0.0, 1e6), default=1e6, fixed=True, latex=r"c_\mathrm{max}"
+    )
+
+    def pull(self):
+        """Return g c."""
+        q, rate = self.position
+        command = self.k_v * (self.k_p * (s.u - q) - rate)
+        return self.g * (sp.Abs(command + self.c_max) - sp.Abs(command - self.c_max)) / 2
+
+
+BASE = Servo()
