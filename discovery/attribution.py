@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from discovery.bounded_gain import bounded_gains
-from discovery.effect import ARM, Effect
+from discovery.effect import ARM, Effect, Mode
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.parameters import Parameter
@@ -103,6 +103,7 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         and e not in model.effects
         and e not in base.provides
         and (base.system == ARM or unit == "rad" or not effect.angular)
+        and (base.push() is not None or not isinstance(effect, Mode))
     )
 
 

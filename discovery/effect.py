@@ -32,6 +32,7 @@ __all__ = [
     "Kinetic",
     "Load",
     "Memory",
+    "Mode",
     "Potential",
     "Sensor",
     "Shape",
@@ -144,6 +145,21 @@ class Memory(Expressed):
     @abstractmethod
     def states(self) -> dict[sp.Symbol, sp.Expr]:
         """Return each extra state with its time derivative."""
+
+
+class Mode(Memory):
+    """Another mode of vibration, moved by the input beside the coordinate and added to what the instrument reads."""
+
+    kind = "mode"
+    systems = frozenset({OSCILLATOR})
+
+    def expression(self) -> sp.Expr | int:
+        """Return no power: modes are independent of each other."""
+        return 0
+
+    @abstractmethod
+    def displacement(self) -> sp.Symbol:
+        """Return the state that adds to the coordinate; the next state is its rate."""
 
 
 class Drive(Expressed):

@@ -10,10 +10,23 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from discovery import symbols as s
-from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Joint, Kinetic, Load, Memory, Potential, Sensor
+from discovery.effect import (
+    ARM,
+    Closure,
+    Dissipation,
+    Drive,
+    Effect,
+    Joint,
+    Kinetic,
+    Load,
+    Memory,
+    Mode,
+    Potential,
+    Sensor,
+)
 from discovery.errors import InputError
 from discovery.joint import Root, hinged, root_of
-from discovery.mechanics import get_base
+from discovery.mechanics import Base, get_base
 from discovery.mechanics.base import Channel, Mechanics, Strand
 from discovery.mechanics.rod import STRAIGHT, Rod, rod_of
 from discovery.registry import get_effect
@@ -140,7 +153,7 @@ def _memory(effect: Memory, mechanics: Mechanics, n: int) -> tuple[dict[sp.Symbo
     for k, (weight, (value, rate, jacobian)) in enumerate(strands(effect, mechanics)):
         own = {z: sp.Symbol(f"{z.name}_{k}", real=True) for z in states}
         here = {**own, s.bend: value, s.bend_dot: rate}
-        found.update({own[z]: slope.subs(here) for z, slope in states.items()})
+        found.update({own[z]: sp.sympify(slope).subs(here) for z, slope in states.items()})
         pull = weight * sp.diff(power, s.bend_dot).subs(here)
         for i in range(n):
             force[i] += jacobian[i] * pull
@@ -198,6 +211,11 @@ def _solve(mass: list[list[sp.Expr]], force: list[sp.Expr], out: Assignments) ->
         back = sum(low[k, i] * result[k] for k in range(i + 1, n))
         result[i] = name(f"qdd_{i}", forward[i] * inverse[i] - back)
     return result
+
+
+def _as_read(base: Base, mode: sp.Symbol, slopes: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
+    """Return what the displacement of a mode adds to the reading of a base."""
+    return mode if base.reads_state else slopes[slopes[mode]]
 
 
 def _told(reading: sp.Expr, accelerations: Sequence[sp.Expr], program: Assignments) -> sp.Expr:
@@ -272,7 +290,11 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         bent = sp.Add(*[j * a for j, a in zip(turning.jacobian, accelerations, strict=True)]) + turning.bias
         memory.update(end.states(bent))
 
+    modes = [z for e in effects if isinstance(e, Mode) for z in memory if z.name == f"{e.displacement().name}_0"]
+    memory = {z: slope.xreplace({s.push: base.push()}) for z, slope in memory.items()} if modes else memory
     reading = tuple(_told(r, accelerations, program) for r in base.reading(radius_of(effects, channels), rod))
+    if modes:
+        reading = (reading[0] + sp.Add(*[_as_read(base, z, memory) for z in modes]),)
     sensors = [e for e in effects if isinstance(e, Sensor)]
     if base.system == ARM:
         reading = tuple(s.length * r for r in reading)

@@ -27,6 +27,7 @@ __all__ = [
     "length",
     "omega",
     "omega_m",
+    "push",
     "rho",
     "root",
     "root_dot",
@@ -93,6 +94,8 @@ arc = sp.Symbol("arc", real=True)
 theta_m, omega_m, alpha_m = sp.symbols("theta_m omega_m alpha_m", real=True)
 #: Measured input of an oscillator, in its own unit.
 u = sp.Symbol("u", real=True)
+#: What the input alone does to an oscillator, g u [s^-2 q].
+push = sp.Symbol("push", real=True)
 #: Acceleration of the coordinate of an oscillator [s^-2 q], as its equation of motion gives it: for readings only.
 acceleration = sp.Symbol("acceleration", real=True)
 #: Linear stiffness per unit inertia [s^-2], declared by `linear_stiffness`; relative effects scale with it.

@@ -25,5 +25,9 @@ class Accelerometer(OneCoordinate):
         """Return the acceleration."""
         return (s.acceleration,)
 
+    def push(self):
+        """Return the same."""
+        return self.pull()
+
 
 BASE = Accelerometer()

@@ -146,6 +146,10 @@ class Base(ABC):
     def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
         """Return the mathematics."""
 
+    def push(self) -> sp.Expr | None:
+        """Return what the input alone does to the coordinate [s^-2 q]; None where no mode could be added to it."""
+        return None
+
     @abstractmethod
     def reading(self, closure: sp.Expr | None, rod: Rod = STRAIGHT) -> tuple[sp.Expr, ...]:
         """Return the true output in coordinates and theta_m: tip x, y in lengths of the arm, or the coordinate.

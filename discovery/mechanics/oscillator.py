@@ -20,5 +20,9 @@ class Oscillator(OneCoordinate):
         """Return g u."""
         return self.g * s.u
 
+    def push(self):
+        """Return the same."""
+        return self.pull()
+
 
 BASE = Oscillator()

@@ -17,7 +17,7 @@ from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.model import Model
 from discovery.parameters import natural_scale
-from discovery.program import build_program
+from discovery.program import RECORDED, build_program
 from discovery.registry import catalogue, get_effect
 from discovery.testing.equations import at_rest
 from discovery.units import dimension
@@ -111,12 +111,13 @@ class DeclarationContract:
         assert instance.title(), f"{effect} has no title"
         others = [p.name for e in catalogue().values() if e.id() != effect for p in e.parameters()]
         others += [p.name for b in base_names() for p in get_base(b).parameters()]
+        others += [symbol.name for symbol in RECORDED]
         for p in instance.parameters():
             dimension(p.unit)
             assert p.meaning, f"{p.name} of {effect} has no meaning"
             assert p.latex in text, f"the docstring of {effect} does not show {p.latex}"
             assert p.name.isidentifier(), f"{p.name} of {effect} is no word"
-            assert p.name not in others, f"another effect or base has a parameter named {p.name}"
+            assert p.name not in others, f"another effect, a base or the kernel has a name {p.name}"
 
     def test_prior(self, effect: str) -> None:
         """Starts lie inside the bounds, where the prior is finite; an amplitude is absent at zero."""
