@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from discovery.attribution import Candidate, candidates, screen
 from discovery.case import Case
 from discovery.finite import finite_starts
+from discovery.growing import growing_starts
+from discovery.least_squares import Minimum
 from discovery.likeness import likely_pairs
 from discovery.node import Node
+from discovery.problem import Problem
 from discovery.refits import Refit, finish, held_fixed, refit, refit_pairs
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
@@ -20,6 +23,7 @@ from discovery.stiff import unstiffened
 
 __all__ = ["FINISHED", "Branch", "Branches", "Child"]
 
+FarStart = tuple[str, NDArray[np.float64], Mapping[str, float]]
 #: Added effects, and the model with them.
 Child = tuple[tuple[str, ...], Refit]
 #: So many of the best quick refits are finished with everything free;
@@ -65,7 +69,7 @@ class Branches:
             scored = screen(problem.model, minimum, problem, names)
             self.case.tell(f"refitting every candidate{beside}")
             # Where much is left, some effects are of a size at which linear starts fail.
-            far = finite_starts(problem.model, minimum, problem, names) if node.rough > _FAR else []
+            far = self._far_starts(problem, minimum, names) if node.rough > _FAR else []
             quick = refit(problem.model, minimum, problem, scored, finite=far)
             quick = unstiffened(problem.model, minimum, problem, scored, quick)
             full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
@@ -73,6 +77,9 @@ class Branches:
             rest = [r for r in quick if r.effect not in done]
             self._made[key] = Branch({c.effect: c for c in scored}, (*full, *rest))
         return self._made[key]
+
+    def _far_starts(self, problem: Problem, minimum: Minimum, names: Sequence[str]) -> list[FarStart]:
+        return finite_starts(problem.model, minimum, problem, names) + growing_starts(minimum, problem, names)
 
     def made(self, added: Sequence[str]) -> Branch | None:
         """Return the branch of a set if there is one already."""

@@ -7,7 +7,7 @@ one batched simulation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,8 @@ _KEPT = 2
 
 def finite_starts(
     model: Model, minimum: Minimum, problem: Problem, names: Sequence[str]
-) -> list[tuple[str, FloatArray, float]]:
-    """Return starts of refits: effect, its free values, and the stiffness that goes with them.
+) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
+    """Return starts of refits: effect, its free values, and the stiffness `alpha` that goes with them.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def finite_starts(
 
     Returns
     -------
-    list of (str, ndarray, float)
+    list of (str, ndarray, mapping of str to float)
         At most two for each effect, the best sizes by chi-square.
     """
     if "alpha" not in problem.free:
@@ -80,5 +80,5 @@ def finite_starts(
         for i in sorted(own_points, key=lambda i: table[i].min())[:_KEPT]:
             if np.isfinite(table[i].min()):
                 vector = np.array([points[i][1][n] for n in fitted])
-                found.append((name, vector, float(alphas[int(np.argmin(table[i]))])))
+                found.append((name, vector, {"alpha": float(alphas[int(np.argmin(table[i]))])}))
     return found

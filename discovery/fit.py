@@ -13,7 +13,7 @@ from discovery.batch import fit_problems
 from discovery.covariance import covariance_of, solver_shift
 from discovery.errors import InputError
 from discovery.experiment import Experiment
-from discovery.guess import scan
+from discovery.guess import restoring, scan
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import LIGHT_ROD, Bench, NaturalUnits, Problem, known_values, natural_units
@@ -242,7 +242,7 @@ def fit(
     units = units or natural_units(experiments)
     gaussian = dict(gaussian or {})
     values = dict(start or {})
-    if "alpha" in model.free and "alpha" not in values:
+    if (stiffness := restoring(model)) is not None and stiffness not in values:
         values = scan(model, experiments, units, values)
     if bench is None:
         bench = Bench(model.base, model.effects, experiments, choose_step(model, experiments, units, values, tolerance))

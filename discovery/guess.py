@@ -10,7 +10,7 @@ from discovery.experiment import Experiment
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits, Problem
 
-__all__ = ["scan"]
+__all__ = ["restoring", "scan"]
 
 #: Stiffness over the square of the dominant frequency.
 _STIFFNESS = np.concatenate(
@@ -19,6 +19,11 @@ _STIFFNESS = np.concatenate(
 _DAMPING = (0.003, 0.03)
 #: Samples of each recording that the regression uses.
 _REGRESSED = 8192
+
+
+def restoring(model: Model) -> str | None:
+    """Return the free parameter that sets the frequency: the stiffness of a spring or of gravity; None without one."""
+    return next((name for name in ("alpha", "g_c") if name in model.free), None)
 
 
 def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[str, float]:
@@ -31,7 +36,9 @@ def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[
         assert r.input is not None
         part = slice(0, min(_REGRESSED, len(r.time[e.fitted])))
         trajectory = smooth(r.time[part], r.output[part, 0], float(r.noise[0]))
-        rows.append(np.column_stack([r.input[part], -trajectory.q_dot, -trajectory.q]))
+        # An acceleration obeys the same equation under the second derivative of the input.
+        push = e.drive.evaluate(r.time[part])[2] if e.reads_acceleration and e.drive is not None else r.input[part]
+        rows.append(np.column_stack([push, -trajectory.q_dot, -trajectory.q]))
         targets.append(trajectory.q_ddot)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
     size = np.linalg.norm(matrix, axis=0)
@@ -52,7 +59,7 @@ def scan(
     Parameters
     ----------
     model : Model
-        With a free `alpha`.
+        With a free stiffness, see `restoring`.
     experiments : sequence of Experiment
         Recordings.
     units : NaturalUnits
@@ -61,12 +68,15 @@ def scan(
         Values that are not guessed.
     """
     values = dict(given)
+    name = restoring(model)
+    assert name is not None
     centre = units.time**-2
     damping = [d / units.time for d in _DAMPING]
     if "g" in model.free:
         regressed = _regression(experiments, units)
         values = {**regressed, **values}
         centre = regressed["alpha"]
+        values = values if name == "alpha" else {n: v for n, v in values.items() if n != "alpha"}
         damping.append(regressed["xi"])
     coarse = min(0.1 * units.time, 0.5 / (centre**0.5 * model.mechanics.highest_frequency({**model.known, **values})))
     if "g" in model.free:
@@ -75,7 +85,13 @@ def scan(
     start = problem.start(values)
     alphas = centre * _STIFFNESS
     grid = np.repeat(start[:, None], alphas.size * len(damping), axis=1)
-    grid[problem.free.index("alpha")] = np.tile(alphas, len(damping))
+    stiffness = np.tile(alphas, len(damping))
+    if name == "g_c":
+        # A link swings about the direction in which it hangs.
+        hanging = float(np.mean([np.nanmean(e.deflection[e.fitted]) for e in experiments]))
+        grid[problem.free.index("g_s")] = stiffness * np.sin(hanging)
+        stiffness *= np.cos(hanging)
+    grid[problem.free.index(name)] = stiffness
     if "xi" in problem.free:
         grid[problem.free.index("xi")] = np.repeat(damping, alphas.size)
     cost = np.empty(grid.shape[1])

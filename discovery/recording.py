@@ -155,7 +155,8 @@ def read_recording(
     if require_output and not channels:
         wanted = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m" if arm else rig.columns.output.name
         raise InputError(f"{table.path} has no output column: add {wanted}.{suggestion(wanted, table.columns)}")
-    table = table.take(list(dict.fromkeys(names.values())), picked_rows(table, names, samples, where))
+    rows = picked_rows(table, names, samples, where)[:: rig.columns.every]
+    table = table.take(list(dict.fromkeys(names.values())), rows)
     values = {stem: _in_si(table.numbers(column), rig, stem, units[stem]) for stem, column in names.items()}
     source = str(table.path) + _part(samples, where)
     time = values["time"] if "time" in values else _counted(rig, len(next(iter(table.columns.values()))))
@@ -213,7 +214,7 @@ def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
 def _counted(rig: Rig, size: int) -> FloatArray:
     rate = rig.columns.time.rate
     assert rate is not None  # read_rig demands a rate or a column
-    return np.arange(size) / rate
+    return np.arange(size) * rig.columns.every / rate
 
 
 def _part(samples: tuple[int, int] | None, where: Sequence[tuple[str, str | float]]) -> str:

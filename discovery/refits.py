@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +17,8 @@ from discovery.problem import Problem
 __all__ = ["Refit", "finish", "held_fixed", "refit", "refit_pairs", "relaxed"]
 
 FloatArray = NDArray[np.float64]
-#: Effects, their free values, sensitivities (zeros: unknown), and the stiffness unless it is compensated.
-_Start = tuple[tuple[str, ...], FloatArray, FloatArray, float | None]
+#: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
+_Start = tuple[tuple[str, ...], FloatArray, FloatArray, Mapping[str, float] | None]
 #: So many of the best quick refits are finished with a differenced Jacobian.
 _FINISHED = 6
 #: All refits take so many steps, then only the best ones go on.
@@ -79,7 +79,7 @@ def refit(
     problem: Problem,
     shortlist: Sequence[Candidate],
     *,
-    finite: Sequence[tuple[str, FloatArray, float]] = (),
+    finite: Sequence[tuple[str, FloatArray, Mapping[str, float]]] = (),
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
@@ -89,8 +89,8 @@ def refit(
         The fit so far.
     shortlist : sequence of Candidate
         From `discovery.attribution.screen`.
-    finite : sequence of (str, ndarray, float)
-        More starts, see `discovery.finite.finite_starts`.
+    finite : sequence of (str, ndarray, mapping)
+        More starts, see `discovery.finite.finite_starts` and `discovery.growing.growing_starts`.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def refit(
     """
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), vector, columns, None) for c in shortlist for vector, columns in c.starts]
-    starts += [((name,), vector, np.zeros((rows, vector.size)), alpha) for name, vector, alpha in finite]
+    starts += [((name,), vector, np.zeros((rows, vector.size)), others) for name, vector, others in finite]
     return _raced(model, minimum, problem, starts)
 
 
@@ -133,7 +133,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     problems: list[Problem] = []
     requests = []
     labels = [effects for effects, *_ in starts]
-    for effects, vector, columns, alpha in starts:
+    for effects, vector, columns, others in starts:
         extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         where = [extended.free.index(n) for n in problem.free]
         added = [i for i in range(len(extended.free)) if i not in where]
@@ -146,14 +146,15 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
         jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
         jacobian[:, first:] = minimum.jacobian[:, was:]
         jacobian[: len(columns), added] = columns
-        if alpha is None:
+        if others is None:
             # The fitted parameters move with the effect: first-order compensation.
             push = minimum.residual + jacobian[:, added] @ x[added]
             old = [*where, *range(first, x.size)]
             step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
             x[old] = np.clip(x[old] + step, lower[old], upper[old])
         else:
-            x[extended.free.index("alpha")] = alpha
+            for i, name in enumerate(extended.names):
+                x[i] = np.clip(others.get(name, x[i]), lower[i], upper[i])
         problems.append(extended)
         requests.append(
             levenberg_marquardt(

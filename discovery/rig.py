@@ -79,12 +79,16 @@ class OutputColumn:
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of a recording; ``header`` names those of a text file that has no line of names."""
+    """The columns of a recording; ``header`` names those of a text file that has no line of names.
+
+    Of the rows, one in ``every`` is used: a signal that changes little from row to row tells no more with all of them.
+    """
 
     time: TimeColumn
     input: InputColumn | None
     output: OutputColumn
     header: tuple[str, ...] | None = None
+    every: int = 1
 
 
 @dataclass(frozen=True)

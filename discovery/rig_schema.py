@@ -91,6 +91,7 @@ class ColumnsTable(_Table):
     time: _Time
     input: _Input | None = None
     output: _Output
+    every: Annotated[int, Field(ge=1)] = 1
 
 
 class ControllerTable(_Table):

@@ -101,6 +101,7 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
         input=InputColumn(**given) if given else None,
         output=OutputColumn(**columns.output.model_dump() | {"noise": None if noise is None else noise * scale}),
         header=None if columns.header is None else tuple(columns.header),
+        every=columns.every,
     )
 
 

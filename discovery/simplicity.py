@@ -7,11 +7,11 @@ from discovery.registry import catalogue
 __all__ = ["simplicity"]
 
 
-def simplicity(effect: str, system: str) -> tuple[bool, int, bool, str]:
+def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
     """Return a key that sorts effects, the physically simplest first.
 
-    What imitates others comes last; then no free parameter before one, one before several, and a force before a fault
-    of an instrument: of the camera, or of the encoder.
+    What imitates others comes last; then no free parameter before one, one before several, a force before a fault of an
+    instrument (of the camera, or of the encoder), and a spring or friction before a load that could feed the motion.
 
     Parameters
     ----------
@@ -21,4 +21,4 @@ def simplicity(effect: str, system: str) -> tuple[bool, int, bool, str]:
         Kind of system, `discovery.effect.ARM` or `discovery.effect.OSCILLATOR`.
     """
     declared = catalogue()[effect]
-    return declared.pliable, len(declared.fitted(system)), declared.kind in ("sensor", "drive"), effect
+    return declared.pliable, len(declared.fitted(system)), declared.kind in ("sensor", "drive"), declared.kind == "load", effect

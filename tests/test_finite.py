@@ -37,9 +37,9 @@ def test_only_what_moves_the_frequency_is_scanned() -> None:
     far = finite_starts(found.model, found.minimum, found.problem, names)
     assert {name for name, _, _ in far} == {"cubic_stiffness"}
     # Of a clean recording the smallest size is the best, with the stiffness all but as fitted.
-    _, vector, alpha = far[0]
+    _, vector, others = far[0]
     assert abs(vector[0]) <= 0.2 / UNITS.time**2 / UNITS.coordinate**2
-    assert alpha == pytest.approx(found.values["alpha"], rel=0.05)
+    assert others["alpha"] == pytest.approx(found.values["alpha"], rel=0.05)
 
 
 def test_without_a_fitted_stiffness_there_is_nothing_to_scan() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from discovery.errors import InputError
 from discovery.kinds import KINDS
+from discovery.recording import read_recording
 from discovery.rig import Controller, ForceView, Quantity
 from discovery.rig_file import read_rig
 from discovery.rig_schema import RigTable
@@ -142,3 +144,18 @@ def test_refusals(read, text, message):
     with pytest.raises(InputError, match=message) as error:
         read(text)
     assert "\n" not in str(error.value)
+
+
+def test_one_row_in_so_many_is_used(tmp_path):
+    """With every = 5 a recording is what its file would be with every fifth row, times included."""
+    time = np.arange(600) / 100
+    rows = "\n".join(f"{t:.2f},{v:.6f}" for t, v in zip(time, np.cos(time), strict=True))
+    (tmp_path / "a.csv").write_text(f"t,y\n{rows}\n")
+    text = (
+        'name = "n"\nkind = "oscillator"\n[columns]\nevery = 5\ntime = { TIME }\noutput = { name = "y", unit = "m" }\n'
+    )
+    for when in ('name = "t", unit = "s"', "rate_hz = 100.0"):
+        (tmp_path / "rig.toml").write_text(text.replace("TIME", when))
+        found = read_recording(tmp_path / "a.csv", read_rig(tmp_path / "rig.toml"))
+        np.testing.assert_allclose(found.time, time[::5], atol=1e-12)
+        np.testing.assert_allclose(found.output[:, 0], np.cos(time[::5]), atol=1e-6)

@@ -1,0 +1,156 @@
+"""The tutorial: its blocks are run from first to last, and what it quotes is what comes out."""
+
+from __future__ import annotations
+
+import contextlib
+import doctest
+import html
+import io
+import json
+import re
+import shlex
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from discovery.cli import main
+from discovery.kinds import KINDS
+from discovery.registry import catalogue
+
+PAGE = Path(__file__).parents[1] / "docs" / "YOUR_RECORDING.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")
+
+
+def agree(quoted: str, printed: str) -> bool:
+    """Whether texts are equal, numbers within a unit of the last digit quoted or a thousandth."""
+    if NUMBER.sub("#", quoted).split() != NUMBER.sub("#", printed).split():
+        return False
+    for want, got in zip(NUMBER.findall(quoted), NUMBER.findall(printed), strict=True):
+        unit = 0.0 if want.lstrip("-").isdigit() else 10.0 ** -len(want.partition(".")[2])
+        if abs(float(want) - float(got)) > max(1.01 * unit, 1e-3 * abs(float(want)) if unit else 0.0):
+            return False
+    return True
+
+
+class Checker(doctest.OutputChecker):
+    def check_output(self, want: str, got: str, optionflags: int) -> bool:
+        return agree(want, got)
+
+
+def run(command: str) -> str:
+    """Run a line of a console and return what it says: the result, or the error where that is all."""
+    program, *arguments = shlex.split(command)
+    if program != "discovery":
+        return subprocess.run(command, shell=True, check=True, capture_output=True, text=True).stdout
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(arguments)
+        except SystemExit as leaving:
+            status = int(leaving.code or 0)
+    assert status in (0, 2), err.getvalue()
+    return err.getvalue() if status else out.getvalue()
+
+
+def steps(block: str) -> Iterator[tuple[str, str]]:
+    """Yield the commands of a console block with what is quoted after them."""
+    for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+        command, _, quoted = part.partition("\n")
+        yield command, quoted
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder in which the whole page was worked through."""
+    place = tmp_path_factory.mktemp("tutorial")
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+    assert {language for language, _ in blocks} == {"python", "toml", "console"}
+    session: dict[str, object] = {}
+    with contextlib.chdir(place):
+        for language, block in blocks:
+            name = re.match(r"# (\S+)\n", block)
+            if name:
+                Path(name[1]).write_text(block, encoding="utf-8")
+            if language == "console":
+                for command, quoted in steps(block):
+                    printed = run(command)
+                    assert agree(quoted, printed), f"$ {command}\n{printed}"
+            elif language == "python" and name:
+                exec(block, {})
+            elif language == "python":
+                test = doctest.DocTestParser().get_doctest(block, session, PAGE.name, None, 0)
+                shown = io.StringIO()
+                runner = doctest.DocTestRunner(Checker(), verbose=False)
+                assert not runner.run(test, out=shown.write, clear_globs=False).failed, shown.getvalue()
+                session = test.globs
+    return place
+
+
+def test_every_block_does_what_the_page_says(folder: Path) -> None:
+    for name in ("first", "report", "swing"):
+        assert (folder / name / "loop.json").exists()
+    assert not (folder / "wrong").exists()
+
+
+def test_the_rig_file_has_ten_lines(folder: Path) -> None:
+    lines = [line for line in (folder / "rig.toml").read_text().splitlines() if line and line[0] != "#"]
+    assert len(lines) <= 10
+    assert tomllib.loads("\n".join(lines))["kind"] == "pendulum"
+
+
+def test_the_report_says_what_is_quoted_and_has_the_sections(folder: Path) -> None:
+    page = (folder / "report" / "report.html").read_text(encoding="utf-8")
+    words = " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).split())
+    quoted = " ".join(re.findall(r"^> (.*)", TEXT, re.MULTILINE))
+    found = re.search(r"Explained: .*?\(noise floor .*?\)\.", words)
+    assert found
+    assert agree(quoted, found[0].replace(" ;", ";")), found[0]
+    table = TEXT.partition("| section |")[2].partition("\n\n")[0]
+    sections = [line.split("|")[1].strip() for line in table.splitlines()[2:]]
+    linked = re.findall(r'<a href="#[^"]*">([^<]*)</a>', page)
+    assert len(sections) > 5
+    assert not set(sections) - set(linked)
+
+
+def test_sparse_regression_finds_what_the_page_says(folder: Path) -> None:
+    terms = json.loads((folder / "report" / "results.json").read_text(encoding="utf-8"))["discovery"]["terms"]
+    assert {"quadratic_drag", "linear_stiffness", "cubic_stiffness"} <= {term["effect"] for term in terms}
+
+
+def test_the_table_of_kinds_is_that_of_the_package() -> None:
+    rows = [[cell.strip() for cell in line.split("|")[1:5]] for line in TEXT.splitlines() if line.startswith("| `")]
+    shown = {row[0].strip("`"): row[1:] for row in rows if row[0].strip("`") in KINDS}
+    assert list(shown) == list(KINDS)
+    for name, kind in KINDS.items():
+        given = kind.input + (", or none" if kind.needs_input is None else "")
+        declared = ", ".join(f"`{effect}`" for effect in kind.declared) or "none"
+        assert shown[name] == [given, kind.output, declared]
+
+
+def test_the_verdicts_and_effects_are_known() -> None:
+    source = (PAGE.parents[1] / "docs" / "ATTRIBUTION.md").read_text(encoding="utf-8")
+    verdicts = set(re.findall(r"^\| `(\w+)`", TEXT.partition("## 6.")[2].partition("## 7.")[0], re.MULTILINE))
+    assert verdicts == {"nothing_missing", "explained", "unexplained"}
+    assert all(f"| `{verdict}` |" in source for verdict in verdicts)
+    assert {"quadratic_drag", "periodic_disturbance", "viscous_damping", "gravity_torque"} <= set(catalogue())
+
+
+@pytest.mark.parametrize(
+    ("quoted", "printed", "same"),
+    [
+        ("rms 0.0133 rad", "rms 0.0133 rad", True),
+        ("rms 0.0133 rad", "rms 0.0134 rad", True),
+        ("rms 0.0133 rad", "rms 0.0135 rad", False),
+        ("c_2 = 0.0430922", "c_2 = 0.0431001", True),
+        ("c_2 = 0.0430922", "c_2 = 0.0432", False),
+        ("30 samples", "31 samples", False),
+        ("rms 0.0133 rad", "rms 0.0133 mrad", False),
+        ("added: drag", "added: drag; as well explained by tilt", False),
+    ],
+)
+def test_numbers_may_differ_in_their_last_digit_alone(quoted: str, printed: str, same: bool) -> None:
+    assert agree(quoted, printed) is same
