@@ -166,8 +166,8 @@ def check_contradictions(
     Parameters
     ----------
     fit : Fit
-        The final fit of an arm; of any other system nothing is predicted. Its bench should hold the candidates, or
-        another kernel is compiled.
+        The final fit of an arm, or of a pendulum whose length the rig states; of any other system nothing is predicted.
+        Its bench should hold the candidates, or another kernel is compiled.
     rng : numpy.random.Generator
         Source of the draws of the rig's quantities.
     candidates : sequence of str, optional
@@ -183,15 +183,16 @@ def check_contradictions(
     """
     experiments = fit.problem.bench.experiments
     if not experiments[0].is_arm:
-        return ContradictionReport((), ())
+        checks = _against_length(fit)
+        return ContradictionReport(checks, tuple(Contradiction(c, ()) for c in checks if c.contradicts))
     found: list[tuple[Check, Fit]] = [*_against_rig(fit), *_against_mechanics(fit, rng)]
-    checks = _adjusted([c for c, _ in found])
+    adjusted = _adjusted([c for c, _ in found])
     if candidates is None:
         # What the exact arm contains is in the prediction already.
         provided = get_base("elastica").provides
         candidates = [e for e in possible(fit.model, experiments[0].coordinate_unit) if e not in provided]
     contradictions = []
-    for check, (_, freed) in zip(checks, found, strict=True):
+    for check, (_, freed) in zip(adjusted, found, strict=True):
         if check.contradicts:
             name, scale = check.parameter, 1.0
             if name == "beta/alpha":
@@ -199,7 +200,7 @@ def check_contradictions(
             target = (scale * check.predicted, abs(scale) * check.predicted_sd)
             tried = reconcile(freed, name, target, candidates, z=check.z, least_gain=least_gain, progress=progress)
             contradictions.append(Contradiction(check, tried))
-    return ContradictionReport(tuple(checks), tuple(contradictions))
+    return ContradictionReport(tuple(adjusted), tuple(contradictions))
 
 
 def _check(parameter: str, unit: str, value: tuple[float, float], predicted: tuple[float, float], source: str) -> Check:
@@ -215,6 +216,22 @@ def _adjusted(checks: Sequence[Check]) -> list[Check]:
         largest = min(1.0, max(largest, (len(checks) - rank) * checks[i].p))
         adjusted[i] = replace(checks[i], p=largest)
     return adjusted
+
+
+def _against_length(fit: Fit) -> tuple[Check, ...]:
+    """Test how strongly gravity pulls on a simple pendulum, k_g = sqrt(g_c^2 + g_s^2), against g / L of the rig."""
+    rig = fit.problem.bench.experiments[0].rig
+    names = ("g_c", "g_s")
+    if rig.length is None or rig.gravity is None or not set(names) <= set(fit.problem.free):
+        return ()
+    at = [fit.problem.names.index(n) for n in names]
+    torque = fit.minimum.x[at]
+    size = float(np.linalg.norm(torque))
+    covariance = np.nan_to_num(fit.covariance[np.ix_(at, at)])
+    sd = math.sqrt(float(torque @ covariance @ torque)) / size
+    predicted = rig.gravity.value / rig.length.value
+    spread = predicted * math.hypot(rig.gravity.sd / rig.gravity.value, rig.length.sd / rig.length.value)
+    return (_check("k_g", "s^-2", (size, sd), (predicted, spread), "g / L of the rig"),)
 
 
 def _against_rig(fit: Fit) -> list[tuple[Check, Fit]]:

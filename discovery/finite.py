@@ -73,7 +73,7 @@ def finite_starts(
         with np.errstate(over="ignore", invalid="ignore"):
             cost[part] = np.einsum("nk,nk->k", residuals, residuals)
     table = np.where(np.isfinite(cost), cost, np.inf).reshape(len(points), alphas.size)
-    found = []
+    found: list[tuple[str, FloatArray, Mapping[str, float]]] = []
     for name in dict.fromkeys(n for n, _ in points):
         own_points = [i for i, (n, _) in enumerate(points) if n == name]
         fitted = [p.name for p in catalogue()[name].fitted(system)]

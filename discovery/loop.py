@@ -173,7 +173,7 @@ def close_loop(
     verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time
     only_train = case.judge.continued
-    follow_up = settings.follow_up and train[0].is_arm
+    arm = train[0].is_arm
     return LoopResult(
         verdict=verdict,
         declared=declared.effects,
@@ -197,8 +197,8 @@ def close_loop(
             "after": after_train if only_train else [*after_train, *after_held],
         },
         test=test,
-        contradiction=_contradiction(after, case) if follow_up and noise else None,
-        separations=_separations(search, after, case) if follow_up else (),
+        contradiction=_contradiction(after, case) if settings.follow_up and (noise or not arm) else None,
+        separations=_separations(search, after, case) if settings.follow_up and arm else (),
     )
 
 

@@ -14,12 +14,14 @@ from discovery_datasets.disturbances import PositionScale
 from discovery_datasets.manoeuvres import trapezoid
 from discovery_datasets.quick_effects import BaseCompliance, MaterialNonlinearity
 from discovery_datasets.twin import PAPER_RIG, ArmRig
+from pendulum import swing
 from synthetic_run import write_arm_run
 from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
 
 from discovery.contradiction import Check, Contradiction, ContradictionReport, _adjusted, check_contradictions
+from discovery.dataset import load_dataset
 from discovery.exact_counterpart import exact_counterpart
-from discovery.fit import Fit, fit, rig_uncertainty
+from discovery.fit import Fit, declared_model, fit, rig_uncertainty
 from discovery.model import Model
 from discovery.problem import Bench, known_values, natural_units
 from discovery.reconciliation import Reconciliation
@@ -243,3 +245,18 @@ def test_the_report_shows_what_was_tested(tmp_path: Path) -> None:
     table = pd.read_csv(tmp_path / "tables" / "contradictions.csv").set_index("parameter")
     assert table.loc["alpha", "reconciled_by"] == "base_compliance"
     assert table.loc["alpha", "z"] == report.contradictions[0].check.z
+
+
+@pytest.mark.parametrize(("metres", "contradicts"), [(9.80665 / 30, False), (9.80665 / 30 * 1.02, True)])
+def test_the_pull_on_a_pendulum_is_compared_with_its_length(tmp_path: Path, metres: float, contradicts: bool) -> None:
+    length = f"length_m = {{ value = {metres:.6f}, sd = 0.001 }}"
+    rig, recording, _ = swing(tmp_path, lambda v: 0.05 * v, release=0.8, duration=20.0, length=length)
+    data = load_dataset(rig, [recording], keep_third=False)
+    report = check(fit(declared_model(data.train[0]), data.train))
+    (found,) = report.checks
+    assert found.parameter == "k_g"
+    assert found.value == pytest.approx(30.0, rel=1e-3)
+    assert found.predicted == pytest.approx(9.80665 / metres, rel=1e-5)
+    assert found.contradicts is contradicts
+    assert len(report.contradictions) == contradicts
+    assert all("no effect of the catalogue reconciles" in c.sentence for c in report.contradictions)
