@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.experiment import Experiment
 from discovery.least_squares import Minimum
 from discovery.problem import Bench, Problem
 
@@ -63,7 +64,7 @@ def covariance_of(
             for n in direction:
                 reasons[n] = "not identifiable from these recordings"
         inverse = (rows[~weak].T / singular[~weak] ** 2) @ rows[~weak]
-        honest = inverse @ _score_covariance(scaled, minimum.residual, problem.bench) @ inverse
+        honest = inverse @ _score_covariance(scaled, minimum.residual, problem) @ inverse
         covariance[np.ix_(use, use)] = honest / np.outer(size[use], size[use])
         for n in reasons:
             k = names.index(n)
@@ -71,15 +72,32 @@ def covariance_of(
     return covariance, reasons, tuple(directions)
 
 
-def _score_covariance(jacobian: FloatArray, residual: FloatArray, bench: Bench) -> FloatArray:
-    """Return the covariance of J^T r for noise with the smoothed spectrum of the residual, never below white noise.
+def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int) -> FloatArray:
+    """Return the power of the base's own error, over that of white noise, at the lines of a spectrum.
 
-    With the inverse of J^T J on both sides it is the sandwich of Huber and White for correlated residuals, in the
-    frequency domain (Hannan, Multiple Time Series, 1970, chapter VII).
+    A base is no beam: what it idealises moves with the arm, so it is taken as correlated over the natural time (Kennedy
+    and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425, with the size known from a finer model).
     """
+    base, units, recording = problem.model.mechanics, problem.units, experiment.recording
+    if base.accuracy == 0.0:
+        return np.zeros(lines)
+    error = base.accuracy * (1.0 if recording.units[channel] == "rad" else units.length)
+    gap = float(np.median(np.diff(recording.time)))
+    frequency = np.pi / gap * np.linspace(0.0, 1.0, lines)
+    share = (error / float(recording.noise[channel])) ** 2
+    return share * 2 * units.time / gap / (1 + (frequency * units.time) ** 2)
+
+
+def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Problem) -> FloatArray:
+    """Return the covariance of J^T r for noise with the smoothed spectrum of the residual.
+
+    Never below white noise and what the base idealises. With the inverse of J^T J on both sides it is the sandwich of
+    Huber and White for correlated residuals, in the frequency domain (Hannan, Multiple Time Series, 1970, chapter VII).
+    """
+    bench = problem.bench
     # What the rig states is independent of the recordings.
     total = jacobian[bench.n_rows :].T @ jacobian[bench.n_rows :]
-    for rows, present in bench.blocks():
+    for experiment, (rows, present) in zip(bench.experiments, bench.blocks(), strict=True):
         n = len(present)
         left, slopes = residual[rows].reshape(present.shape), jacobian[rows].reshape(*present.shape, -1)
         for c, count in enumerate(present.sum(axis=0)):
@@ -92,7 +110,8 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, bench: Bench) 
             twice[0] = 1.0
             if n % 2 == 0:
                 twice[-1] = 1.0
-            weight = twice * np.maximum(smooth, 1.0) / n
+            least = 1.0 + _idealised(problem, experiment, c, power.size)
+            weight = twice * np.maximum(smooth, least) / n
             total += np.real(spectrum.conj().T @ (spectrum * weight[:, None]))
     return total
 

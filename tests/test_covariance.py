@@ -17,17 +17,27 @@ SLOPES = np.column_stack(
 )
 
 
-def problem() -> SimpleNamespace:
-    bench = SimpleNamespace(blocks=lambda: [(slice(0, N), np.ones((N, 1), bool))], n_rows=N, n_data=N)
-    return SimpleNamespace(names=("a", "b", "c"), bench=bench, gaussian={"b": (0.0, 1.0)})
+def problem(accuracy: float = 0.0) -> SimpleNamespace:
+    """Return a problem whose base is wrong by `accuracy` lengths of 1 m, with a noise of 1 m."""
+    recording = SimpleNamespace(time=TIME, noise=np.ones(1), units=("m",))
+    experiments = [SimpleNamespace(recording=recording)]
+    blocks = [(slice(0, N), np.ones((N, 1), bool))]
+    bench = SimpleNamespace(experiments=experiments, blocks=lambda: blocks, n_rows=N, n_data=N)
+    return SimpleNamespace(
+        names=("a", "b", "c"),
+        bench=bench,
+        gaussian={"b": (0.0, 1.0)},
+        model=SimpleNamespace(mechanics=SimpleNamespace(accuracy=accuracy)),
+        units=SimpleNamespace(length=1.0, time=3.0),
+    )
 
 
-def fitted(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def fitted(noise: np.ndarray, accuracy: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return estimates of three zeros by least squares, and their standard deviations."""
     estimate, *_ = np.linalg.lstsq(SLOPES, noise, rcond=None)
     residual = SLOPES @ estimate - noise
     minimum = Minimum(estimate, 0.5 * float(residual @ residual), residual, SLOPES, np.zeros(3, bool), True, 1)
-    covariance, reasons, _ = covariance_of(problem(), minimum)
+    covariance, reasons, _ = covariance_of(problem(accuracy), minimum)
     assert not reasons
     return estimate, np.sqrt(np.diag(covariance))
 
@@ -42,6 +52,22 @@ def test_intervals_hold_for_correlated_noise(memory: float) -> None:
         runs.append(np.abs(estimate) < 1.645 * sd)
     # 400 runs: a share of 0.9 is known to 0.015; the spectrum's own scatter costs a little.
     assert np.mean(runs, axis=0) == pytest.approx([0.9] * 3, abs=0.06)
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_what_a_base_idealises_widens_intervals_where_noise_hides_it(stated: bool) -> None:
+    """An error of the base, 0.2 noise sds and smooth, is not seen in the residual but moves the estimates."""
+    rng, memory = np.random.default_rng(5), np.exp(-TIME[1] / 3)
+    runs = []
+    for _ in range(400):
+        smooth = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], rng.standard_normal(N + 400))[400:]
+        estimate, sd = fitted(rng.standard_normal(N) + 0.2 * smooth, 0.2 if stated else 0.0)
+        runs.append(np.abs(estimate) < 1.645 * sd)
+    share = np.mean(runs, axis=0)
+    if stated:
+        assert share == pytest.approx([0.9] * 3, abs=0.06)
+    else:
+        assert share[2] < 0.8
 
 
 def test_white_residuals_below_the_stated_noise_do_not_narrow_the_interval() -> None:

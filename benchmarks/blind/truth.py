@@ -51,7 +51,10 @@ def catalogue_values(effect: str, p: Mapping[str, Any], rig: Mapping[str, float]
         case "base_compliance":
             return {"c_b": rigidity / (p["stiffness"] * length)}
         case "base_hysteresis":
-            return {"c_c": rigidity / (p["stiffness"] * length)}
+            sticking = 1 + p["moment"] / (p["stiffness"] * p["angle"])
+            stuck = rigidity / (p["stiffness"] * length * sticking)
+            slips = p["stiffness"] * p["angle"] * sticking * length / (3 * rigidity)
+            return {"c_c": stuck, "e_c": (sticking - 1) * stuck, "w_c": slips}
         case "base_backlash":
             return {"w_p": p["half_width"]}
         case "encoder_ripple":

@@ -128,6 +128,8 @@ class Base(ABC):
     n_coordinates: ClassVar[int]
     #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.
     provides: ClassVar[frozenset[str]] = frozenset()
+    #: Typical distance of its tip from that of the structure which it idealises, rms for each axis, in lengths.
+    accuracy: ClassVar[float] = 0.0
     #: Whether the input is a motion, theta_m with its two derivatives, rather than a force u.
     input_moves: ClassVar[bool] = False
     #: Whether the coordinate moves as recorded: nothing is integrated, and there is no initial state.
