@@ -13,9 +13,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from discovery.attribution import candidates
 from discovery.effect import ARM, Effect
 from discovery.io import atomic_write
 from discovery.mechanics import base_names, get_base
+from discovery.model import Model
 from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
 from discovery.registry import catalogue
 
@@ -28,6 +30,7 @@ _KINDS = {
     "load": "Loads",
     "closure": "Closures",
     "memory": "Memory",
+    "mode": "Modes",
     "shape": "Shape of the rod",
     "joint": "Joint at the root of the rod",
     "drive": "Drive",
@@ -87,7 +90,7 @@ def _where(effect_id: str, effect: Effect) -> str:
     """Return on what an effect acts, with its bases where that is not all of them."""
     systems = "arms" if effect.systems == {ARM} else "arms and oscillators" if ARM in effect.systems else "oscillators"
     bases = [b for b in base_names() if get_base(b).system in effect.systems]
-    open_to = [f"`{b}`" for b in bases if effect_id not in get_base(b).provides]
+    open_to = [f"`{b}`" for b in bases if effect_id in candidates(Model(b, ()))]
     return systems if len(open_to) == len(bases) else f"{systems} (bases: {', '.join(open_to)})"
 
 

@@ -32,7 +32,7 @@ _FOLLOWED = 10
 def growing_starts(
     minimum: Minimum, problem: Problem, names: Sequence[str]
 ) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
-    """Return starts of refits for systems other than an arm: effect, its free values, and all others with them.
+    """Return starts of refits for free decays of systems other than an arm: effect, its values, all others with them.
 
     Parameters
     ----------
@@ -49,7 +49,9 @@ def growing_starts(
     model, bench, units = problem.model, problem.bench, problem.units
     longest = max(e.recording.time[e.fitted][-1] - e.recording.time[0] for e in bench.experiments)
     share = _SWINGS * 2 * np.pi * units.time / longest
-    if model.mechanics.system != OSCILLATOR or model.mechanics.prescribed or share > 0.5:
+    # An input holds the phase: only a free decay runs away.
+    free = model.mechanics.system == OSCILLATOR and all(e.drive is None for e in bench.experiments)
+    if not free or share > 0.5:
         return []
     short = Problem(model, _beginning(bench, share), units, problem.gaussian)
     (first,) = fit_problems([short], [minimum.x], iterations=_ITERATIONS)

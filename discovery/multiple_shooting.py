@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from discovery.effect import Sensor
+from discovery.effect import Mode, Sensor
 from discovery.experiment import Experiment
 from discovery.problem import Problem
 from discovery.simulate import Simulator, check_finite
@@ -125,7 +125,7 @@ class Chain:
     def _fitted(self, problem: Problem, known: Mapping[str, float], start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the reading (n, c) of the fitted run, and the true angle, or output, with its rate (2, m + 1)."""
         bench, recording = problem.bench, self.experiment.recording
-        sensors = [p.name for e in problem.model.terms if isinstance(e, Sensor) for p in e.parameters()]
+        sensors = [p.name for e in problem.model.terms if isinstance(e, Sensor | Mode) for p in e.parameters()]
         blind = {n: v for n, v in known.items() if n not in sensors}
         at = np.unique(np.concatenate([[recording.time[0]], self.time[self.time > recording.time[0]]]))
         found = []

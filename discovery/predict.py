@@ -27,6 +27,7 @@ __all__ = ["equilibrium", "held_out", "predict"]
 
 FloatArray = NDArray[np.float64]
 _NO_REST = "The model has no rest position in its range; give --initial-state ANGLE,RATE."
+_FREE = "No force of the model depends on the position: it rests {}; give --initial-state POSITION,RATE."
 
 
 @lru_cache(maxsize=64)
@@ -58,7 +59,7 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     Raises
     ------
     ComputationError
-        If there is no rest position within the range of the model.
+        If there is no rest position within the range of the model, or no restoring force at all.
     """
     program, derivative, output = _statics(model.base, model.effects)
     moving = {
@@ -90,6 +91,8 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
     grid = np.concatenate([-reach[:0:-1], reach])
     force = np.array([push(d) for d in grid])
     crossing = np.flatnonzero((force[:-1] >= 0) & (force[1:] < 0))
+    if n == 1 and np.ptp(force) <= 1e-12 * np.abs(force).max():
+        raise ComputationError(_FREE.format("nowhere" if force.any() else "anywhere"))
     if crossing.size == 0:
         # A root that turns with its load has memory: the rod and its root settle together.
         straight, _ = model.mechanics.initial_coordinates(np.zeros(1), np.zeros(1), start, form)
@@ -151,7 +154,8 @@ def predict(
     experiment : Experiment
         Times and input.
     initial : tuple of float, optional
-        Deflection and rate at the first time; by default the static equilibrium at rest.
+        Deflection and rate at the first time; by default the static equilibrium at rest. Where the motion is prescribed
+        there is none.
 
     Returns
     -------
@@ -179,7 +183,9 @@ def predict(
     low, high = single.bounds
     points = np.concatenate([centre[:, None], centre[:, None] + 0.5 * spread, centre[:, None] - 0.5 * spread], axis=1)
     points = np.clip(points, low[: len(names), None], high[: len(names), None])
-    if initial is None:
+    if fit.model.mechanics.prescribed:
+        state = np.empty((0, points.shape[1]))
+    elif initial is None:
         # The rest position moves little with the parameters: its derivative is taken along with theirs.
         rest = [equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive) for p in points.T]
         state = np.array([rest, np.zeros(len(rest))])

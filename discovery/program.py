@@ -290,6 +290,10 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         bent = sp.Add(*[j * a for j, a in zip(turning.jacobian, accelerations, strict=True)]) + turning.bias
         memory.update(end.states(bent))
 
+    if any(isinstance(e, Mode) for e in effects) and base.push() is None:
+        raise InputError(
+            f"A mode of vibration needs a force or a moving base as its input, which {base_name!r} has not."
+        )
     modes = [z for e in effects if isinstance(e, Mode) for z in memory if z.name == f"{e.displacement().name}_0"]
     memory = {z: slope.xreplace({s.push: base.push()}) for z, slope in memory.items()} if modes else memory
     reading = tuple(_told(r, accelerations, program) for r in base.reading(radius_of(effects, channels), rod))

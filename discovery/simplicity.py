@@ -21,4 +21,10 @@ def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
         Kind of system, `discovery.effect.ARM` or `discovery.effect.OSCILLATOR`.
     """
     declared = catalogue()[effect]
-    return declared.pliable, len(declared.fitted(system)), declared.kind in ("sensor", "drive"), declared.kind == "load", effect
+    return (
+        declared.pliable,
+        len(declared.fitted(system)),
+        declared.kind in ("sensor", "drive"),
+        declared.kind == "load",
+        effect,
+    )

@@ -2,7 +2,7 @@
 
 What an extra force changes of a motion is slow, so one coordinate follows it: the model's own, or for the exact arm
 that of `elastica_1`, the static shape. Effects with a memory and joints at the root are left out of it: along a fitted
-run they act as they did there.
+run they act as they did there. So are further modes, which the input alone moves.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from discovery import symbols as s
 from discovery.compile import numpy_derivative
-from discovery.effect import ARM, Closure, Joint, Memory
+from discovery.effect import ARM, Closure, Joint, Memory, Mode
 from discovery.external_force import ExternalForce
 from discovery.mechanics import get_base
 from discovery.model import Model
@@ -58,16 +58,21 @@ class Law:
 def _mathematics(base: str, effects: tuple[str, ...]) -> tuple[Program, Callable[..., list], tuple[Callable, ...]]:
     """Return the program of a model under an external force, its slopes, and functions of what is seen of it.
 
-    These are reading, (true output, motor angle or input), and lateness, of (t, recorded, states, parameters).
+    These are reading, (tip, motor angle) or (coordinate, rate, input), and lateness, of (t, recorded, states,
+    parameters).
     """
     model = Model(base, (*effects, ExternalForce.id()))
     program = build_program(base, model.effects)
     closures = [e for e in model.terms if isinstance(e, Closure)]
-    law = radius_of(closures, model.mechanics.mechanics(program.rod).channels) if closures else None
+    channels = model.mechanics.mechanics(program.rod).channels
     received = dict(program.drive)
     inputs = received.get(s.theta_m, received.get(s.u, sp.Integer(0)))
     known = [s.t, *RECORDED, *program.states, *(sp.Symbol(p, real=True) for p in program.parameters)]
-    output = [*model.mechanics.reading(law, program.rod), inputs]
+    if model.mechanics.system == ARM:
+        law = radius_of(closures, channels) if closures else None
+        output = [*model.mechanics.reading(law, program.rod), inputs]
+    else:
+        output = [channels[s.delta].value, channels[s.delta_dot].value, inputs]
     functions = tuple(
         sp.lambdify(known, [sp.sympify(e).xreplace(received) for e in expressions], "numpy", cse=True)
         for expressions in (program.reading, output, [program.lateness])
@@ -105,7 +110,7 @@ class SlowModel:
     def __init__(self, model: Model, units: NaturalUnits, known: Mapping[str, float]) -> None:
         several = model.mechanics.n_coordinates > 1
         effects = tuple(e.id() for e in model.terms if not isinstance(e, Memory | Joint))
-        self.reduced = several or effects != model.effects
+        self.reduced = several or any(isinstance(e, Memory | Joint) and not isinstance(e, Mode) for e in model.terms)
         base = _SLOW if several else model.base
         self.program, self.slopes, functions = _mathematics(base, effects)
         self._reading, self._output, self._late = functions
@@ -137,8 +142,8 @@ class SlowModel:
         -------
         dict of str to ndarray, shape (k,)
             An arm: ``time`` [s], ``deflection``, ``angle`` and ``motor_angle`` [rad], ``rate`` of the angle [rad/s]
-            where `names` asks for it, true position ``x``, ``y`` [lengths]. An oscillator: ``time``, ``output``,
-            ``rate`` and ``input``.
+            where `names` asks for it, true position ``x``, ``y`` [lengths]. An oscillator: ``time``, ``output`` (the
+            coordinate), ``rate`` and ``input``.
         """
 
         def output(q: FloatArray, drive: FloatArray) -> list[FloatArray]:
@@ -147,7 +152,7 @@ class SlowModel:
 
         here = output(states[0], recorded)
         if self.base.system != ARM:
-            return {"time": time, "output": here[0], "rate": states[1], "input": here[1]}
+            return {"time": time, **dict(zip(("output", "rate", "input"), here, strict=True))}
         x, y, motor = here
         deflection = np.angle((x + 1j * y) * np.exp(-1j * motor))
         found = {

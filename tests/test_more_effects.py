@@ -197,7 +197,7 @@ def test_gravity_asks_for_an_angle() -> None:
     assert set(candidates(model, "rad")) - set(candidates(model, "V")) == {"gravity_torque"}
     assert "gravity_torque" not in candidates(Model("elastica", LINEAR))
     assert declared_model(_oscillator("rad")).effects == ("viscous_damping", "gravity_torque")
-    with pytest.raises(InputError, match=r"gravity_torque needs an angle in rad, but the output is in V"):
+    with pytest.raises(InputError, match=r"gravity_torque needs an angle in rad, but the coordinate is in V"):
         declared_model(_oscillator("V"))
 
 

@@ -17,7 +17,7 @@ from discovery.predict import equilibrium, held_out, predict
 from discovery.problem import Bench, NaturalUnits, Problem
 from discovery.program import build_program
 from discovery.recording import Recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.testing.states import every_effect
 
 UNITS = NaturalUnits(1 / 3, 1.0, 1.0)
@@ -129,6 +129,55 @@ def test_no_rest_is_said() -> None:
     values = {"xi": 0.05, "alpha": 8.8, "delta_0": 5.0}
     with pytest.raises(ComputationError, match="no rest position"):
         equilibrium(model, values, UNITS, (0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("base", "effects", "values", "drive", "message"),
+    [
+        ("oscillator", ("viscous_damping",), {"g": 1.0, "xi": 0.2}, 0.0, "rests anywhere"),
+        ("oscillator", ("coulomb_friction",), {"g": 1.0, "f_c": 0.2}, 0.5, "rests nowhere"),
+        ("base_excited", ("viscous_damping",), {"p": 1.0, "xi": 0.2}, 0.5, "rests anywhere"),
+        ("falling_body", ("quadratic_drag",), {"c_2": 0.1}, 0.0, "rests nowhere"),
+    ],
+)
+def test_without_a_restoring_force_an_initial_state_is_asked_for(
+    base: str, effects: tuple[str, ...], values: dict[str, float], drive: float, message: str
+) -> None:
+    with pytest.raises(ComputationError, match=f"{message}; give --initial-state POSITION,RATE"):
+        equilibrium(Model(base, effects), values, UNITS, (drive,))
+
+
+def test_a_servo_rests_at_its_reference_and_a_pendulum_hangs_on_its_moving_base() -> None:
+    servo = {"g": 2.0, "k_p": 3.0, "k_v": 0.5, "xi": 0.1}
+    assert equilibrium(Model("servo", ("viscous_damping",)), servo, UNITS, (0.4,)) == pytest.approx(0.4, abs=1e-10)
+    hanging = equilibrium(Model("base_excited", ("gravity_torque",)), {"g_c": 9.0, "g_s": 0.0}, UNITS, (0.4,))
+    assert hanging == pytest.approx(-0.4, abs=1e-10)
+
+
+def test_a_mode_does_not_move_the_rest_of_the_coordinate() -> None:
+    model = Model("oscillator", (*LINEAR, "second_mode"))
+    values = {"g": 2.0, "xi": 0.1, "alpha": 4.0, "g_2": 0.5, "omega_2": 9.0, "zeta_2": 0.1}
+    assert equilibrium(model, values, UNITS, (1.0,)) == pytest.approx(0.5, abs=1e-10)
+
+
+def test_a_prescribed_motion_needs_no_initial_state() -> None:
+    columns = Columns(TimeColumn(), InputColumn("q", "m", "spline"), OutputColumn("f", "N"))
+    rig = Rig("d", "drive", columns=columns, view=ForceView(20.0, 10.0))
+    polynomial = np.array([[0.02], [-0.3], [1.2], [0.1]])
+    drive = Drive(TIME[[0, -1]], polynomial, np.empty(0))
+    position, rate, change = drive.evaluate(TIME)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
+    force = 4.0 * (change + 0.3 * rate) + noise
+
+    def experiment(output: np.ndarray) -> Experiment:
+        recording = Recording("d", TIME, position, output[:, None], ("output",), ("N",), np.array([1e-3]), "", "")
+        return Experiment(recording, drive, rig)
+
+    found = fit(Model("inverse_dynamics", ("viscous_damping",)), [experiment(force)])
+    assert found.values == {"m": pytest.approx(4.0, abs=0.01), "xi": pytest.approx(0.3, abs=0.01)}
+    mean, sd = predict(found, experiment(np.zeros(TIME.size)))
+    np.testing.assert_allclose(mean[20:-20, 0], (4.0 * (change + 0.3 * rate))[20:-20], atol=2e-3)
+    assert (sd > 0).all()
 
 
 def test_a_rod_that_leans_on_its_play_rests_where_it_settles() -> None:

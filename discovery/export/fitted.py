@@ -51,7 +51,7 @@ class FittedModel:
     reasons : mapping of str to str
         Why an interval is missing.
     initial : mapping of str to (float, float)
-        Deflection [q] and rate [q/s] at the first sample, by recording.
+        Deflection [q] and rate [q/s] at the first sample, by recording; of a prescribed motion there are none.
     step : float
         Longest integration step of the fit [s].
     provenance : mapping
@@ -104,7 +104,9 @@ class FittedModel:
             fitted=fitted,
             covariance=fit.covariance,
             reasons=dict(fit.reasons),
-            initial={r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :, 0], strict=True)},
+            initial={}
+            if fit.model.mechanics.prescribed
+            else {r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :, 0], strict=True)},
             step=bench.step,
             provenance={
                 "discovery": version("discovery"),

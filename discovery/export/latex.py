@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import ARM, Effect, Joint, Memory, Sensor, Shape
+from discovery.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
 from discovery.equation import EquationTerms, motion_symbols
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import origin
@@ -67,8 +67,12 @@ def _equation(terms: EquationTerms, write: Writer, model: Model) -> list[LatexLi
         lines.append(LatexLine(titles.get(name, "inertia of the moving mass"), signed))
     last = lines[-1]
     lines[-1] = LatexLine(last.words, f"{last.latex} = {write(terms.drive)}")
-    for state, slope in terms.memory:
-        lines.append(LatexLine("memory", f"\\dot{{{write(state)}}} = {write(slope)}"))
+    modes = {f"{z}_0": e.id().replace("_", " ") for e in model.terms if isinstance(e, Mode) for z in e.states()}
+    lines += [
+        LatexLine(modes.get(state.name, "memory"), f"{write.rate(state)} = {write(slope)}")
+        for state, slope in terms.memory
+        if not (state.name in modes and slope.is_Symbol)
+    ]
     return lines
 
 
@@ -127,20 +131,24 @@ def _shape(effect: Shape, write: Writer) -> LatexLine:
 
 def _reading(model: Model, write: Writer) -> list[LatexLine]:
     """Return what the instrument reports."""
-    lines = []
-    arm = model.mechanics.system == ARM
-    if closed_form(model) is None:
+    terms = closed_form(model)
+    sensors = [e for e in model.terms if isinstance(e, Sensor)]
+    left: tuple[str, ...] = (r"x_{\mathrm{read}}", r"y_{\mathrm{read}}")
+    if terms is None:
         shown: tuple[sp.Expr, ...] = sp.symbols("tip_x tip_y", real=True)
-        for effect in model.terms:
-            if isinstance(effect, Sensor):
-                shown = effect.arm_reading(*shown)
+        for sensor in sensors:
+            shown = sensor.arm_reading(*shown)
+    elif terms.output is None:
+        motor = {s.theta_m: motion_symbols(ARM)[0] - s.delta}
+        shown = tuple(e.xreplace(motor) for e in to_sympy(model).reading)
     else:
-        found = to_sympy(model)
-        motor = {s.theta_m: motion_symbols(model.mechanics.system)[0] - s.delta}
-        shown = tuple(e.xreplace(motor) for e in found.reading)
-    left = (r"x_{\mathrm{read}}", r"y_{\mathrm{read}}") if arm else (r"q_{\mathrm{read}}",)
+        output = terms.output
+        for sensor in sensors:
+            output = sensor.oscillator_reading(output)
+        shown = (output,)
+        left = (r"q_{\mathrm{read}}" if model.mechanics.reads_state else r"y_{\mathrm{read}}",)
     lines = [LatexLine("reading", f"{a} = {write(e)}") for a, e in zip(left, shown, strict=True)]
-    lateness = sp.Add(*[e.lateness() for e in model.terms if isinstance(e, Sensor)])
+    lateness = sp.Add(*[e.lateness() for e in sensors])
     if lateness != 0:
         lines.append(
             LatexLine("time of the state that is read at t", f"t_{{\\mathrm{{read}}}} = t - {write(lateness)}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import ARM
+from discovery.effect import ARM, Mode
 from discovery.model import Model
 
 __all__ = ["LETTERED", "LatexLine", "Writer"]
@@ -23,7 +23,7 @@ _NAMES = {
     "x_g": r"\bar{x}_g", "y_g": r"\bar{y}_g", "v_x": r"\dot{\bar{x}}", "v_y": r"\dot{\bar{y}}", "rho": r"\bar{\rho}",
     "v_t": "v_t", "bend": "b", "bend_dot": r"\dot{b}", "tip_x": "x", "tip_y": "y", "w2": "{w^{2}}", "length": "l",
     "slope": r"\theta(1, t)", "slope_dot": r"\dot{\theta}(1, t)", "arc": "s",
-    "root": "b", "root_dot": r"\dot{b}", "r_0": r"\theta_{m,\mathrm{rec}}",
+    "root": "b", "root_dot": r"\dot{b}", "r_0": r"\theta_{m,\mathrm{rec}}", "u'": r"\dot{u}", "u''": r"\ddot{u}",
 }  # fmt: skip
 #: Names of symbols that have a letter of their own, the parameters apart.
 LETTERED = frozenset(_NAMES)
@@ -54,6 +54,15 @@ class Writer:
         if model.mechanics.system != ARM:
             self.names |= {"theta": "q", "omega": r"\dot{q}", "delta": "q", "delta_dot": r"\dot{q}"}
             self.names |= {"v_t": r"|\dot{q}|", "r_0": r"u_{\mathrm{rec}}"}
+        for mode in (e for e in model.terms if isinstance(e, Mode)):
+            z = mode.displacement()
+            letter, rate = sp.latex(z), mode.states()[z]
+            self.names |= {f"{z}_0": letter, f"{rate}_0": rf"\dot{{{letter}}}", f"{z}_0''": rf"\ddot{{{letter}}}"}
+
+    def rate(self, state: sp.Symbol) -> str:
+        """Return the LaTeX of the time derivative of a state."""
+        letter = self(state)
+        return letter.replace(r"\dot", r"\ddot") if letter.startswith(r"\dot") else rf"\dot{{{letter}}}"
 
     def __call__(self, expression: sp.Expr) -> str:
         """Return the LaTeX of an expression."""

@@ -10,8 +10,8 @@ import numpy as np
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import Effect, Joint, Memory
-from discovery.equation import EquationTerms, equation_of_motion, equation_terms, motion_symbols
+from discovery.effect import ARM, Effect, Joint, Memory
+from discovery.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.errors import InputError
 from discovery.export.fitted import FittedModel, given_numbers
 from discovery.mechanics.rod import rod_of
@@ -21,11 +21,22 @@ from discovery.program import RECORDED, build_program
 if TYPE_CHECKING:
     from discovery.fit import Fit
 
-__all__ = ["Assignments", "SymbolicModel", "closed_form", "equation_text", "program_of", "received", "to_sympy"]
+__all__ = [
+    "Assignments",
+    "SymbolicModel",
+    "closed_form",
+    "equation_text",
+    "program_of",
+    "received",
+    "substituted",
+    "to_sympy",
+]
 
 Assignments = tuple[tuple[sp.Symbol, sp.Expr], ...]
 #: Initial deflection [q] and rate [q/s] in `SymbolicModel.initial`.
 DEFLECTION, RATE = sp.symbols("deflection rate", real=True)
+#: An oscillator's input that is a motion, as it is written.
+_MOTION = dict(zip((s.theta_m, s.omega_m, s.alpha_m), MOVING_INPUT, strict=True))
 
 
 @dataclass(frozen=True)
@@ -37,20 +48,22 @@ class SymbolicModel:
     parameters : tuple of sympy.Symbol
         Parameters that are still symbols.
     recorded : tuple of sympy.Symbol
-        The recorded motor angle and its two derivatives, or the recorded input of an oscillator.
+        The recorded motor angle, or an oscillator's input that is a motion, and its two derivatives; else the recorded
+        input of an oscillator alone.
     states : tuple of sympy.Symbol
         Coordinates, their rates, states of memory effects; theta_t of an arm or q of an oscillator where there is a
         closed form.
     n_coordinates : int
         Number of coordinates.
     drive : tuple of (sympy.Symbol, sympy.Expr)
-        What the system receives (theta_m, theta_m', theta_m'', or u) in terms of `recorded` and t.
+        What the system receives (theta_m, theta_m', theta_m'', or u, with u' and u'' where it is a motion) in terms of
+        `recorded` and t.
     assignments : tuple of (sympy.Symbol, sympy.Expr)
         Intermediate values in order.
     slopes : tuple of sympy.Expr
         Time derivative of each state.
     reading : tuple of sympy.Expr
-        What the instrument reports: tip x, y [m], or the output.
+        What the instrument reports: tip x, y [m], or the output; it may need what the system receives.
     lateness : sympy.Expr
         Age of what it reports [s].
     initial : tuple of sympy.Expr
@@ -113,10 +126,10 @@ def program_of(model: Model) -> SymbolicModel:
     program = build_program(model.base, model.effects)
     terms = closed_form(model)
     results = (*program.slopes, *program.reading, program.lateness)
-    arm = len(program.drive) > 1
+    moves = model.mechanics.input_moves
     return SymbolicModel(
         parameters=tuple(sp.Symbol(n, real=True) for n in program.parameters),
-        recorded=RECORDED if arm else RECORDED[:1],
+        recorded=RECORDED if moves else RECORDED[:1],
         states=program.states,
         n_coordinates=program.n_coordinates,
         drive=program.drive,
@@ -130,7 +143,7 @@ def program_of(model: Model) -> SymbolicModel:
     )
 
 
-def _substituted(found: SymbolicModel, names: Mapping[sp.Symbol, sp.Expr]) -> SymbolicModel:
+def substituted(found: SymbolicModel, names: Mapping[sp.Symbol, sp.Expr]) -> SymbolicModel:
     """Return the model with symbols replaced throughout, all at once."""
 
     def told(expression: sp.Expr) -> sp.Expr:
@@ -178,13 +191,16 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     model = source if isinstance(source, Model) else source.model
     given = given_numbers(model, values)
     found = program_of(model)
-    names = {s.delta_dot: "delta'", s.omega_m: "theta_m'", s.alpha_m: "theta_m''"}
-    written = {symbol: sp.Symbol(name, real=True) for symbol, name in names.items()}
+    if model.mechanics.system == ARM:
+        names = {s.delta_dot: "delta'", s.omega_m: "theta_m'", s.alpha_m: "theta_m''"}
+        written = {symbol: sp.Symbol(name, real=True) for symbol, name in names.items()}
+    else:
+        written = dict(_MOTION)
     if found.equation is not None:
         written |= dict(zip(found.states[:2], motion_symbols(model.mechanics.system)[:2], strict=True))
-    found = _substituted(found, written)
+    found = substituted(found, written)
     numbers = {sp.Symbol(n, real=True): sp.Float(v) for n, v in given.items()}
-    return _substituted(found, numbers) if numbers else found
+    return substituted(found, numbers) if numbers else found
 
 
 #: Letters of the energies, and of the power of a load or a memory.
@@ -195,6 +211,7 @@ def received(model: Model) -> tuple[sp.Symbol, sp.Expr]:
     """Return what the root of a rod or an oscillator receives, from what is recorded; joints turn it by p."""
     rigid = tuple(effect.id() for effect in model.terms if not isinstance(effect, Joint))
     symbol, value = build_program(model.base, rigid).drive[0]
+    symbol = symbol if model.mechanics.system == ARM else s.u
     return symbol, value if len(rigid) == len(model.effects) else value + sp.Symbol("p", real=True)
 
 
@@ -216,13 +233,18 @@ def _declared(effect: Effect) -> list[str]:
 
 
 def equation_text(model: Model) -> tuple[str, ...]:
-    """Return the equations of motion as plain text, one a line; of a rod, Lagrange's with each effect's energy."""
+    """Return the equations of motion as plain text, one a line; of a rod, Lagrange's with each effect's energy.
+
+    Where an oscillator's output is not the coordinate, the last line says what it is.
+    """
     symbol, from_recorded = received(model)
     drive = () if from_recorded in RECORDED else (f"{symbol} = {from_recorded}, r_0 being what is recorded",)
     terms = closed_form(model)
     if terms is not None:
         equation = equation_of_motion(model)
-        return (f"{equation.lhs} = {equation.rhs}", *(f"{z}' = {e}" for z, e in terms.memory), *drive)
+        plain = terms.output in (None, motion_symbols(model.mechanics.system)[0])
+        read = () if plain else (f"output = {terms.output}",)
+        return (f"{equation.lhs} = {equation.rhs}", *(f"{z}' = {e}" for z, e in terms.memory), *drive, *read)
     rod = rod_of(model.terms)
     rest = "" if rod.rest == 0 else f" + {rod.rest.subs(s.arc, sp.Symbol('s'))}"
     shapes = "phi_k(s)" if rod.root == 0 else f"(phi_k(s) + {rod.root} phi_k'(0))"

@@ -26,9 +26,8 @@ class BaseExcited(OneCoordinate):
 
     @property
     def fixed_frame(self):
-        """Position and rate against the ground."""
-        q, rate = self.position
-        return s.theta_m + q, s.omega_m + rate
+        """Position against the ground."""
+        return s.theta_m + self.position[0]
 
     def pull(self):
         """Return -p u''."""

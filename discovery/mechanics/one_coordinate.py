@@ -29,9 +29,9 @@ class OneCoordinate(Base):
         return _Q, _QD
 
     @property
-    def fixed_frame(self) -> tuple[sp.Expr, sp.Expr]:
-        """Position and rate against the ground."""
-        return self.position
+    def fixed_frame(self) -> sp.Expr:
+        """Position against the ground."""
+        return self.position[0]
 
     @abstractmethod
     def pull(self) -> sp.Expr:
@@ -55,13 +55,13 @@ class OneCoordinate(Base):
             slope=_Q,
         )
         seen = dict(zip((_Q, _QD), self.position, strict=True))
-        ground = dict(zip((_Q, _QD), self.fixed_frame, strict=True))
+        ground = {_Q: self.fixed_frame}
 
         def moved(channel: Channel, frame: dict[sp.Symbol, sp.Expr]) -> Channel:
             value, *jacobian = (sp.sympify(e).xreplace(frame) for e in (channel.value, *channel.jacobian))
             return Channel(value, tuple(jacobian), channel.bias)
 
-        absolute = (s.theta, s.omega, s.slope, s.slope_dot)
+        absolute = (s.theta, s.slope)
         channels = {c: moved(channel, ground if c in absolute else seen) for c, channel in bare.channels.items()}
         value, rate, jacobian = bare.bending[0]
         bending = (value.xreplace(seen), rate.xreplace(seen), jacobian)

@@ -12,9 +12,19 @@ if TYPE_CHECKING:
 
     from discovery.effect import Effect
 
-__all__ = ["LETTERS", "along_the_rod", "coordinate_name", "effect_formula", "equal", "laws", "signed", "together"]
+__all__ = [
+    "LETTERS",
+    "along_the_rod",
+    "coordinate_name",
+    "effect_formula",
+    "equal",
+    "laws",
+    "mode_formula",
+    "signed",
+    "together",
+]
 
-#: Letters of the energies, and of the power of a load or a memory.
+#: Letters of the energies, and of the power of a load or a memory; a mode has none.
 LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
 _NEXT = '<mo>,</mo><mspace width="1em"/>'
 
@@ -80,7 +90,33 @@ def effect_formula(effect: Effect, system: str) -> str:
         # Kappa_r is the curvature at the root.
         added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
         return _turned(expression(added, name))
+    if effect.kind == "mode":
+        return mode_formula(effect)
     return laws([effect], system)
+
+
+def mode_formula(mode: Any, push: sp.Expr | None = None) -> str:
+    """Return the equation of a mode that an input pushes.
+
+    Parameters
+    ----------
+    mode : Mode
+        The effect.
+    push : sympy.Expr, optional
+        What the input alone does to the coordinate; g u if not given.
+    """
+    import sympy as sp
+
+    from discovery import symbols as s
+
+    push = s.u * sp.Symbol("g", real=True) if push is None else push
+    z, states = mode.displacement(), mode.states()
+    rate, acceleration = (sp.Symbol(f"{z.name}{dots}", real=True) for dots in ("'", "''"))
+    slope = sp.expand(states[states[z]].xreplace({states[z]: rate}))
+    driven, own = slope.as_independent(z, rate, as_Add=True)
+    left = sorted((-own).as_ordered_terms(), key=lambda term: not term.has(rate))
+    row_of_terms = row(expression(acceleration), *(signed(expression(term, "q")) for term in left))
+    return equal(row_of_terms, expression(driven.xreplace({s.push: push}), "q"))
 
 
 def together(effects: Iterable[Effect]) -> list[list[Effect]]:

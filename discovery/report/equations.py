@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from discovery.dynamic_reduction import DYNAMIC_REDUCTION
+from discovery.effect import ARM, Mode, Sensor
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
 from discovery.registry import get_effect
@@ -17,6 +18,7 @@ from discovery.report.effect_formulas import (
     effect_formula,
     equal,
     laws,
+    mode_formula,
     signed,
     together,
 )
@@ -94,22 +96,55 @@ def _rounded(value: sp.Expr) -> sp.Expr:
     return value.xreplace({f: sp.Float(float(f), 4) for f in value.atoms(sp.Float)})
 
 
-def _scalar_equation(model: Mapping, system: str) -> str:
-    """Return the equation of motion of the paper's arm or of an oscillator."""
+def _scalar_equation(model: Mapping) -> str:
+    """Return the equation of motion of the paper's arm."""
     mechanics = get_base(model["base"]).mechanics(rod_of(map(get_effect, model["effects"])))
-    name = coordinate_name(system)
+    name = "theta_t"
     parts = [symbol(name, 2)]
     for effect_id in model["effects"]:
         effect = get_effect(effect_id)
         if effect.kind in LETTERS:
             pushes = _rounded(_push(effect, mechanics)).as_ordered_terms()
             written = [expression(push, name) for push in pushes if push != 0]
-            if getattr(effect, "local", False) and system == "flexible_arm":
+            if getattr(effect, "local", False):
                 # The static shape has the bending (1 - s) delta.
                 written = [along_the_rod(row("<mn>1</mn><mo>−</mo>", symbol("s")), *written)]
             parts += [signed(body) for body in written]
-    right = "<mn>0</mn>" if system == "flexible_arm" else row(symbol("g"), '<mspace width="0.12em"/>', symbol("u"))
-    return equal(row(*parts), right)
+    return equal(row(*parts), "<mn>0</mn>")
+
+
+def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
+    """Return the equation of motion of a system with one coordinate on a line, its modes, and what is read of it.
+
+    The effects that need no formula any more come second.
+    """
+    import sympy as sp
+
+    from discovery.equation import equation_terms, motion_symbols
+    from discovery.model import Model
+
+    base, described = get_base(model["base"]), Model(model["base"], tuple(model["effects"]))
+    terms = equation_terms(described)
+    # One coordinate has one set of states: their number is left out.
+    states = [(z.name + dots, z.name.removesuffix("_0") + dots) for z, _ in terms.memory for dots in ("", "''")]
+    plain = {sp.Symbol(long, real=True): sp.Symbol(short, real=True) for long, short in states}
+    left = [expression(terms.acceleration)]
+    if terms.inertia != 1:
+        left.insert(0, row("<mo>(</mo>", expression(terms.inertia, "q"), "<mo>)</mo>"))
+    for _, term in terms.terms:
+        left += [signed(expression(part, "q")) for part in _rounded(term.xreplace(plain)).as_ordered_terms()]
+    found = [Formula("Equation of motion", equal(row(*left), expression(terms.drive, "q")))]
+    told: list[Effect] = [e for e in described.terms if isinstance(e, Mode)]
+    found += [Formula(mode.title(), mode_formula(mode, terms.drive)) for mode in told]
+    read = terms.output
+    if read is not None and read != motion_symbols(base.system)[0]:
+        sensors = [e for e in described.terms if isinstance(e, Sensor) and e.lateness() == 0]
+        for sensor in sensors:
+            read = sensor.oscillator_reading(read)
+        body = expression(read.xreplace(plain), "q")
+        found.append(Formula("What the instrument reads", equal(symbol("y_read"), body)))
+        told += sensors
+    return found, told
 
 
 def _exact_arm() -> list[Formula]:
@@ -170,22 +205,20 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     Returns
     -------
     list of Formula
-        The equation of motion where the base has one coordinate, else Lagrange's equations and every effect's part in
-        them; then what closures, drives and sensors say.
+        The equation of motion where the base has one coordinate, with the modes beside it and what is read where that
+        is not the coordinate, else Lagrange's equations and every effect's part in them; then what closures, drives
+        and sensors say.
     """
-    scalar = model["base"] in ("constant_radius", "oscillator")
-    if scalar:
-        found = [Formula("Equation of motion", _scalar_equation(model, system))]
-        if system == "flexible_arm":
-            found.append(
-                Formula(
-                    "with the deflection",
-                    equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m"))),
-                )
-            )
+    told: list[Effect] = []
+    scalar = get_base(model["base"]).system != ARM or model["base"] == "constant_radius"
+    if get_base(model["base"]).system != ARM:
+        found, told = _on_a_line(model)
+    elif scalar:
+        deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))
+        found = [Formula("Equation of motion", _scalar_equation(model)), Formula("with the deflection", deflection)]
     else:
         found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
-    effects = [get_effect(e) for e in model["effects"]]
+    effects = [e for e in map(get_effect, model["effects"]) if e not in told]
     shown = [e for e in effects if not scalar or e.kind not in LETTERS or e.kind == "memory"]
     return found + [Formula(". ".join(e.title() for e in group), _of(group, system)) for group in together(shown)]
 

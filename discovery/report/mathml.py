@@ -51,7 +51,7 @@ def symbol(name: str, dots: int = 0) -> str:
     dots : int
         Number of time derivatives.
     """
-    head, *tail = re.sub(r"[\\{}]", "", name).split("_")
+    head, *tail = re.sub(r"\\mathrm|[\\{}]", "", name).split("_")
     core = f"<mi>{GREEK.get(head, head)}</mi>"
     if dots:
         # Full stops, raised: without a mathematical font, true accents sink into the letter.
@@ -110,8 +110,9 @@ def _printer(coordinate: str):
             return self.dom.importNode(parseString(text).documentElement, deep=True)
 
         def _print_Symbol(self, sym, style="plain"):
-            name, dots = states.get(sym.name, (_latex(sym.name), 0))
-            plain = symbol(name.removesuffix("^2"), dots)
+            stem = sym.name.rstrip("'")
+            name, dots = states.get(stem, (_latex(stem), 0))
+            plain = symbol(name.removesuffix("^2"), dots + len(sym.name) - len(stem))
             return self._node(power(plain, "<mn>2</mn>") if name.endswith("^2") else plain)
 
         def _print_Pi(self, expr):
@@ -140,8 +141,8 @@ def _printer(coordinate: str):
 
         def _product(self, expr):
             def place(factor):
-                moving = {x.name for x in factor.free_symbols} & states.keys()
-                return (not factor.is_number, bool(factor.atoms(sp.Function, sp.Add)), bool(moving), str(factor))
+                moving = any(x.name in states or x.name.endswith("'") for x in factor.free_symbols)
+                return (not factor.is_number, bool(factor.atoms(sp.Function, sp.Add)), moving, str(factor))
 
             factors = sorted(sp.Mul.make_args(expr), key=place)
             if len(factors) == 1:

@@ -12,14 +12,14 @@ import numpy as np
 import sympy as sp
 
 from discovery import symbols as s
-from discovery.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Memory, Sensor, Shape
+from discovery.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Memory, Mode, Sensor, Shape
 from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.model import Model
 from discovery.parameters import natural_scale
 from discovery.program import RECORDED, build_program
 from discovery.registry import catalogue, get_effect
-from discovery.testing.equations import at_rest
+from discovery.testing.equations import at_rest, memory_states
 from discovery.units import dimension
 
 __all__ = ["DeclarationContract"]
@@ -31,6 +31,7 @@ _KIND_UNITS = {
     "load": "q^2 s^-3",
     "memory": "q^2 s^-3",
     "closure": "1",
+    "mode": "q^2 s^-3",
     "joint": "q",
     "drive": "q",
 }
@@ -54,6 +55,7 @@ _SYMBOL_UNITS = {
         s.root_dot: "q s^-1",
     },
     **{s.rho: "1", s.theta_m: "q", s.omega_m: "q s^-1", s.alpha_m: "q s^-2", s.alpha: "s^-2", s.length: "m", s.u: "q"},
+    s.push: "q s^-2",
 }
 #: Lengths along the axes are relative to the arm; those of an oscillator are its coordinate.
 _CARTESIAN_UNITS = {
@@ -84,10 +86,12 @@ def expressions(effect: Effect, system: str) -> Iterator[tuple[sp.Expr, str, Map
     if isinstance(effect, Memory | Joint):
         states = effect.states()
         own = dict.fromkeys(states, "1" if isinstance(effect, Joint) else "q")
-        for slope in states.values():
-            yield slope, "s^-1" if isinstance(effect, Joint) else "q s^-1", own
+        if isinstance(effect, Mode):
+            own[effect.states()[effect.displacement()]] = "q s^-1"
+        for state, slope in states.items():
+            yield slope, f"{own[state]} s^-1", own
     stated = effect.power() if isinstance(effect, Load) else effect.expression()  # type: ignore[attr-defined]
-    yield stated, _KIND_UNITS[effect.kind], own
+    yield sp.sympify(stated), _KIND_UNITS[effect.kind], own
 
 
 class DeclarationContract:
@@ -173,7 +177,8 @@ class DeclarationContract:
         # Without the linear stiffness, only what does not scale with it.
         others = ["viscous_damping"] if effect == "linear_stiffness" else ["linear_stiffness", "viscous_damping"]
         context = tuple(e for e in others if e != effect)
-        amplitudes = [p for p in get_effect(effect).parameters() if not p.shape]
+        instance = get_effect(effect)
+        amplitudes = [p for p in instance.parameters() if not p.shape]
         defaults = {sp.Symbol(p.name, real=True): sp.nsimplify(p.default) for p in amplitudes}
         try:
             without = at_rest(build_program(base, context), {})
@@ -181,7 +186,13 @@ class DeclarationContract:
             # A base whose own losses scale with the stiffness cannot do without it.
             assert effect == "linear_stiffness"
             return
-        absent = at_rest(build_program(base, (*context, effect)), defaults)
+        program = build_program(base, (*context, effect))
+        if isinstance(instance, Mode):
+            # At rest at first, and nothing moves it.
+            still = dict.fromkeys(memory_states(instance, base), sp.Integer(0))
+            assert all(slope.xreplace(defaults | still) == 0 for slope in program.slopes[-len(still) :])
+            defaults |= still
+        absent = at_rest(program, defaults)
         assert len(absent) == len(without)
         for row, expected in zip(absent, without, strict=True):
             # An effect of shape goes through the base's own derivation: the same terms may stand in another order.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from discovery import symbols as s
 from discovery.compile import numpy_derivative
-from discovery.effect import Effect, Load, Memory
+from discovery.effect import ARM, Effect, Load, Memory
 from discovery.mechanics import get_base
 from discovery.program import Program, strands
 from discovery.rod_end import LoadedEnd, loaded_end
@@ -61,12 +61,12 @@ def accelerations(base_name: str, sample: Sample) -> FloatArray:
 
 @dataclass(frozen=True)
 class Bare:
-    """A base in given states: values of symbols by name, mass matrix (n, n, k), inertial force (n, k), tip (r, k)."""
+    """A base in given states: values of symbols by name, mass matrix (n, n, k), force (n, k), path (r, k)."""
 
     symbols: Mapping[str, Any]
     mass: FloatArray
     force: FloatArray
-    tip: FloatArray
+    path: FloatArray
 
     def of(self, expression: sp.Expr) -> FloatArray:
         """Return the value (k,) of an expression in symbols of effects."""
@@ -92,7 +92,8 @@ def _mechanics(base_name: str, program: Program) -> tuple[tuple[str, ...], Evalu
     received = tuple(symbol for symbol, _ in program.drive)
     named = (*received, *(symbol for symbol, _ in channels))
     mass = (entry for row in mechanics.mass for entry in row)
-    rows = (*named, *mass, *mechanics.force, *base.reading(None, program.rod))
+    path = base.reading(None, program.rod) if base.system == ARM else (mechanics.channels[s.theta].value,)
+    rows = (*named, *mass, *mechanics.force, *path)
     shown = replace(program, derivative=(*mechanics.assignments, *channels), slopes=rows)
     return tuple(symbol.name for symbol in named), evaluator(shown)
 
@@ -117,7 +118,8 @@ def memory_states(effect: Memory, base_name: str) -> dict[sp.Symbol, sp.Expr]:
     """Return the states of a memory effect on a base with their slopes, one set for each of its strands."""
     slopes = {}
     for k, (_, here) in enumerate(_components(effect, base_name)):
-        slopes.update({sp.Symbol(f"{z.name}_{k}", real=True): slope.subs(here) for z, slope in effect.states().items()})
+        told = here | ({s.push: push} if (push := get_base(base_name).push()) is not None else {})
+        slopes.update({sp.Symbol(f"{z.name}_{k}", real=True): slope.subs(told) for z, slope in effect.states().items()})
     return slopes
 
 
@@ -128,7 +130,7 @@ def energy(effect: Effect, base_name: str) -> sp.Expr:
     expression = effect.expression()  # type: ignore[attr-defined]
     if not isinstance(effect, Memory):
         return expression
-    return sp.Add(*[weight * expression.subs(here) for weight, here in _components(effect, base_name)])
+    return sp.Add(*[weight * sp.sympify(expression).subs(here) for weight, here in _components(effect, base_name)])
 
 
 @lru_cache(maxsize=64)

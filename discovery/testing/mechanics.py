@@ -13,7 +13,7 @@ from scipy.interpolate import BPoly
 from discovery import symbols as s
 from discovery.compile import compile_kernel
 from discovery.drive import Drive
-from discovery.effect import Joint, Load, Memory, Shape
+from discovery.effect import Joint, Load, Memory, Mode, Shape
 from discovery.mechanics import get_base
 from discovery.program import RECORDED
 from discovery.registry import get_effect
@@ -59,8 +59,16 @@ def _plain_step(base: str, sample: Sample, drive: Drive, h: float) -> FloatArray
         if memory[0].size:
             state[2 * n :, 0] = BPoly.from_derivatives([0.0, h], memory)(0.5 * h - late)
         state[n : 2 * n, 0] = BPoly.from_derivatives([0.0, h], [e[1:] for e in ends])(0.5 * h - late)
-        out[:, i] = read(half, drive.evaluate(half - late), state, p[:, i : i + 1])[:, 0]
+        out[:, i] = read(half - late, drive.evaluate(half - late), state, p[:, i : i + 1])[:, 0]
     return out
+
+
+def _needs_motion(base: str) -> None:
+    """Skip a law of motion where the motion is given."""
+    if get_base(base).prescribed:
+        import pytest
+
+        pytest.skip(f"the motion of {base} is prescribed: no force moves it")
 
 
 class MechanicsContract:
@@ -103,6 +111,7 @@ class MechanicsContract:
 
     def test_force_is_the_gradient_of_the_energy(self, effect: str, base: str) -> None:
         """What the effect adds to Euler-Lagrange's row is the numerical derivative of its energy or power."""
+        _needs_motion(base)
         instance, n = get_effect(effect), get_base(base).n_coordinates
         sample = sample_states(base, ("linear_stiffness", effect))
         absent = without(sample, base, effect)
@@ -133,6 +142,10 @@ class MechanicsContract:
             bare, slopes, states = bare_base(base, sample), slopes_of(base, sample), whole(base).states
             for state, slope in memory_states(instance, base).items():
                 np.testing.assert_allclose(slopes[states.index(state)], bare.of(slope), rtol=1e-12, atol=1e-14)
+        if isinstance(instance, Mode):
+            np.testing.assert_array_equal(added, 0.0)
+            self._read_mode(instance, base, sample)
+            return
         end = loaded_end_of(instance, base)
         stored = energy(instance, base) if end is None else end.kinetic(energy(instance, base))
 
@@ -166,6 +179,19 @@ class MechanicsContract:
             expected += np.array([turned(i) for i in range(n)]) * moment
         np.testing.assert_allclose(added, expected, rtol=1e-5, atol=1e-7 * np.abs(added).max())
 
+    def _read_mode(self, mode: Mode, base: str, sample: Sample) -> None:
+        """Check that the displacement of a mode, or its second derivative, is read beside the coordinate."""
+        program = whole(base)
+        rows = [program.states.index(z) for z in memory_states(mode, base)]
+        state = sample.state.copy()
+        state[rows] = 0.0
+        still = replace(sample, state=state)
+        read = evaluator(replace(program, slopes=program.reading))
+        more, less = (read(at.time, at.recorded, at.state, at.parameters)[0] for at in (sample, still))
+        added = sample.state if get_base(base).reads_state else slopes_of(base, sample) - slopes_of(base, still)
+        at = rows[0 if get_base(base).reads_state else 1]
+        np.testing.assert_allclose(more - less, added[at], rtol=1e-9)
+
     def _received(self, base: str, sample: Sample) -> FloatArray:
         """Return the input that the system receives (3, k), whose rows are derivatives of one another."""
         names = [symbol.name for symbol, _ in whole(base).drive]
@@ -181,7 +207,11 @@ class MechanicsContract:
         return np.concatenate([received, sample.recorded[len(names) :]])
 
     def test_energy(self, effect: str, base: str) -> None:
-        """With the drive at rest, energy is conserved, or only lost by a dissipation, or fed by the power of a load."""
+        """With the drive at rest, energy is conserved, or only lost by a dissipation, or fed by the power of a load.
+
+        A base that pulls on its coordinate feeds it by that.
+        """
+        _needs_motion(base)
         instance, n = get_effect(effect), get_base(base).n_coordinates
         if instance.kind == "drive":
             return
@@ -202,9 +232,11 @@ class MechanicsContract:
             kinetic = np.einsum("ik,ijk,jk->k", rate, bare.mass, rate) / 2
             return kinetic + bare.of(stored) + (turning_energy(base, at) if hinged else 0.0)
 
-        gained = derivative(total)
+        pull = 0.0 if get_base(base).input_moves else bare_base(base, sample).force
+        fed = (pull * sample.state[n : 2 * n]).sum(axis=0)
+        gained = derivative(total) - fed
         # The end of the rod vibrates fast against the steps of the difference.
-        scale = (1e-8 if end is None else 1e-7) * np.abs(total(0.0)).max()
+        scale = (1e-8 if end is None else 1e-7) * max(np.abs(total(0.0)).max(), np.abs(fed).max())
         if instance.kind == "dissipation":
             assert (gained < scale).all(), f"{effect} adds energy"
             assert gained.min() < -1e3 * scale, f"{effect} loses no energy"
@@ -217,11 +249,12 @@ class MechanicsContract:
             np.testing.assert_allclose(gained, 0.0, atol=scale)
 
     def test_inertia_is_that_of_the_tip_path(self, base: str) -> None:
-        """Without a rod's mass, a base has the kinetic energy and the inertial force of a point on the path it reports.
+        """Without a rod's mass, a base has the kinetic energy and the inertial force of a point on its path.
 
         The path of `constant_radius` is its circle: a radius law is output only there, as in the source paper, and the
         inertia of the changing radius is left out. The rod's mass adds its own terms, which are absent here.
         """
+        _needs_motion(base)
         n = get_base(base).n_coordinates
         shapes = tuple(e for e in every_effect(base) if isinstance(get_effect(e), Shape))
         still, moving = sample_states(base, shapes, static=True), sample_states(base, shapes)
@@ -231,19 +264,19 @@ class MechanicsContract:
         acceleration = np.random.default_rng(2).uniform(-1, 1, (n, still.state.shape[1]))
 
         def velocity(at: Sample) -> FloatArray:
-            return derivative(lambda tau: bare_base(base, at.along(tau, acceleration, n)).tip)
+            return derivative(lambda tau: bare_base(base, at.along(tau, acceleration, n)).path)
 
         rate = still.state[n : 2 * n]
         energy = np.einsum("ik,ijk,jk->k", rate, bare_base(base, still).mass, rate) / 2
         np.testing.assert_allclose(energy, (velocity(still) ** 2).sum(axis=0) / 2, rtol=1e-9)
 
         bare = bare_base(base, moving)
-        inertia = np.einsum("ijk,jk->ik", bare.mass, acceleration) - bare.force
-        if "g" in whole(base).parameters:
-            inertia += bare.symbols["g"] * bare.symbols["u"]
+        # A force, the input's or a constant one, is no inertia.
+        inertial = bare.force if get_base(base).input_moves else 0.0
+        inertia = np.einsum("ijk,jk->ik", bare.mass, acceleration) - inertial
 
         def along(row: int) -> FloatArray:
-            return derivative(lambda by: bare_base(base, moving.moved(row, by)).tip)
+            return derivative(lambda by: bare_base(base, moving.moved(row, by)).path)
 
         pull = derivative(lambda tau: velocity(moving.along(tau, acceleration, n)))
         expected = np.array([(along(i) * pull).sum(axis=0) for i in range(n)])

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.attribution import candidates
 from discovery.effect import OSCILLATOR
 from discovery.mechanics import get_base
 from discovery.model import Model
 from discovery.program import Program, build_program
-from discovery.registry import catalogue, get_effect
+from discovery.registry import get_effect
 
 __all__ = ["Sample", "derivative", "every_effect", "sample_states", "whole", "without"]
 
@@ -51,8 +52,7 @@ class Sample:
 
 def every_effect(base_name: str) -> tuple[str, ...]:
     """Return the ids of all effects that mean something on a base and that it does not contain already."""
-    base = get_base(base_name)
-    return tuple(e for e, effect in catalogue().items() if base.system in effect.systems and e not in base.provides)
+    return candidates(Model(base_name, ()))
 
 
 def derivative(f: Callable[[float], FloatArray]) -> FloatArray:
