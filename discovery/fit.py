@@ -109,14 +109,16 @@ class Fit:
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready report row."""
-        declared = self.model.parameters
+        coordinate = self.problem.bench.experiments[0].coordinate_unit
+        units = {n: p.unit for n, p in self.model.parameters.items()}
+        units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
         return {
             "model": self.model.to_dict(),
             "parameters": {
                 n: {
                     "value": v,
                     "sd": None if n in self.reasons else self.sd[n],
-                    "unit": declared[n].unit if n in declared else "",
+                    "unit": units[n],
                     **({"reason": self.reasons[n]} if n in self.reasons else {}),
                 }
                 for n, v in self.values.items()

@@ -17,6 +17,7 @@ from discovery.fit import Fit, declared_model, fit, rig_uncertainty
 from discovery.holdout import HoldOut
 from discovery.problem import natural_units
 from discovery.quantisation import quantum
+from discovery.recording import Recording
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
@@ -63,6 +64,8 @@ class LoopResult:
         Fitted values against what the rig and the elastica predict.
     separations : tuple of Separation
         The manoeuvres that would tell apart what these recordings cannot.
+    recordings : tuple of Recording
+        Training first.
     """
 
     verdict: str
@@ -80,6 +83,7 @@ class LoopResult:
     test: str
     contradiction: ContradictionReport | None = None
     separations: tuple[Separation, ...] = ()
+    recordings: tuple[Recording, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
@@ -106,6 +110,7 @@ class LoopResult:
         return {
             "verdict": self.verdict,
             "declared": list(self.declared),
+            "recordings": [{"name": r.name, "notes": list(r.notes)} for r in self.recordings],
             "effects": effects,
             "errors": dict(self.errors),
             "test": self.test,
@@ -199,6 +204,7 @@ def close_loop(
         test=test,
         contradiction=_contradiction(after, case) if settings.follow_up and (noise or not arm) else None,
         separations=_separations(search, after, case) if settings.follow_up and arm else (),
+        recordings=tuple(e.recording for e in (*train, *holdout)),
     )
 
 

@@ -20,6 +20,8 @@ LENGTH_MARGIN = 0.10
 NEAREST = 0.2
 LARGEST_TURN = 4.0 * np.pi
 LARGEST_DEFLECTION = np.pi
+# Steps by which times go back where another trial begins.
+_FAR = 10.0
 # Where the rig does not tell the period [s]; the arms of the literature swing faster.
 SLOWEST_SWING = 20.0
 
@@ -63,10 +65,16 @@ def check_signals(
     if (steps <= 0).any():
         row = int(np.argmax(steps <= 0)) + 1
         fault = "the same time as the row before" if steps[row - 1] == 0 else "earlier than the row before"
-        raise InputError(
-            f"{table.path}, column {label!r}, {table.where(row)}: {time[row]:.9g} s is {fault}. "
+        remedy = (
             "Times must strictly increase: sort the rows, remove repeated ones, and export times with enough digits."
         )
+        if _several(steps):
+            fault += ", and times increase again from there"
+            remedy = (
+                "If the file holds several trials, name each in [records] of the rig file, with "
+                "where = { column = value } or samples = [start, stop]; else sort the rows."
+            )
+        raise InputError(f"{table.path}, column {label!r}, {table.where(row)}: {time[row]:.9g} s is {fault}. {remedy}")
     if inputs is not None and np.isnan(inputs).any():
         row = int(np.argmax(np.isnan(inputs)))
         column = names.get("motor_angle", names.get("input", "input"))
@@ -96,6 +104,19 @@ def check_signals(
                 f"and at "
                 f"least {fewest} are needed. Close the gaps or record longer."
             )
+
+
+def _several(steps: FloatArray) -> bool:
+    """Whether times run on as before wherever they go back, as where one trial follows another."""
+    back = np.flatnonzero(steps < 0)
+    far = _FAR * float(np.median(steps))
+    return bool(
+        back.size > 0
+        and back[-1] + 1 < steps.size
+        and (steps[back] < -far).all()
+        and (steps[back + 1] < far).all()
+        and (steps != 0).all()
+    )
 
 
 def check_arm(

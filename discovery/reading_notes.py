@@ -39,8 +39,8 @@ def time_notes(time: FloatArray, assumed: bool) -> list[str]:
     if 0 < gaps.mean() < _RARE and regular.mean() > 0.9:
         missing = int(np.round(steps[gaps] / step - 1.0).sum())
         notes.append(
-            f"{missing} samples are missing in {int(gaps.sum())} gaps of the times; the longest lasts "
-            f"{steps.max():.4g} s. The motion is computed through them, an input is interpolated."
+            f"{_count(missing, 'sample is', 'samples are')} missing in {_count(int(gaps.sum()), 'gap')} of the times; "
+            f"the longest lasts {steps.max():.4g} s. The motion is computed through them, an input is interpolated."
         )
     elif np.quantile(np.abs(steps - step), 0.95) > _JITTER * step:
         kind = "come in bursts" if steps.mean() > 2.0 * step else "jitter"
@@ -88,10 +88,12 @@ def clean_output(
         )
     flat = flat_runs(values, max(noise, step))
     if flat.stretches:
-        longest = max(flat.stretches, key=lambda run: run[1])
+        start, length = max(flat.stretches, key=lambda run: run[1])
+        count, total = len(flat.stretches), int(flat.stuck.sum())
+        where = "for" if count == 1 else f"in {count} stretches, {total} samples in all, the longest of"
         notes.append(
-            f"{label!r} is stuck in {len(flat.stretches)} stretches while the system moves, {int(flat.stuck.sum())} "
-            f"samples in all, the longest {longest[1]} samples from {time[longest[0]]:.4g} s. They are left out."
+            f"{label!r} is stuck {where} {length} samples from {time[start]:.4g} s, while the system moves. "
+            "They are left out."
         )
     if flat.limits:
         at = " and ".join(f"{limit:.4g}" for limit in flat.limits)
@@ -103,8 +105,8 @@ def clean_output(
     found = spikes(kept, noise)
     if found.size:
         notes.append(
-            f"{label!r} has {found.size} spikes, readings far from where their neighbours put them, the first at "
-            f"{time[found[0]]:.4g} s. They are kept."
+            f"{label!r} has {_count(found.size, 'spike')}, far from where the readings beside them would put them, the "
+            f"first at {time[found[0]]:.4g} s. They are kept."
         )
     if returns and (creep := drift(time, kept)):
         notes.append(
@@ -112,3 +114,7 @@ def clean_output(
             "position that moves."
         )
     return kept, notes
+
+
+def _count(number: int, one: str, several: str = "") -> str:
+    return f"{number} {one if number == 1 else several or one + 's'}"

@@ -15,6 +15,8 @@ from discovery.io import read_table
 from discovery.kinds import KINDS
 from discovery.plausibility import check_arm, check_signals
 from discovery.quantisation import resolution as resolution
+from discovery.reading_noise import estimate_noise as estimate_noise
+from discovery.reading_noise import noise_note
 from discovery.reading_notes import clean_output, time_notes
 from discovery.recording_columns import ARM_OUTPUTS, ARM_STEMS, arm_columns, declared_columns, picked_rows
 from discovery.rig import ForceView, Rig
@@ -67,38 +69,6 @@ class Recording:
     source: str
     noise_estimated: bool = False
     notes: tuple[str, ...] = ()
-
-
-def estimate_noise(values: FloatArray) -> float:
-    """Estimate the standard deviation of white noise on a signal that is smooth from sample to sample.
-
-    Differences of order 2 to 8 suppress the signal more and more, and each, divided by the root of the sum of its
-    squared binomial coefficients, has the variance of the noise. Their median absolute deviation (times 1.4826,
-    Gaussian) does not see steps and outliers; the smallest estimate is the one that holds least of the signal.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Samples, about equally spaced; NaN are skipped.
-
-    Returns
-    -------
-    float
-        The estimate in the unit of `values`; 0 for a signal without noise, NaN with fewer than 18 samples.
-    """
-    estimates = []
-    difference = np.asarray(values, np.float64)
-    difference = difference[np.isfinite(difference)]
-    if difference.size < 18:
-        return float("nan")
-    square_sum = 1.0  # central binomial coefficient (2k choose k), built up with the order k
-    for order in range(1, 9):
-        difference = np.diff(difference)
-        square_sum *= 2.0 * (2.0 * order - 1.0) / order
-        if order > 1:
-            deviation = float(np.median(np.abs(difference - np.median(difference))))
-            estimates.append(1.4826 * deviation / np.sqrt(square_sum))
-    return float(min(estimates))
 
 
 def blind(recording: Recording) -> Recording:
@@ -184,7 +154,7 @@ def read_recording(
         noise.append(max(estimate_noise(read[channel]) if known is None else known, floor))
         returns = rig.kind in ("oscillator", "pendulum", "base_excited") and rig.view is None
         read[channel], found = clean_output(names[channel], unit, time, read[channel], noise[-1], returns)
-        notes += found
+        notes += found if known is None else found + noise_note(names[channel], unit, time, read[channel], known)
     check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
     if rig.view is not None and inputs is not None and read:
         inputs, read["output"], gain = _seen_as_force(rig.view, time, inputs, read["output"], source)

@@ -47,7 +47,10 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
     for stem in ("time", "motor_angle"):
         if stem not in names:
             wanted = f"{stem}_{ARM_STEMS[stem]}"
-            raise InputError(f"{table.path} has no column {wanted!r}.{_suggest(table, wanted)} {_listed(table)}")
+            raise InputError(
+                f"{table.path} has no column {wanted!r}. Give that column this name, in its own unit."
+                f"{_suggest(table, wanted)} {_listed(table)}"
+            )
     channels = next((channels for channels in ARM_OUTPUTS if all(channel in names for channel in channels)), ())
     for first, second in (("tip_x", "tip_y"), ("tip_y", "tip_x")):
         if not channels and first in names:
@@ -78,8 +81,8 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
     for _, name, _ in wanted:
         if name not in table.columns:
             raise InputError(
-                f"{table.path} has no column {name!r}, which the rig file declares.{_suggest(table, str(name))} "
-                f"{_listed(table)}"
+                f"{table.path} has no column {name!r}, which the rig file declares. Write its name in [columns] as the "
+                f"file has it.{_suggest(table, str(name))} {_listed(table)}"
             )
     controller = rig.controller
     if controller is not None and controller.added is not None and controller.added in table.columns:

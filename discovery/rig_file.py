@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from discovery.errors import InputError
 from discovery.kinds import KINDS
+from discovery.registry import get_effect
 from discovery.rig import Quantity, RecordPart, Rig
 from discovery.rig_schema import QUANTITIES, QuantityTable, RecordsTable, RigTable, explain, key_of, line_of
 from discovery.rig_signals import check_tables, columns_of, controller_of, view_of
@@ -69,6 +70,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     if arm and "length" not in quantities:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
     check_tables(path, text, table)
+    _check_effects(path, text, table)
     values = {stem: quantity.value for stem, quantity in quantities.items()}
     if arm and values.get("position_noise", 0.0) > 0.1 * values["length"]:
         raise InputError(
@@ -128,6 +130,15 @@ def _quantities(path: Path, text: str, document: Mapping[str, Any]) -> tuple[dic
             )
         quantities[stem] = Quantity(si, relative * si + absolute if given.sd is None else given.sd * factor)
     return rest, quantities
+
+
+def _check_effects(path: Path, text: str, table: RigTable) -> None:
+    for effect in table.model.effects if table.model else ():
+        try:
+            get_effect(effect)
+        except InputError as error:
+            line = line_of(text, ("model", "effects"))
+            raise InputError(f"The rig file {path}, line {line}, key 'model.effects': {error}") from error
 
 
 def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[RecordPart, ...]]:

@@ -185,6 +185,12 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
             f"{where} the key {name!r} is not known.{suggestion(keys[-1], known)} Known here: {', '.join(known)}.{more}"
         )
     value = detail["input"]
+    if detail["type"] == "literal_error" and isinstance(value, str):
+        known = re.findall("'([^']*)'", detail["ctx"]["expected"])
+        return (
+            f"{where} the key {name!r} is {value!r}, which is not known.{suggestion(value, known)} Known here: "
+            f"{', '.join(known)}.{more}"
+        )
     return f"{where} the key {name!r} is {value!r}, but {_lower(detail['msg'])}. Correct the value.{more}"
 
 

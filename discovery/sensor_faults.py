@@ -21,6 +21,7 @@ _ABRUPT_STUCK = 0.8
 _ABRUPT_CLIPPED = 0.5
 _EDGE = 2  # samples that tell the speed at the edge, at least
 _SEEN = 5.0  # quanta or noise sds that they must cover
+_JUMP = 3.0  # largest changes of the step just before
 _SPIKE = 12.0  # robust sds
 _NEIGHBOURHOOD = 25  # samples on either side of a spike that tell what is usual
 _PERIODS = 4.0  # over which a mean is taken
@@ -34,9 +35,10 @@ class FlatRuns:
     Attributes
     ----------
     stuck, clipped : array of bool, shape (n,)
-        Readings to be left out: the repeats of a stuck reading, and those at the end of the instrument's range.
+        Readings to be left out: the repeats of a stuck reading, with the first of them where a jump leads to it, and
+        those at the end of the instrument's range.
     stretches : tuple of (int, int)
-        First sample and length of each stuck stretch.
+        First sample that is left out and number of them, of each stuck stretch.
     limits : tuple of float
         Values at which the readings are clipped.
     """
@@ -52,7 +54,8 @@ def flat_runs(values: FloatArray, error: float) -> FlatRuns:
 
     A motion that turns or comes to rest slows down before it stands still, and a quantised one covers only a few
     quanta beside a turning point. A run is a fault if the signal covers far more in as many samples beside it, and
-    enters or leaves it at speed; at the extreme of all readings it is clipped, elsewhere it is stuck.
+    enters or leaves it at speed; at the extreme of all readings it is clipped, elsewhere it is stuck. A run that begins
+    with a jump, as of an instrument that falls to a dead value, is stuck at the extreme too, and as a whole.
 
     Parameters
     ----------
@@ -79,12 +82,30 @@ def flat_runs(values: FloatArray, error: float) -> FlatRuns:
             at_limit.setdefault(float(values[start]), []).append(run)
         else:
             stretches.append(run)
-    limits = sorted(value for value, runs in at_limit.items() if len(runs) > 1)
-    alone = [run for runs in at_limit.values() if len(runs) == 1 for run in runs]
-    stretches += [run for run in alone if run[1] >= _SHORTEST_STUCK]
+    limits = []
+    for value, runs in sorted(at_limit.items()):
+        if len(runs) > 1 and not all(_jumps(values, *run, error) for run in runs):
+            limits.append(value)
+        else:
+            stretches += [run for run in runs if len(runs) > 1 or run[1] >= _SHORTEST_STUCK]
+    # A reading that the instrument stuck at was measured; one that it jumped to was not.
+    kept = [not _jumps(values, *run, error) for run in stretches]
+    stretches = sorted((start + k, length - k) for (start, length), k in zip(stretches, kept, strict=True))
     for start, length in stretches:
-        stuck[start + 1 : start + length] = True
-    return FlatRuns(stuck, np.isin(values, limits), tuple(sorted(stretches)), tuple(limits))
+        stuck[start : start + length] = True
+    return FlatRuns(stuck, np.isin(values, limits), tuple(stretches), tuple(limits))
+
+
+def _jumps(values: FloatArray, start: int, length: int, error: float) -> bool:
+    """Whether a run of equal readings begins where the motion before it would not have come to in a step."""
+    near = values[max(0, start - max(length, 2 * _EDGE)) : start]
+    near = near[np.isfinite(near)]
+    if near.size < 3:
+        return False
+    # A motion that is stopped, or clipped, ends between where it was and where it would have gone on to.
+    low, high = sorted((near[-1], 2.0 * near[-1] - near[-2]))
+    beyond = max(low - values[start], values[start] - high)
+    return bool(beyond > _JUMP * np.abs(np.diff(near, 2)).max() + _SEEN * error)
 
 
 def _interrupts(values: FloatArray, start: int, length: int, error: float, abrupt: float) -> bool:
@@ -95,6 +116,8 @@ def _interrupts(values: FloatArray, start: int, length: int, error: float, abrup
     sides = [side for side in sides if side.size > 2 * _EDGE and np.isfinite(side).all()]
     if not sides or any(np.ptp(side) < _TRAVEL * error for side in sides):
         return False
+    if _jumps(values, start, length, error):
+        return True
     for side in sides:
         # Over fewer samples a slow motion is hidden by the error.
         edge = max(_EDGE, int(np.ceil(_SEEN * error / np.abs(np.diff(side)).mean())))

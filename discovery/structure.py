@@ -11,6 +11,8 @@ from discovery.rows import RowKind
 
 __all__ = ["Discovery", "Equation", "status_of"]
 
+_MATTERS = 1e-4  # of the variance: a hundredth of the target's rms
+
 
 @dataclass(frozen=True)
 class Equation:
@@ -99,7 +101,7 @@ def status_of(equation: Equation, rivals: Sequence[Equation], full: bool, noise:
     """Say what was found, what is left and what cannot be told apart; `full` if no larger equation was looked at."""
     share = 1.0 - equation.unexplained
     text = f"{len(equation.terms)} terms ({', '.join(equation.terms)}) explain {share:.6%} of the variance."
-    if full:
+    if full and equation.unexplained > _MATTERS:
         text += " More terms than were allowed would explain more."
     if noise > MISFIT:
         text += f" What is left is {noise:.0f} times the instrument's noise: something is missing."

@@ -70,12 +70,13 @@ def check_units(
     t, y = time[good], output[good]
     where = f"{table.path}, column {names['output']!r}"
     if rig.kind == "pendulum" and not driven:
-        _check_swing(where, rig, t, y)
+        _check_swing(where, rig, t, y, float(np.nanmax(np.abs(table.numbers(names["output"])))))
     elif rig.kind == "falling_body":
         _check_fall(where, rig.gravity.value, t, y)
 
 
-def _check_swing(where: str, rig: Rig, t: FloatArray, angle: FloatArray) -> None:
+def _check_swing(where: str, rig: Rig, t: FloatArray, angle: FloatArray, largest: float) -> None:
+    """Refuse a swing that gravity cannot have made; `largest` is the largest reading as it stands in the column."""
     assert rig.gravity is not None  # `check_units` asked
     swing = float(np.quantile(angle, 0.98) - np.quantile(angle, 0.02))
     # One that first turns over does so in one sense: its later half tells.
@@ -83,8 +84,9 @@ def _check_swing(where: str, rig: Rig, t: FloatArray, angle: FloatArray) -> None
     later_swing = float(np.quantile(later, 0.98) - np.quantile(later, 0.02))
     if min(swing, later_swing) > _FULL_TURN:
         raise InputError(
-            f"{where}: the pendulum would swing to and fro by {swing:.4g} rad, more than a full turn. If the angle is "
-            'in degrees, set unit = "deg" for the output in the rig file.'
+            f"{where}: the pendulum would swing to and fro by more than a full turn, and the largest reading would be "
+            f'{largest:.4g} {rig.columns.output.unit}. If the angle is in degrees, set unit = "deg" for the output in '
+            "the rig file."
         )
     if abs(float(np.median(later))) > 0.5 * np.pi:
         raise InputError(

@@ -120,6 +120,10 @@ TABLES = {
         lambda f: f.assign(motor_angle_rad=np.degrees(f["motor_angle_rad"])),
         ["column 'motor_angle_rad'", "turn by 45.84 rad", "'motor_angle_deg'"],
     ),
+    "time by another name": (
+        lambda f: f.rename(columns={"time_s": "t_s"}),
+        ["has no column 'time_s'. Give that column this name, in its own unit.", "Columns found: t_s, motor_angle_rad"],
+    ),
     "few degrees as radians": (
         lambda f: f.assign(motor_angle_rad=np.degrees(0.15 * f["motor_angle_rad"])),
         ["column 'motor_angle_rad'", "turn by 6.875 rad", "'motor_angle_deg'"],
@@ -224,11 +228,24 @@ def test_prediction_files_are_checked_too(tmp_path):
     ("edit", "parts"),
     [
         (lambda f: f.drop(columns="u"), ["no column 'u', which the rig file declares", "Columns found: t, y"]),
+        (lambda f: f.rename(columns={"t": "t_s"}), ["no column 't'", "Write its name in [columns] as the file has it"]),
+        (lambda f: f.rename(columns={"t": "time"}), ["no column 't', which the rig file declares. Write its name"]),
         (lambda f: f.drop(columns="y"), ["no output column: add y"]),
         (lambda f: f.assign(y=1.0), ["column 'y'", "dead"]),
         (lambda f: f[:20], ["too short: 20 rows"]),
         (change(5, "u", np.nan), ["column 'u', row 6", "the input is missing"]),
-        (change(5, "t", 0.0), ["column 't', row 6", "earlier than the row before"]),
+        (change(5, "t", 0.0), ["column 't', row 6", "earlier than the row before", "sort the rows, remove"]),
+        (change(50, "t", 0.0), ["column 't', row 51", "earlier than the row before. Times must strictly increase"]),
+        (lambda f: f[::-1], ["column 't', row 2", "earlier than the row before. Times must strictly increase"]),
+        (
+            lambda f: pd.concat([f, f, f]),
+            [
+                "column 't', row 101 (line 102",
+                "0 s is earlier than",
+                "several trials",
+                "where = { column = value } or samples = [start, stop]",
+            ],
+        ),
     ],
 )
 def test_faults_of_an_oscillator_recording(tmp_path, edit, parts):

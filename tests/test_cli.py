@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import pytest
 from discovery_datasets import recordings, registry
 
 from discovery.cli import cli, main
+from discovery.cli.stages import _say_loop as say_loop
 from discovery.provenance import surroundings
 from discovery.registry import catalogue
 
@@ -96,6 +98,30 @@ def test_loop_says_what_it_found_and_quiet_is_quiet(looped: tuple[Said, Path]) -
     assert sorted(p.name for p in out.iterdir()) == ["loop.json", "prediction.csv"]
 
 
+def test_errors_are_said_once(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert re.search(r"^ after: train rms \S+, holdout rms \S+ m$", looped[0].out, re.MULTILINE)
+    errors = {"unit": "m", "before": {}, "after": {}}
+    for i, group in enumerate(("train", "holdout", "holdout_inside", "holdout_outside"), 1):
+        errors["before"][group] = errors["after"][group] = {"rms": float(i), "mean": 0.1, "peak": 9.0}
+    say_loop(SimpleNamespace(verdict="v", summary=lambda: {"effects": []}, contradiction=None, separations=(),
+                             errors=errors))  # fmt: skip
+    said = capsys.readouterr().out
+    assert " after: train rms 1, holdout rms 2, holdout_inside rms 3, holdout_outside rms 4 m\n" in said
+
+
+def test_notes_on_recordings_are_said_and_quiet_is_quiet(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frozen, arguments = cut("train_large"), ["elastica", case.rig, "--train", tmp_path / "frozen.csv"]
+    frozen.loc[300:340, "tip_y_m"] = 0.12345
+    frozen.to_csv(tmp_path / "frozen.csv", index=False)
+    said = call(capsys, *arguments)
+    assert said.status == 0, said.err
+    note = "'tip_y_m' is stuck for 41 samples from 3 s, while the system moves. They are left out."
+    assert f"{tmp_path / 'frozen.csv'}: {note}\n" in said.err
+    assert call(capsys, *arguments, "--quiet").err == ""
+
+
 def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
     result = json.loads((looped[1] / "loop.json").read_text())
     assert result["verdict"] == "explained"
@@ -107,6 +133,7 @@ def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
         assert set(effect) == {"id", "parameters", "evidence", "ambiguous_with"}
         for parameter in effect["parameters"].values():
             assert set(parameter) == {"value", "sd", "unit"}
+    assert result["recordings"] == [{"name": "train", "notes": []}, {"name": "holdout", "notes": []}]
     errors = result["errors"]
     assert errors["unit"] == "m"
     assert errors["noise_floor"] == pytest.approx(np.sqrt(2) * 3e-4)

@@ -202,6 +202,10 @@ def test_the_summary_keeps_the_contract(name: str) -> None:
         assert set(effect) >= {"id", "parameters", "evidence", "ambiguous_with"}
         for parameter in effect["parameters"].values():
             assert set(parameter) >= {"value", "sd", "unit"}
+    assert [r["name"] for r in text["recordings"]][:2] == ["train_paper", "train_large"]
+    assert all(r["notes"] == [] for r in text["recordings"])
+    assert text["model"]["after"]["parameters"]["delta_0_init[train_large]"]["unit"] == "rad"
+    assert text["model"]["before"]["parameters"]["rate_0_init[train_paper]"]["unit"] == "rad s^-1"
     if name == "arm_delay":
         (delay,) = [e["parameters"]["tau"] for e in text["effects"] if e["id"] == "sensor_delay"]
         assert delay == {"value": result.after.values["tau"], "sd": result.after.sd["tau"], "unit": "s"}

@@ -74,7 +74,7 @@ def test_measured_sets_are_read_and_nothing_is_left_out(data, name):
 
 @pytest.mark.measured
 def test_what_is_known_of_the_instruments(data):
-    small = load("multiarm_pendulum/rig_small.toml").train[0].recording
+    small = load("multiarm_pendulum/rig_small.toml").holdout[0].recording
     assert small.noise[0] == pytest.approx(2 * np.pi / 40000 / np.sqrt(12.0), rel=1e-3)
     assert "steps of 0.0001571 rad" in small.notes[0]
     assert abs(np.median(small.output)) < 0.02
@@ -129,24 +129,24 @@ ANGLE = {"multiarm_pendulum/rig_large.toml": "theta1_rad(pi=hanging)", "video_pe
 LINK = {"rotary_flexible_link/rig_link.toml": "alpha_deg"}
 
 
-def hold(column):
+def hold(column, every):
     def edit(frame):
-        frame.loc[600:700, column] = frame.loc[600, column]
+        frame.loc[600 : 600 + 100 * every, column] = frame.loc[600, column]
         return frame
 
     return edit
 
 
-def clip(column):
+def clip(column, every):
     return lambda f: f.assign(**{column: f[column].clip(upper=f[column].quantile(0.9))})
 
 
 @pytest.mark.measured
 @pytest.mark.parametrize(("name", "column"), [*ANGLE.items(), *LINK.items()])
-@pytest.mark.parametrize(("fault", "note"), [(hold, "is stuck in 1 stretches"), (clip, "saturates at")])
+@pytest.mark.parametrize(("fault", "note"), [(hold, "is stuck for 100 samples"), (clip, "saturates at")])
 def test_faults_of_the_sensor_are_found_in_measured_sets(data, tmp_path, name, column, fault, note):
     rig = read_rig(DATASETS / name)
-    recording = spoil(tmp_path, rig, fault(column))
+    recording = spoil(tmp_path, rig, fault(column, rig.columns.every))
     assert note in " ".join(recording.notes)
     assert 50 < np.isnan(recording.output).sum() < 0.3 * recording.time.size
 
@@ -155,11 +155,11 @@ def test_faults_of_the_sensor_are_found_in_measured_sets(data, tmp_path, name, c
 @pytest.mark.parametrize(("name", "column"), [*ANGLE.items(), *LINK.items()])
 def test_lost_rows_spikes_and_dead_sensors_are_found(data, tmp_path, name, column):
     rig = read_rig(DATASETS / name)
-    lost = spoil(tmp_path, rig, lambda f: f.drop(index=range(500, 530)))
-    assert "30 samples are missing in 1 gaps" in " ".join(lost.notes)
+    lost = spoil(tmp_path, rig, lambda f: f.drop(index=range(500, 500 + 30 * rig.columns.every)))
+    assert "30 samples are missing in 1 gap of" in " ".join(lost.notes)
 
     def jump(frame):
-        frame.loc[[333, 777], column] += 3 * frame[column].std()
+        frame.loc[[335, 775], column] += 3 * frame[column].std()
         return frame
 
     assert "spikes" in " ".join(spoil(tmp_path, rig, jump).notes)

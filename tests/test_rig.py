@@ -141,7 +141,7 @@ def test_arm_errors(write, old, new, message):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"band_limited"', '"band_limit"', "line 6: the key 'columns.input.interpolation'.*'band_limited', 'spline'"),
+        ('"band_limited"', '"band_limit"', r"line 6: the key 'columns.input.interp.*Did you mean 'band_limited'\?"),
         ('unit = "mV"', 'unit = "mVV"', "line 7, column 'output'.*'mVV' is not known"),
         ('name = "V2", ', "", "lacks the key 'columns.output.name'"),
         ("rate_hz = 610.3515625", "rate = 610.0", r"line 5.*'columns.time.rate'.*Did you mean 'rate_hz'\?"),

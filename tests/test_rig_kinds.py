@@ -138,6 +138,14 @@ def test_records_pick_rows_and_have_names(read):
         (f'name = "a"\nkind = "oscillator"\n{DRIVEN}[model]\neffects = []', "'model.effects'"),
         ('name = "a"\nkind = "drive"\n' + DRIVEN.replace("unit", "scale = 0, unit"), "must not be zero"),
         (f'name = "a"\nkind = "drive"\n{DRIVEN.replace("rate_hz = 100.0", "assumed = true")}', "only a rate can be"),
+        (
+            f'name = "a"\nkind = "pendulm"\n{FREE}',
+            r"line 2: the key 'kind' is 'pendulm', which is not known\. Did you mean 'pendulum'\? Known here: flex",
+        ),
+        (
+            f'name = "a"\nkind = "drive"\n{DRIVEN}[model]\neffects = ["viscous_dampin"]',
+            r"rig\.toml, line 8, key 'model\.effects': There is no effect called 'viscous_dampin'\. Did you mean",
+        ),
     ],
 )
 def test_refusals(read, text, message):

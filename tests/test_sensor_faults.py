@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from discovery.quantisation import quantum, resolution
+from discovery.reading_noise import noise_note
 from discovery.reading_notes import clean_output, time_notes
 from discovery.recording import read_recording
 from discovery.rig import Columns, OutputColumn, Rig, TimeColumn
@@ -66,6 +67,48 @@ def test_stuck_readings_are_found(start, length, coarse):
     assert not found.stuck[start]
 
 
+@given(st.integers(300, 3000), st.integers(10, 150), st.sampled_from([12.3456, -7.0, 0.0]), st.booleans())
+def test_a_dead_value_is_left_out_from_its_first_reading_on(start, length, dead, coarse):
+    values = np.round(DECAY / 1e-3) * 1e-3 if coarse else noisy(DECAY)
+    # Where the motion passes through the dead value, it does not jump to it.
+    if np.abs(values[[start - 1, start + length]] - dead).min() < 0.2:
+        return
+    values = values.copy()
+    values[start : start + length] = dead
+    found = flat_runs(values, max(NOISE, quantum(values)))
+    assert found.stretches == ((start, length),)
+    assert np.flatnonzero(found.stuck).tolist() == list(range(start, start + length))
+
+
+@pytest.mark.parametrize("samples", [20, 40, 200])
+def test_a_motion_that_is_clipped_at_speed_does_not_jump(samples):
+    values = np.minimum(np.sin(2 * np.pi * np.arange(50 * samples) / samples + 0.1), 0.5)
+    found = flat_runs(values, NOISE)
+    assert found.limits == (0.5,)
+    assert found.stretches == ()
+
+
+def test_a_jump_is_told_from_a_fast_motion():
+    values = noisy(DECAY)[::10]  # twenty samples a swing
+    for start in range(60, 81):
+        frozen = values.copy()
+        frozen[start : start + 29] = 0.2
+        away = abs(values[start] - 0.2)
+        if away > 0.5:
+            assert flat_runs(frozen, NOISE).stretches == ((start, 29),)
+        frozen[start : start + 29] = values[start]
+        assert flat_runs(frozen, NOISE).stretches in ((), ((start + 1, 28),))
+
+
+def test_a_dead_value_that_comes_back_is_no_limit():
+    values = noisy(DECAY)
+    values[1000:1040] = values[5000:5004] = -99.0
+    values[4998] = np.nan
+    found = flat_runs(values, NOISE)
+    assert found.stretches == ((1000, 40), (5000, 4))
+    assert found.limits == ()
+
+
 @given(st.floats(0.5, 0.95))
 def test_clipped_readings_are_found(limit):
     values = noisy(np.cos(6.0 * T))
@@ -118,13 +161,59 @@ def test_faulty_samples_become_gaps_with_a_note(tmp_path):
     rig = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("y", "m")))
     recording = read_recording(tmp_path / "r.csv", rig)
     text = " ".join(recording.notes)
-    assert "'y' is stuck in 1 stretches while the system moves, 79 samples" in text
+    assert "'y' is stuck for 79 samples from 5.005 s, while the system moves" in text
     assert "'y' saturates at 0.8 m" in text
-    assert "'y' has 1 spikes" in text
+    assert "'y' has 1 spike," in text
     gaps = np.isnan(recording.output[:, 0])
     assert gaps[1001:1080].all()
     assert gaps[values == 0.8].all()
     assert gaps.sum() == 79 + (values == 0.8).sum()
+
+
+def test_several_stretches_are_counted():
+    values = noisy(DECAY)
+    values[1000:1080] = values[1000]
+    values[3000:3029] = 12.3456
+    _, (note,) = clean_output("y", "m", T, values, NOISE, False)
+    assert "stuck in 2 stretches, 108 samples in all, the longest of 79 samples from 5.005 s" in note
+    _, (note,) = clean_output("y", "m", T, np.where(np.arange(T.size) < 2000, 0.0, values), NOISE, True)
+    assert "stuck for 29 samples from 15 s" in note
+
+
+@pytest.mark.parametrize(
+    ("values", "stated", "words"),
+    [
+        (noisy(DECAY), NOISE, []),
+        (noisy(DECAY), NOISE / 1.4, []),
+        (noisy(DECAY), NOISE / 2, ["'y' scatters by 0.000101 m", "states a noise of 5e-05 m", "too small"]),
+        (noisy(DECAY), 2 * NOISE, ["'y' scatters by 0.000101 m", "states a noise of 0.0002 m", "too large"]),
+        (np.round(noisy(DECAY), 4), NOISE / 2, ["too small"]),
+        (np.round(noisy(DECAY), 3), 1e-3, []),  # what scatters is mostly rounding
+        (noisy(DECAY)[:150], NOISE / 2, []),
+        (noisy(np.sin(400.0 * T)), NOISE, []),  # the signal itself is rough
+        (np.where(np.arange(T.size) % 7 < 2, np.nan, noisy(DECAY)), NOISE / 2, []),
+    ],
+)
+def test_a_stated_noise_is_held_against_the_scatter(values, stated, words):
+    text = " ".join(noise_note("y", "m", T[: values.size], values, stated))
+    assert bool(text) == bool(words)
+    for word in words:
+        assert word in text
+
+
+def test_scatter_that_may_come_of_jitter_contradicts_no_statement():
+    time = T + np.random.default_rng(2).uniform(-1e-3, 1e-3, T.size)
+    moved = noisy(np.exp(-0.05 * time) * np.cos(6.0 * time))
+    assert noise_note("y", "m", time, moved, NOISE) == []
+    assert noise_note("y", "m", T, moved, NOISE)
+
+
+def test_a_recording_says_that_its_noise_is_not_the_stated_one(tmp_path):
+    pd.DataFrame({"t": T, "y": noisy(DECAY)}).to_csv(tmp_path / "r.csv", index=False)
+    rig = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("y", "m", NOISE / 2)))
+    recording = read_recording(tmp_path / "r.csv", rig)
+    assert recording.noise[0] == NOISE / 2
+    assert [note[:16] for note in recording.notes] == ["'y' scatters by "]
 
 
 def test_a_clean_signal_is_passed_on_itself():
@@ -144,6 +233,7 @@ JITTERED = REGULAR + np.random.default_rng(3).uniform(-3e-3, 3e-3, 1000)
         (REGULAR, []),
         (np.round(np.arange(500) / 30.0, 3), []),
         (np.delete(REGULAR, [100, 101, 102, 700]), ["4 samples are missing in 2 gaps", "longest lasts 0.04 s"]),
+        (np.delete(REGULAR, 100), ["1 sample is missing in 1 gap of the times"]),
         (JITTERED, ["stamps jitter", "taken as they are"]),
         (np.sort(np.concatenate([REGULAR[::5] + k * 1e-4 for k in range(5)])), ["come in bursts"]),
         (1e3 * REGULAR, ["10 s apart", "milliseconds"]),

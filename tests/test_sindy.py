@@ -21,6 +21,7 @@ from discovery.rig_file import read_rig
 from discovery.rows import propagate
 from discovery.sindy import default_pysindy, discover
 from discovery.smooth_input import build_drive
+from discovery.structure import Equation, status_of
 from discovery.subset import BestSubset
 
 XI, ALPHA, BETA, GAMMA = 0.0458, 8.7907, 0.5139, 0.4462
@@ -136,6 +137,14 @@ def test_result_says_what_each_term_is_and_how_sure(quiet):
     assert result.path[0][0] <= result.threshold < result.path[-1][0]
     assert [len(terms) for _, terms in result.path] == sorted((len(terms) for _, terms in result.path), reverse=True)
     assert result.smoothers[0].name == "penalised quintic spline"
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "full", "said"), [(1e-2, True, True), (1e-6, True, False), (1e-2, False, False)]
+)
+def test_more_terms_are_asked_for_where_they_matter(unexplained, full, said):
+    equation = Equation(("q",), (None,), (1.0,), (0.1,), unexplained, 1.0, 1.0)
+    assert ("More terms" in status_of(equation, (), full, 1.0)) is said
 
 
 def test_same_seed_same_result(quiet):

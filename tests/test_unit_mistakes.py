@@ -65,7 +65,8 @@ def test_zero_and_scale_apply_to_the_column(tmp_path):
 @pytest.mark.parametrize(
     ("rig", "angle", "time", "words"),
     [
-        (pendulum(), np.degrees(swing(0.3)), T, ["to and fro by", 'unit = "deg"']),
+        (pendulum(), np.degrees(swing(0.3)), T, ["to and fro by", "reading would be 17.19 rad", 'unit = "deg"']),
+        (pendulum(), np.degrees(swing(-1.0)), T, ["to and fro by", "reading would be 57.3 rad"]),
         (pendulum(), swing(0.3) + np.pi, T, ["upright", "zero = 3.14159265"]),
         (pendulum(), swing(0.3), 1e3 * T, ["as if it were", "unit of the time"]),
         (pendulum(), swing(0.3), 1e-3 * T, ["as if it were", "unit of the time"]),

@@ -27,7 +27,7 @@ def options(*names: str) -> Callable[[Any], Any]:
         ),
         "out": click.option("--out", required=True, type=PATH, help="Folder for the results."),
         "seed": click.option("--seed", default=1, show_default=True, help="Seed of everything random."),
-        "quiet": click.option("--quiet", is_flag=True, help="No progress on standard error."),
+        "quiet": click.option("--quiet", is_flag=True, help="No progress and no notes on standard error."),
     }
 
     def decorate(function: Any) -> Any:
@@ -59,11 +59,17 @@ def progress(quiet: bool):
         yield status.update
 
 
-def load(rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...], *, keep_third: bool = True) -> Dataset:
-    """Read the rig file and the recordings that a command names."""
+def load(
+    rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...], quiet: bool, *, keep_third: bool = True
+) -> Dataset:
+    """Read the rig file and the recordings that a command names, and say what is unusual about them."""
     from discovery.dataset import load_dataset
 
-    return load_dataset(rig, train, holdout, keep_third=keep_third)
+    dataset = load_dataset(rig, train, holdout, keep_third=keep_third)
+    for _, experiment in () if quiet else dataset.everything:
+        for note in experiment.recording.notes:
+            click.echo(f"{experiment.recording.source}: {note}", err=True)
+    return dataset
 
 
 def results_folder(out: Path) -> Path:

@@ -16,14 +16,17 @@ __all__ = ["COMMANDS"]
 @click.argument("rig", type=PATH)
 @options("train", "holdout", "out", "seed", "quiet")
 @click.option("--note", default="", help="Plain words on the data for the top of the report.")
-def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str) -> None:
+@click.option(
+    "--posterior/--no-posterior", "with_posterior", default=True, help="Sample the posterior, the longest part."
+)
+def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str, with_posterior: bool) -> None:
     """Run the whole pipeline and write its report."""
     from discovery.pipeline import run as run_pipeline
 
-    dataset = load(rig, train, holdout)
+    dataset = load(rig, train, holdout, quiet)
     folder = results_folder(out)
     with progress(quiet) as tell:
-        run_pipeline(dataset, folder, seed=seed, tell=tell, note=note)
+        run_pipeline(dataset, folder, seed=seed, tell=tell, note=note, with_posterior=with_posterior)
         tell("writing the report")
         from discovery.report import build_report
 
@@ -48,7 +51,7 @@ def loop(
     initial = _initial(initial_state)
     if initial is not None and target is None:
         raise click.UsageError("--initial-state needs --predict: training and hold-out start where their fit says.")
-    dataset = load(rig, train, holdout)
+    dataset = load(rig, train, holdout, quiet)
     wanted = None
     if target is not None:
         from discovery.experiment import make_experiment
@@ -102,9 +105,11 @@ def _say_loop(result) -> None:
         click.echo(separation.sentence)
     for when in ("before", "after"):
         found = result.errors[when]
+        # All held-out recordings may lie inside the trained range, or all beyond it.
+        shown = {k: v for k, v in found.items() if k == "holdout" or v != found["holdout"]}
         click.echo(
             f"{when:>6}: "
-            + ", ".join(f"{k} rms {v['rms']:.4g}" for k, v in found.items())
+            + ", ".join(f"{k} rms {v['rms']:.4g}" for k, v in shown.items())
             + f" {result.errors['unit']}"
         )
 
@@ -117,7 +122,7 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery import stages
     from discovery.provenance import provenance, write_json
 
-    dataset = load(rig, train, (), keep_third=False)
+    dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out)
     with progress(quiet) as tell:
         found = stages.discover(dataset, seed=seed, tell=tell)
@@ -136,7 +141,7 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery import stages
     from discovery.provenance import provenance, write_json
 
-    dataset = load(rig, train, (), keep_third=False)
+    dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out)
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
@@ -154,7 +159,7 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery import stages
     from discovery.provenance import provenance, write_json
 
-    dataset = load(rig, train, (), keep_third=False)
+    dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out)
     folder.mkdir(parents=True, exist_ok=True)
     checkpoint = folder / "posterior_chains.h5"
@@ -190,7 +195,7 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool) -> None
 
     described = read_rig(rig)
     recorded = train or described.records
-    dataset = load(rig, train, (), keep_third=False) if recorded else Dataset(described, (), ())
+    dataset = load(rig, train, (), quiet, keep_third=False) if recorded else Dataset(described, (), ())
     saved = None if out is None else out / "posterior.nc"
     posterior = Posterior.from_netcdf(saved) if saved is not None and saved.exists() else None
     with progress(quiet) as tell:
@@ -217,7 +222,7 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.provenance import provenance, write_json
     from discovery.residual import examine
 
-    dataset = load(rig, train, (), keep_third=False)
+    dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out)
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
