@@ -19,19 +19,19 @@ CASES ?= 300
 # What results are made from, and what only their pages are made from.
 PAGE := $(sort $(shell find discovery/report -type f ! -name '*.pyc'))
 PAPER := $(sort $(shell find discovery/reproduction -type f ! -name '*.pyc'))
-CODE := $(sort $(filter-out discovery/report/% discovery/reproduction/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
+CODE := $(sort $(filter-out discovery/report/% discovery/reproduction/% discovery/comparison/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
 	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml)) requirements.lock
 TWIN := Simulated: no recording of a very flexible arm was ever published. A geometrically exact beam stands in for the rig.
 
 # The measured circuit is run where its recording is at hand; it belongs to others and is not in this repository.
-MEASURED := $(shell for d in "$(DISCOVERY_DATA)" "$${XDG_CACHE_HOME:-$$HOME/.cache}/discovery/measured" "$$HOME/Library/Caches/discovery/measured"; do \
+SILVERBOX := $(shell for d in "$(DISCOVERY_DATA)" "$${XDG_CACHE_HOME:-$$HOME/.cache}/discovery/measured" "$$HOME/Library/Caches/discovery/measured"; do \
 	[ -f "$$d/silverbox/SNLS80mV.mat" ] && { echo silverbox; break; }; done)
 
 HIDDEN := arm_coulomb arm_delay arm_tilt
-PAGES := reports/arm/report.html reports/paper/report.html $(if $(MEASURED),reports/silverbox/report.html)
+PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/loop.json)
 
-.PHONY: help reproduce test test-long lint bench blind datasets docs lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench blind datasets docs lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -77,8 +77,20 @@ reports/paper/report.html: reports/paper/studies.json $(PAGE) $(PAPER)
 	@touch $@
 
 reports/index.html: $(PAGES) $(LOOPS) $(PAGE)
-	@$(if $(MEASURED),:,echo "the Silverbox is left out: its recording is not here. Set DISCOVERY_DATA to the folder that holds silverbox/SNLS80mV.mat (or: $(BIN)/discovery data fetch silverbox/SNLS80mV.mat) and make again")
+	@$(if $(SILVERBOX),:,echo "the Silverbox is left out: its recording is not here. Set DISCOVERY_DATA to the folder that holds silverbox/SNLS80mV.mat (or: $(BIN)/discovery data fetch silverbox/SNLS80mV.mat) and make again")
 	@$(BIN)/python -m discovery.report.index reports
+
+.PRECIOUS: reports/measured/%/results.json
+# The rigs whose recordings are at hand, the largest first, two side by side. A rig that fails does not stop the others,
+# and without any recording nothing is done. The posterior is left out: the page compares estimates and errors.
+measured: $(READY) ## Run every measured set that is at hand (DISCOVERY_DATA); the result is reports/measured/index.html
+	@rigs="$$($(BIN)/python -m discovery.comparison list datasets)" || exit 1; [ -n "$$rigs" ] || exit 0; \
+	$(MAKE) --no-print-directory -k -j $(WORKERS) $$(for rig in $$rigs; do echo "reports/measured/$$rig/report.html"; done); status=$$?; \
+	echo "open $$($(BIN)/python -m discovery.comparison page datasets reports/measured)" || status=1; exit $$status
+
+reports/measured/%/results.json: datasets/%.toml $(CODE) | $(READY)
+	@echo "$*"
+	@$(BIN)/discovery run $< --no-posterior --quiet --seed $(SEED) --note "Measured in another laboratory." --out $(@D) >/dev/null
 
 test: $(READY) ## Run the tests (at most ten minutes)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not slow"

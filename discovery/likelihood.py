@@ -74,10 +74,9 @@ class LogPosterior:
     def units(self) -> tuple[str, ...]:
         """Units of the sampled quantities, ``q`` written out."""
         problem = self.problem
-        q = problem.bench.experiments[0].recording
-        coordinate = "rad" if problem.bench.experiments[0].is_arm else q.units[0]
+        coordinate = problem.bench.experiments[0].coordinate_unit
         physical = [_written(problem.model.parameters[n].unit, coordinate) for n in problem.free]
-        initial = [coordinate, f"{coordinate} s^-1"] * len(problem.bench.experiments)
+        initial = [coordinate, f"{coordinate} s^-1"] * _released(problem)
         return (*physical, *initial, *(instrument.unit for instrument in self.instruments))
 
     def vectors(self, z: FloatArray) -> FloatArray:
@@ -151,6 +150,11 @@ def _written(unit: str, coordinate: str) -> str:
     return " ".join(coordinate + part[1:] if part == "q" or part.startswith("q^") else part for part in unit.split())
 
 
+def _released(problem: Problem) -> int:
+    """Return how many recordings have an initial state: none where the motion is prescribed."""
+    return (len(problem.names) - len(problem.free)) // 2
+
+
 def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
     found: list[tuple[Prior, float]] = []
     for name in problem.free:
@@ -161,7 +165,7 @@ def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
             found.append((parameter.prior, problem.units.scale(parameter)))
     # An initial state may be anything up to the size of the whole motion.
     q, time = problem.units.coordinate, problem.units.time
-    return (*found, *([(Normal(0.0, 1.0), q), (Normal(0.0, 1.0), q / time)] * len(problem.bench.experiments)))
+    return (*found, *([(Normal(0.0, 1.0), q), (Normal(0.0, 1.0), q / time)] * _released(problem)))
 
 
 def log_posterior(fit: Fit) -> LogPosterior:

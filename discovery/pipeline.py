@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from discovery import curves, stages
 from discovery.dataset import Dataset
+from discovery.draws import Posterior
 from discovery.errors import InputError
 from discovery.export import FittedModel
 from discovery.fit import Fit
@@ -22,7 +24,9 @@ from discovery.missing_force import MissingForce
 from discovery.predict import held_out, predict
 from discovery.problem import Bench, natural_units
 from discovery.provenance import provenance, write_json
+from discovery.quantisation import quantum
 from discovery.residual import errors
+from discovery.units import si_symbol
 
 __all__ = ["run", "save_prediction", "write_loop"]
 
@@ -46,16 +50,32 @@ def _describe(dataset: Dataset) -> dict[str, Any]:
     from discovery.experiment import largest_deflection
 
     rig = dataset.rig
+    stated = (
+        ("length", "m"),
+        ("tip_mass", "kg"),
+        ("beam_mass", "kg"),
+        ("flexural_rigidity", "N m^2"),
+        ("gravity", "m s^-2"),
+    )
     quantities = {
         name: {"value": q.value, "sd": q.sd, "unit": unit}
-        for name, unit in (("length", "m"), ("tip_mass", "kg"), ("beam_mass", "kg"), ("flexural_rigidity", "N m^2"))
+        for name, unit in stated
         if (q := getattr(rig, name)) is not None
     }
     for name, unit in (("position_noise", "m"), ("angle_noise", "rad")):
         if getattr(rig, name) is not None:
             quantities[name] = {"value": getattr(rig, name), "sd": None, "unit": unit}
     return {
-        "rig": {"name": rig.name, "kind": rig.kind, "quantities": quantities, "declared": list(rig.declared)},
+        "rig": {
+            "name": rig.name,
+            "kind": rig.kind,
+            "base": rig.base,
+            "coordinate_unit": dataset.train[0].coordinate_unit,
+            "input_unit": None if rig.columns.input is None else si_symbol(rig.columns.input.unit),
+            "quantities": quantities,
+            "declared": list(rig.declared),
+            "view": None if rig.view is None else asdict(rig.view),
+        },
         "recordings": [
             {
                 "name": e.recording.name,
@@ -63,15 +83,28 @@ def _describe(dataset: Dataset) -> dict[str, Any]:
                 "samples": e.recording.time.size,
                 "fitted_samples": len(e.recording.time[e.fitted]) if role == "train" else 0,
                 "duration_s": float(e.recording.time[-1] - e.recording.time[0]),
-                "rate_hz": float(1 / np.median(np.diff(e.recording.time))),
+                # Of rounded times no single step is right.
+                "rate_hz": float((e.recording.time.size - 1) / np.ptp(e.recording.time)),
                 "largest_deflection": largest_deflection([e]),
                 "channels": list(e.recording.channels),
                 "units": list(e.recording.units),
                 "noise": e.recording.noise,
                 "noise_estimated": e.recording.noise_estimated,
+                "signal": _signal(e.recording.output),
+                "step": [quantum(column) for column in e.recording.output.T],
+                "notes": list(e.recording.notes),
             }
-            for role, e in dataset.everything
+            for role, e in (*dataset.everything, *(("test", e) for e in dataset.test))
         ],
+    }
+
+
+def _signal(output: FloatArray) -> dict[str, float]:
+    """Return the size of what was read, gaps left out: rms of the readings and of their distance from their mean."""
+    read = output[np.isfinite(output).all(axis=1)]
+    return {
+        name: float(np.sqrt(np.mean(np.sum(x**2, axis=1))))
+        for name, x in (("rms", read), ("sd", read - read.mean(axis=0)))
     }
 
 
@@ -123,7 +156,14 @@ def write_loop(
 
 
 def run(
-    dataset: Dataset, out: Path, *, seed: int, tell: stages.Tell, command: Sequence[str] | None = None, note: str = ""
+    dataset: Dataset,
+    out: Path,
+    *,
+    seed: int,
+    tell: stages.Tell,
+    command: Sequence[str] | None = None,
+    note: str = "",
+    with_posterior: bool = True,
 ) -> dict[str, Any]:
     """Run the whole pipeline and save its results.
 
@@ -141,6 +181,8 @@ def run(
         Recorded in the provenance; the process's own by default.
     note : str
         Plain words on the data for the top of the report, for example that they are simulated.
+    with_posterior : bool
+        Sample the posterior; on long recordings that takes longer than everything else together.
 
     Returns
     -------
@@ -148,25 +190,23 @@ def run(
         The content of results.json.
     """
     out.mkdir(parents=True, exist_ok=True)
-    discovered = stages.discover(dataset, seed=seed, tell=tell)
+    discovered = stages.discover(dataset, seed=seed, tell=tell) if stages.can_discover(dataset.rig) else None
     fits = stages.estimate(dataset, tell=tell)
     loop = stages.loop(dataset, seed=seed, tell=tell)
     missing = stages.unexplained(loop, dataset, tell=tell)
-    # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere that of the final model.
+    tested = stages.scored(loop, dataset, tell=tell)
+    on = stages.continued(loop, dataset, tell=tell)
     arm = dataset.train[0].is_arm
-    subject = fits.models["declared"] if arm else loop.after.specialised()
     checkpoint = out / "posterior_chains.h5"
-    try:
-        posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
-    except InputError:
-        # The checkpoint is of another run of this folder, interrupted and now overtaken.
-        checkpoint.unlink(missing_ok=True)
-        posterior = stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+    posterior = None
+    if with_posterior:
+        # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere of the final model.
+        posterior = _sampled(fits.models["declared"] if arm else loop.after.specialised(), seed, tell, checkpoint)
     elastica = stages.predicted(dataset, posterior, seed=seed, tell=tell)
 
     tell("saving results")
     predictions: dict[str, list[FloatArray]] = {
-        "linear": _everywhere(dataset, fits.models["linear"], fits.predictions["linear"]),
+        **{n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"},
         "before": list(loop.predictions["before"]),
         "after": list(loop.predictions["after"]),
     }
@@ -174,23 +214,23 @@ def run(
         "provenance": provenance(dataset, seed=seed, command=command),
         "data_note": note,
         **_describe(dataset),
-        **discovered.summary(),
+        **(discovered.summary() if discovered else dict.fromkeys(("discovery", "radius", "multisine"))),
         **fits.summary(),
-        "posterior": {
-            "subject": "declared" if arm else "after",
-            "rows": posterior.summary(),
-            "status": posterior.status,
-        },
+        "posterior": posterior
+        and {"subject": "declared" if arm else "after", "rows": posterior.summary(), "status": posterior.status},
         "elastica": elastica,
         "loop": loop.summary(),
         "missing_force": None if missing is None else missing.summary(),
+        "test": tested,
+        "continued": on,
         "clean": _to_clean(dataset, predictions),
         "models": _models(loop),
     }
     # Results of one run belong together: they are written beside and moved in place when all are there.
     with TemporaryDirectory(dir=out, prefix=".saving-") as folder:
         beside = Path(folder)
-        posterior.to_netcdf(beside / "posterior.nc")
+        if posterior is not None:
+            posterior.to_netcdf(beside / "posterior.nc")
         _save_curves(beside, dataset, predictions, posterior, discovered, elastica, seed)
         if missing is not None:
             curves.save_groups(beside / "force.nc", curves.forces(missing.forces))
@@ -206,10 +246,20 @@ def run(
     return content
 
 
+def _sampled(subject: Fit, seed: int, tell: stages.Tell, checkpoint: Path) -> Posterior:
+    """Return the posterior of a fit, continued from a checkpoint of the same run where one is there."""
+    try:
+        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+    except InputError:
+        # The checkpoint is of another run of this folder, interrupted and now overtaken.
+        checkpoint.unlink(missing_ok=True)
+        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+
+
 def _save_curves(folder: Path, dataset: Dataset, predictions, posterior, discovered, elastica, seed: int) -> None:
     """Save what the report draws."""
     bands: list[Any] = []
-    if dataset.train[0].recording.time.size <= LONGEST_BANDS:
+    if posterior is not None and dataset.train[0].recording.time.size <= LONGEST_BANDS:
         from discovery.predictive import predictive
 
         rng = np.random.default_rng(stages.stage_seed(seed, "predictive"))
@@ -225,7 +275,7 @@ def _save_curves(folder: Path, dataset: Dataset, predictions, posterior, discove
         if points is not None:
             groups["measured"] = points
         curves.save_groups(folder / "laws.nc", groups)
-    if discovered.multisine is not None:
+    if discovered is not None and discovered.multisine is not None:
         curves.save_groups(folder / "multisine.nc", {"/": curves.lines(discovered.multisine)})
 
 

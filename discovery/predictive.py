@@ -93,7 +93,7 @@ def predictive(
     bench = Bench(posterior.model.base, posterior.model.effects, experiments, posterior.step)
     problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian)
     rows = [draws[name] for name in problem.free]
-    for experiment in experiments:
+    for experiment in () if posterior.model.mechanics.prescribed else experiments:
         name = experiment.recording.name
         sampled = [draws.get(f"{part}[{name}]", np.zeros(n)) for part in ("delta_0_init", "rate_0_init")]
         given = (initial or {}).get(name)

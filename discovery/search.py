@@ -152,9 +152,11 @@ class Search:
         price = self.case.settings.price
         least = min(n.chi2 + n.held for n in nodes)
         margin = max(price, self.case.settings.tie * (self.case.excess(least) - self.case.n_held))
+        # Laws that differ in what they idealise only are equals.
+        alike = max(price, self.case.settings.form * (self.best.chi2 + self.best.held - least))
         equal = [n for n in nodes if n.chi2 + n.held <= least + margin]
         rest = [n for n in nodes if n not in equal]
-        return sorted(equal, key=lambda n: merit(n, least, price)) + sorted(rest, key=lambda n: n.chi2 + n.held)
+        return sorted(equal, key=lambda n: merit(n, least, alike)) + sorted(rest, key=lambda n: n.chi2 + n.held)
 
     def _helps(self, refit: Refit) -> bool:
         """Return whether a refit removes a share of the excess worth naming."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,24 +13,31 @@ from numpy.typing import NDArray
 from discovery.case import LoopSettings
 from discovery.dataset import Dataset
 from discovery.effect import ARM
-from discovery.errors import ComputationError
-from discovery.experiment import Experiment, largest_deflection
+from discovery.errors import ComputationError, InputError
+from discovery.experiment import Experiment, largest_deflection, make_experiment
 from discovery.fit import Fit, declared_model, fit
+from discovery.kinds import KINDS, LINEAR_MODEL
 from discovery.loop import LoopResult, close_loop
 from discovery.missing_force import MissingForce, missing_force
 from discovery.model import Model
-from discovery.problem import natural_units
+from discovery.predict import held_out
+from discovery.problem import Bench, natural_units
 from discovery.residual import errors
+from discovery.rig import Rig
+from discovery.step import choose_step
 
 __all__ = [
     "Discovered",
     "Fits",
     "Tell",
+    "can_discover",
+    "continued",
     "discover",
     "estimate",
     "loop",
     "predicted",
     "sampled",
+    "scored",
     "stage_seed",
     "unexplained",
 ]
@@ -90,14 +97,24 @@ class Discovered:
         return {"discovery": found, "radius": radius, "multisine": lines}
 
 
+def can_discover(rig: Rig) -> bool:
+    """Return whether the library of the sparse regression describes a system: a coordinate read under a force."""
+    return rig.base in ("constant_radius", "oscillator")
+
+
 def discover(dataset: Dataset, *, seed: int, tell: Tell) -> Discovered:
     """Find the equation of motion, and an arm's radius law, by sparse regression.
 
     Raises
     ------
     InputError
-        For recordings without the channels that this needs.
+        For recordings without the channels that this needs, and for a system that the library does not describe.
     """
+    if not can_discover(dataset.rig):
+        raise InputError(
+            f"{dataset.rig.name}: sparse regression needs readings of the coordinate and of the force on it. Use "
+            "`discovery loop`, which compares free-run predictions."
+        )
     from discovery.motion import motion_of
     from discovery.radius import discover_radius
     from discovery.sindy import discover as sparse
@@ -124,8 +141,6 @@ def discover(dataset: Dataset, *, seed: int, tell: Tell) -> Discovered:
 
 
 def _shortened(experiment: Experiment):
-    from dataclasses import replace
-
     r = experiment.recording
     stop = min(DISCOVERY_SAMPLES, len(r.time[experiment.fitted]))
     if stop == r.time.size:
@@ -140,7 +155,8 @@ class Fits:
     Parameters
     ----------
     models : mapping of str to Fit
-        By label: "linear", "constant_radius" (an arm's declared model without the radius law), "declared".
+        By label: "linear" (where the system has a rest position), "constant_radius" (an arm's declared model without
+        the radius law), "declared".
     predictions : mapping of str to list of ndarray
         Of the training recordings.
     errors : mapping
@@ -157,11 +173,13 @@ class Fits:
 
 
 def estimate(dataset: Dataset, *, tell: Tell) -> Fits:
-    """Fit the linear model and the declared one to the training recordings."""
+    """Fit the declared model to the training recordings, and the linear one where the system has a rest position."""
     train = dataset.train
     units = natural_units(train)
     declared = declared_model(train[0])
-    plans: dict[str, tuple[str, ...]] = {"linear": ("viscous_damping", "linear_stiffness")}
+    plans: dict[str, tuple[str, ...]] = {}
+    if not KINDS[train[0].rig.kind].may_be_bare:
+        plans["linear"] = LINEAR_MODEL
     if train[0].is_arm and "radius_law" in declared.effects:
         plans["constant_radius"] = tuple(e for e in declared.effects if e != "radius_law")
     plans["declared"] = declared.effects
@@ -232,6 +250,52 @@ def loop(dataset: Dataset, *, seed: int = 1, follow_up: bool = True, tell: Tell)
     """Close the loop on a data set."""
     settings = LoopSettings(seed=stage_seed(seed, "loop"), follow_up=follow_up)
     return close_loop(dataset.train, dataset.holdout, settings=settings, progress=tell)
+
+
+def scored(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any]:
+    """Return the errors before and after on every recording that neither a fit nor a decision has seen, by its name.
+
+    Nothing of these recordings is fitted but their initial states.
+    """
+    found: dict[str, Any] = {}
+    for e in dataset.test:
+        tell(f"scoring {e.recording.name}")
+        found[e.recording.name] = {"samples": int(np.isfinite(e.recording.output).all(axis=1).sum())}
+        for label, fitted in (("before", result.before), ("after", result.after)):
+            bench, units = fitted.problem.bench, fitted.problem.units
+            physical = {n: v for n, v in fitted.values.items() if "[" not in n}
+            step = choose_step(fitted.model, [e], units, physical, effects=bench.effects)
+            alone = Bench(bench.base, bench.effects, [e], min(step, bench.step))
+            ((prediction,),) = held_out([(fitted.model, fitted.values)], [e], alone, units)
+            found[e.recording.name][label] = errors(prediction, e.recording.output)
+    return found
+
+
+def continued(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any] | None:
+    """Return the held-out errors before and after where the run goes on from the training part, nothing fitted anew.
+
+    None where the hold-out is not what follows the only training recording in its file. An initial state fitted to the
+    held-out part takes away the phase that a model has lost by then: this error holds it.
+    """
+    if len(dataset.train) != 1 or len(dataset.holdout) != 1 or result.after.model.mechanics.prescribed:
+        return None
+    first, second = dataset.train[0].recording, dataset.holdout[0].recording
+    if first.sha256 != second.sha256 or not 0 < second.time[0] - first.time[-1] < 1.5 * np.median(np.diff(first.time)):
+        return None
+    tell("continuing into the held-out part")
+    joined = replace(
+        first,
+        time=np.concatenate([first.time, second.time]),
+        output=np.concatenate([first.output, second.output]),
+        input=None if first.input is None or second.input is None else np.concatenate([first.input, second.input]),
+    )
+    whole = make_experiment(joined, dataset.rig)
+    found = {}
+    for label, fitted in (("before", result.before), ("after", result.after)):
+        start = [fitted.values[f"{n}[{first.name}]"] for n in ("delta_0_init", "rate_0_init")]
+        (prediction,) = fitted.predict([whole], np.array([start]))
+        found[label] = errors(prediction[first.time.size :], second.output)
+    return found
 
 
 def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingForce | None:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
+from discovery.attribution import candidates
 from discovery.effect import OSCILLATOR
 from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
@@ -25,7 +26,7 @@ exponents = st.integers(-4, 4)
 @st.composite
 def models(draw: st.DrawFn) -> Model:
     base = get_base(draw(st.sampled_from(base_names())))
-    allowed = [e for e in catalogue() if base.system in get_effect(e).systems and e not in base.provides]
+    allowed = candidates(Model(base.name, ()))
     effects = draw(st.lists(st.sampled_from(allowed), unique=True, max_size=6))
     model = Model(base.name, tuple(effects))
     known = draw(st.lists(st.sampled_from([*model.parameters, "nothing"]), unique=True, max_size=3))

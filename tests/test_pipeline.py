@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from discovery import stages
 from discovery.dataset import Dataset, load_dataset
+from discovery.pipeline import _describe as describe
 from discovery.pipeline import run, save_prediction, write_loop
 from discovery.predict import predict
 from discovery.provenance import plain
@@ -83,6 +85,13 @@ def test_the_results_hold_every_stage(results: dict[str, Any]) -> None:
     assert results["recordings"][0]["rate_hz"] == pytest.approx(25.0)
     assert set(results["fits"]) == {"linear", "constant_radius", "declared"}
     assert results["posterior"]["subject"] == "declared"
+
+
+def test_the_rate_is_that_of_the_whole_recording_where_times_are_rounded(dataset: Dataset) -> None:
+    first = dataset.train[0]
+    rounded = replace(first.recording, time=np.round(np.arange(first.recording.time.size) / 30, 3))
+    said = describe(replace(dataset, train=(replace(first, recording=rounded),)))["recordings"][0]
+    assert said["rate_hz"] == pytest.approx(30.0, rel=1e-4)
 
 
 def test_the_loop_is_written_once_and_read_the_same_twice(out: Path, results: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from discovery.registry import catalogue, get_effect
 from discovery.report import build_report, story
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import model_formulas
+from discovery.report.figures import motion
 from discovery.report.formula import formula
 from discovery.report.mathml import block
 from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
@@ -230,6 +232,30 @@ def test_an_error_that_grows_does_not_fall(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["loop"]["errors"]["after"]["holdout_inside"]["rms"] = 4e-3
     assert "goes from 2.98 to 4.00 mm" in headline(Run(tmp_path, results))
+
+
+def test_notes_stand_with_the_recordings(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    results["recordings"][0]["notes"] = ["'tip_x_m' is stuck for 29 samples from 3.3 s, while the system moves."]
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    data = (
+        build_report(tmp_path)
+        .read_text(encoding="utf-8")
+        .partition('<section id="data">')[2]
+        .partition("</section>")[0]
+    )
+    name = results["recordings"][0]["name"]
+    assert f"<li>{name}: &#39;tip_x_m&#39; is stuck for 29 samples from 3.3 s, while the system moves.</li>" in data
+
+
+def test_a_free_decay_is_shown_without_an_input(oscillator: Made) -> None:
+    run = Run(*oscillator[:2])
+    assert "output and input" in motion.draw(run).caption
+    run.__dict__["trajectories"] = tuple(replace(t, input=None) for t in run.trajectories)
+    shown = motion.draw(run)
+    assert shown.caption.startswith("Measured: output of ")
+    assert "input" not in shown.caption + shown.alt
+    assert len(shown.figure.axes) == 1
 
 
 def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:

@@ -176,7 +176,7 @@ def test_the_designed_manoeuvre_separates_what_one_move_could_not(pair: tuple[st
     gained = (after[wrong] - after[right]) - (before[wrong] - before[right])
     # The promise is that of the worse direction, to first order.
     assert gained > 0.5 * found.designed.chi2
-    assert after[wrong] > 1.05 * after[right]
+    assert after[wrong] - after[right] > 50
     # The right one still fits to the noise.
     assert after[right] == pytest.approx(2 * 2 * 601, rel=0.06)
 

@@ -128,7 +128,8 @@ class Base(ABC):
     n_coordinates: ClassVar[int]
     #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.
     provides: ClassVar[frozenset[str]] = frozenset()
-    #: Typical distance of its tip from that of the structure which it idealises, rms for each axis, in lengths.
+    #: Typical distance of its tip from that of the structure which it idealises, rms for each axis, in lengths; 0 where
+    #: it is not stated.
     accuracy: ClassVar[float] = 0.0
     #: Whether the input is a motion, theta_m with its two derivatives, rather than a force u.
     input_moves: ClassVar[bool] = False

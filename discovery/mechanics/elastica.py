@@ -315,6 +315,7 @@ class ElasticaTwoModes(Elastica):
 
     name = "elastica_2"
     n_coordinates = 2
+    accuracy = 0.0
 
 
 class ElasticaOneMode(Elastica):
@@ -322,6 +323,7 @@ class ElasticaOneMode(Elastica):
 
     name = "elastica_1"
     n_coordinates = 1
+    accuracy = 0.0
 
 
 BASE, TWO_MODES, ONE_MODE = Elastica(), ElasticaTwoModes(), ElasticaOneMode()

@@ -35,7 +35,7 @@ def build_index(folder: Path) -> Path:
     ----------
     folder : Path
         Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
-        ``studies.json`` holds the source paper's reproduction.
+        ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side.
 
     Returns
     -------
@@ -56,6 +56,7 @@ def build_index(folder: Path) -> Path:
         "runs": [_section(run) for run in whole],
         "loops": [_row(p) for p in loops],
         "paper": paper.parent.name if paper else "",
+        "measured": (folder / "measured" / "index.html").exists(),
     }
     path = folder / "index.html"
     with atomic_write(path) as temporary:

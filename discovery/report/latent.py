@@ -35,10 +35,16 @@ _SHOWN = ("deflection", "angle", "rate", "motor_angle", "output", "input")
 _MOST = 3
 
 
-def _names(variables: Sequence[str]) -> str:
+def _word(run: Run, variable: str) -> str:
+    """Return one variable in words."""
+    own = {} if run.is_arm else {"rate": "rate q̇", "output": run.output_name, "input": run.input_name}
+    return own.get(variable, _WORDS[variable])
+
+
+def _names(run: Run, variables: Sequence[str]) -> str:
     if tuple(variables) == ("x", "y"):
         return "absolute position (x, y)"
-    return listed(_WORDS[v] for v in variables)
+    return listed(_word(run, v) for v in variables)
 
 
 def _unit(run: Run) -> str:
@@ -82,7 +88,7 @@ def draw_states(run: Run) -> Picture | None:
         return None
     variables = [v for v in _SHOWN if all(v in f and np.ptp(f[v].to_numpy()) > 0 for f in forces.values())]
     unit = run.coordinate_unit
-    units = {"rate": f"{unit}/s", "input": ""}
+    units = {"rate": f"{unit}/s", "input": run.input_unit}
     rows = -(-len(variables) // 2)
     figure = new_figure(0.4 + 2.1 * rows)
     grid = figure.subplots(rows, 2, sharey=True, squeeze=False)
@@ -93,7 +99,7 @@ def draw_states(run: Run) -> Picture | None:
         for law in laws[:1]:
             if variable in law["curve"]:
                 axes.plot(law["curve"][variable], law["curve"]["force"], color=ORANGE, linewidth=1.6)
-        axes.set_xlabel(label(_SHORT.get(variable, _WORDS[variable]), units.get(variable, unit)))
+        axes.set_xlabel(label(_SHORT.get(variable, _word(run, variable)), units.get(variable, unit)))
     for axes in grid.flat[len(variables) :]:
         axes.set_visible(False)
     for axes in grid[:, 0]:
@@ -143,7 +149,7 @@ def dependence_table(run: Run) -> Table | None:
     for d in missing["dependence"]:
         mark = "chosen" if tuple(d["variables"]) in chosen else ""
         share = "none" if d["share"] <= 0 else f"{100 * d['share']:.0f} %"
-        cells.append([_names(d["variables"]), share, significant(d["p_value"], 2), mark])
+        cells.append([_names(run, d["variables"]), share, significant(d["p_value"], 2), mark])
         raw.append(["; ".join(d["variables"]), d["share"], d["p_value"], bool(mark)])
     caption = (
         "What the missing force depends on: share of its power that a smooth law of these predicts in periods that it "
@@ -165,7 +171,7 @@ def patches_table(run: Run) -> Table | None:
         scale = scale_for(unit, p["before"] or 0.0)
         errors = [significant(p[k] * scale.factor) if p[k] is not None else "–" for k in ("before", "after")]
         accepted = "accepted" if p["accepted"] else "refused"
-        cells.append([p["kind"], _names(p["variables"]), *errors, scale.symbol, accepted])
+        cells.append([p["kind"], _names(run, p["variables"]), *errors, scale.symbol, accepted])
         raw.append([p[k] for k in ("kind", "formula", "before", "after", "accepted", "reason")])
     head = ("patch", "in", "held-out rms without", "with", "unit", "")
     keys = ("kind", "formula", "before", "after", "accepted", "reason")
@@ -188,7 +194,7 @@ def sentences(run: Run) -> list[str]:
     ]
     if missing["depends_on"]:
         best = next(d for d in missing["dependence"] if d["variables"] in missing["depends_on"])
-        sets = [_names(v) for v in missing["depends_on"]]
+        sets = [_names(run, v) for v in missing["depends_on"]]
         doubt = "" if len(sets) == 1 else " These recordings cannot tell which."
         found.append(
             f"It depends on the {' or the '.join(sets)}: that predicts {100 * best['share']:.0f} % of its power in "
@@ -202,8 +208,9 @@ def sentences(run: Run) -> list[str]:
     else:
         scale = scale_for(run.loop["errors"]["unit"], patch["before"])
         before, after = (significant(patch[k] * scale.factor) for k in ("before", "after"))
+        law = f"a {patch['kind']} in the {_names(run, patch['variables'])}"
         found.append(
-            f"A patch, not an explanation: with a {patch['kind']} in the {_names(patch['variables'])} the held-out rms "
-            f"error falls from {before} to {after} {scale.symbol}. It holds within the range that was seen."
+            f"A patch, not an explanation: with {law} the held-out rms error falls from {before} to "
+            f"{after} {scale.symbol}. It holds within the range that was seen."
         )
     return found

@@ -11,8 +11,9 @@ from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import FITS, effect_name, error_groups, error_scale
 
-__all__ = ["clean_table", "errors_table", "fits_table", "quantities", "recordings_table"]
+__all__ = ["clean_table", "errors_table", "fits_table", "quantities", "recordings_table", "scored_table"]
 
+_ROLES = {"train": "training", "holdout": "held out", "test": "only scored"}
 _MEASURES = ("rms", "mean", "peak")
 _SHOWN = (("angle", "mean"), ("radius", "mean"), ("radius", "peak"), ("position", "mean"), ("position", "peak"))
 
@@ -28,7 +29,7 @@ def recordings_table(run: Run) -> Table:
         cells.append(
             [
                 r["name"],
-                "training" if r["role"] == "train" else "held out",
+                _ROLES[r["role"]],
                 ", ".join(r["channels"]),
                 f"{r['samples']}",
                 significant(r["duration_s"]),
@@ -38,7 +39,7 @@ def recordings_table(run: Run) -> Table:
             ]
         )
         raw.append([" ".join(r[k]) if k == "channels" else r[k] for k in keys])
-    largest = "largest deflection" if run.is_arm else "largest output"
+    largest = f"largest {'deflection' if run.is_arm else run.output_name if run.reads_coordinate else 'motion'}"
     head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")
     return Table("recordings", "Recordings.", head, cells, keys, raw, (0, 1, 2))
 
@@ -66,6 +67,23 @@ def errors_table(run: Run) -> Table:
     kind = errors.get("holdout_kind", "recordings")
     caption = f"Free-run errors: {what}. A perfect model would leave {floor} rms. Held out: {kind}."
     return Table("errors", caption, head, cells, keys, raw)
+
+
+def scored_table(run: Run) -> Table | None:
+    """Return the errors on recordings that neither a fit nor a decision has seen."""
+    tested = run.results.get("test")
+    if not tested:
+        return None
+    scale = error_scale(run)
+    labels = ("before", "after")
+    cells = [[effect_name(name), *(c for w in labels for c in _spread(m[w], scale))] for name, m in tested.items()]
+    raw = [
+        [name, *(m[w][k] for w in labels for k in _MEASURES), run.loop["errors"]["unit"]] for name, m in tested.items()
+    ]
+    head = ("recording", *(f"{w}, {k} [{scale.symbol}]" for w in labels for k in _MEASURES))
+    keys = ("recording", *(f"{w}_{k}" for w in labels for k in _MEASURES), "unit")
+    caption = "Free-run errors on recordings that are only scored: neither a fit nor a decision has seen them."
+    return Table("scored", caption, head, cells, keys, raw)
 
 
 def clean_table(run: Run) -> Table | None:
@@ -97,7 +115,7 @@ def fits_table(run: Run) -> Table | None:
     scales = {k: scale_for(units[k], min(f[k]["mean"] for f in fits.values())) for k, _ in kinds}
     head, cells = ["model"], []
     for kind, m in kinds:
-        what = kind if run.is_arm else "output"
+        what = kind if run.is_arm else run.output_name
         head.append(f"{what}, {m} [{scales[kind].symbol}]")
         if any(f"{kind}_{m}" in row for row in paper.values()):
             head.append("paper")

@@ -114,6 +114,7 @@ def _tables(run: Run) -> dict[str, Table]:
     made: list[Table | None] = [
         measures.recordings_table(run),
         measures.errors_table(run),
+        measures.scored_table(run),
         measures.clean_table(run),
         measures.fits_table(run),
         evidence.distortion_table(run),
@@ -218,6 +219,7 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "tables": {name: table.html() for name, table in tables.items()},
         "figures": figures,
         "quantities": measures.quantities(run),
+        "notes": [(r["name"], n) for r in run.results["recordings"] for n in r.get("notes", ())],
         "discovery": discovery,
         "equation": regression_equation(found_terms(discovery), system) if discovery else "",
         "three": three_terms(discovery, system) if discovery and run.is_arm else None,

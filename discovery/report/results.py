@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.errors import InputError
+from discovery.kinds import KINDS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +23,8 @@ __all__ = ["MODELS", "Run", "Trajectory", "read_run"]
 FloatArray = NDArray[np.float64]
 #: Models whose predictions are stored beside the measurement.
 MODELS = ("linear", "before", "after")
+#: What is read where it is not the coordinate, by base.
+_READS = {"inverse_dynamics": "force", "accelerometer": "acceleration"}
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,35 @@ class Run:
 
     @property
     def coordinate_unit(self) -> str:
-        """Unit of the coordinate: rad for an arm, that of the output for an oscillator."""
-        return "rad" if self.is_arm else str(self.loop["errors"]["unit"])
+        """Unit of the coordinate: rad for an arm, else as the run states it, or that of the output."""
+        return "rad" if self.is_arm else str(self.results["rig"].get("coordinate_unit", self.loop["errors"]["unit"]))
+
+    @property
+    def reads_coordinate(self) -> bool:
+        """Whether the instrument reads where the system is, not the force on it or its acceleration."""
+        return self._base not in _READS
+
+    @property
+    def output_name(self) -> str:
+        """What is read, in the words of a reader; of an arm the channels have names of their own."""
+        kind = KINDS[self.results["rig"]["kind"]]
+        return _READS.get(self._base, "output" if kind.name == "oscillator" else kind.output)
+
+    @property
+    def input_name(self) -> str:
+        """What drives the system, in the words of a reader."""
+        kind = KINDS[self.results["rig"]["kind"]]
+        given = {"inverse_dynamics": kind.output, "servo": "reference"}
+        return given.get(self._base, "input" if kind.name == "oscillator" else kind.input)
+
+    @property
+    def input_unit(self) -> str:
+        """SI unit of the input; empty where the run does not state it."""
+        return "rad" if self.is_arm else str(self.results["rig"].get("input_unit") or "")
+
+    @property
+    def _base(self) -> str:
+        return str(self.results["rig"].get("base", ""))
 
     def open(self, file: str, group: str | None = None) -> xr.Dataset | None:
         """Return one group of a netCDF file of the run, loaded; None where the file or the group is not there."""

@@ -7,15 +7,14 @@ import numpy as np
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import BLUE, GREY, RED, Picture, decimate, label, new_figure
 
-__all__ = ["draw", "draw_deflections"]
+__all__ = ["channel_name", "draw", "draw_deflections"]
 
-_NAMES = {
-    "tip_x": "tip x",
-    "tip_y": "tip y",
-    "tip_angle": "tip angle",
-    "tip_deflection": "tip deflection",
-    "output": "output",
-}
+_NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection"}
+
+
+def channel_name(run: Run, channel: str) -> str:
+    """Return a recorded channel in the words of a reader."""
+    return _NAMES.get(channel, run.output_name)
 
 
 def _largest(trajectory: Trajectory) -> float:
@@ -33,17 +32,18 @@ def draw(run: Run) -> Picture | None:
     axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
     for axis, channel, unit, values in zip(axes, shown.channels, shown.units, shown.measured.T, strict=False):
         axis.plot(*decimate(shown.time, values), color="black", linewidth=0.8)
-        axis.set_ylabel(label(_NAMES.get(channel, channel), unit))
+        axis.set_ylabel(label(channel_name(run, channel), unit))
     if shown.input is not None:
         axes[-1].plot(*decimate(shown.time, shown.input), color=BLUE, linewidth=0.9)
-        axes[-1].set_ylabel(label("motor angle", "rad") if run.is_arm else "input")
+        axes[-1].set_ylabel(label("motor angle" if run.is_arm else run.input_name, run.input_unit))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
-    what = "tip position and motor angle" if run.is_arm else "output and input"
+    driven = f" and {run.input_name}" if shown.input is not None else ""
+    what = "tip position and motor angle" if run.is_arm else f"{run.output_name}{driven}"
     return Picture(
         "motion",
         figure,
-        f"Measured motion of {shown.name}: {what}.",
+        f"Measured: {what} of {shown.name}.",
         f"Time series of {what} of recording {shown.name}.",
     )
 

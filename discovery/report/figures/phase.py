@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import LINES, Picture, label, new_figure
+from discovery.report.words import sentence
 
 __all__ = ["draw"]
 
@@ -44,7 +45,7 @@ def _portrait(trajectory: Trajectory, model: str, period: float) -> tuple[FloatA
 def draw(run: Run) -> Picture | None:
     """Return the portrait of the first held-out recording, or of the first one."""
     candidates = [t for t in (*run.held_out, *run.trajectories) if t.deflection is not None]
-    if not candidates:
+    if not candidates or not run.reads_coordinate:
         return None
     shown = candidates[0]
     assert shown.deflection is not None
@@ -56,13 +57,13 @@ def draw(run: Run) -> Picture | None:
         if portrait is not None:
             look = {**LINES[model], "linewidth": 0.8}
             axes.plot(*portrait, **look, rasterized=portrait[0].size > 500)
-    unit = run.coordinate_unit
-    axes.set_xlabel(label("deflection" if run.is_arm else "output", unit))
+    unit, what = run.coordinate_unit, "deflection" if run.is_arm else run.output_name
+    axes.set_xlabel(label(what, unit))
     axes.set_ylabel(label("its rate", f"{unit}/s"))
     figure.legend(loc="outside upper left", ncols=2)
     return Picture(
         "phase",
         figure,
         f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s.",
-        f"Deflection of {shown.name} against its rate: loops, measured and by the final model.",
+        f"{sentence(what)} of {shown.name} against its rate: loops, measured and by the final model.",
     )

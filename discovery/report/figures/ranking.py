@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ __all__ = ["draw", "draw_steps"]
 _MOST = 10
 #: Searches that are drawn; the table has all.
 _SEARCHES = 4
+#: Characters of a step's name beyond which it takes another line.
+_LABEL = 32
 #: Mean squared residual from which the axis is logarithmic.
 _WIDE = 3.0
 
@@ -82,10 +85,11 @@ def draw_steps(run: Run) -> Picture | None:
     for group in decisions(run):
         held = _held(group[0]["numbers"])
         if held is not None:
-            found.append((group[0], _label(run, group), held))
+            found.append((group[0], fill(_label(run, group), _LABEL), held))
     if not found:
         return None
-    figure = new_figure(0.4 * len(found) + 1.2)
+    lines = max(name.count("\n") for _, name, _ in found)
+    figure = new_figure((0.4 + 0.14 * lines) * len(found) + 1.2)
     axes = figure.subplots()
     for row, (step, _, (before, after)) in enumerate(found):
         # What was taken out again was there before.

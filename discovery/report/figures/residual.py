@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.report.figures.motion import _NAMES
+from discovery.report.figures.motion import channel_name
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, LINES, RED, Picture, decimate, label, new_figure
@@ -26,7 +26,7 @@ def draw(run: Run) -> Picture | None:
             scale = scale_for(unit, float(np.nanmax(np.abs(left))))
             axis = axes[2 * c + i]
             axis.plot(*decimate(shown.time, left * scale.factor), color=colour, linewidth=0.6)
-            axis.set_title(f"{_NAMES.get(channel, channel)}, {LINES[model]['label']}", fontsize=8.5, color=GREY)
+            axis.set_title(f"{channel_name(run, channel)}, {LINES[model]['label']}", fontsize=8.5, color=GREY)
             axis.set_ylabel(label("", scale.symbol).strip())
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()

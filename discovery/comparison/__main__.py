@@ -1,0 +1,51 @@
+"""``python -m discovery.comparison list DATASETS`` and ``python -m discovery.comparison page DATASETS FOLDER``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from discovery.errors import DiscoveryError
+
+
+def main() -> None:
+    """List the rigs whose recordings are at hand, or write the page over their runs."""
+    from discovery.comparison.rigs import at_hand
+
+    match sys.argv[1:]:
+        case ["list", datasets]:
+            names, missing = at_hand(Path(datasets))
+            print(*names)
+            for sentence in missing:
+                print(sentence, file=sys.stderr)
+            if missing:
+                print("set DISCOVERY_DATA to the folder that holds the measured files", file=sys.stderr)
+        case ["page", datasets, folder]:
+            try:
+                print(_page(Path(datasets), Path(folder)))
+            except DiscoveryError as error:
+                sys.exit(f"discovery: {error}")
+        case _:
+            sys.exit("usage: python -m discovery.comparison list DATASETS | page DATASETS FOLDER")
+
+
+def _page(datasets: Path, folder: Path) -> Path:
+    from discovery.comparison.known import read_known
+    from discovery.comparison.page import build_comparison
+    from discovery.comparison.reference import score_reference
+    from discovery.comparison.rigs import at_hand, measured_rigs
+    from discovery.provenance import write_json
+
+    rigs = measured_rigs(datasets)
+    names, missing = at_hand(datasets)
+    for name in names:
+        reference, run = read_known(rigs[name]).reference, folder / name
+        if reference is not None and (run / "results.json").exists():
+            write_json(run / "reference.json", score_reference(rigs[name], reference))
+    failed = [name for name in names if not (folder / name / "results.json").exists()]
+    unfinished = [f"no finished run: {', '.join(failed)}"] if failed else []
+    return build_comparison(rigs, folder, (*missing, *unfinished))
+
+
+if __name__ == "__main__":
+    main()
