@@ -27,7 +27,7 @@ _TRIED = 4
 #: and so many are extended side by side,
 _BEAM = 2
 #: a rival only if it leaves at most so many times what the best one leaves.
-_RIVAL = 5.0
+_RIVAL = 2.0
 #: So many rivals of an effect are told apart from it.
 _RIVALS = 2
 #: Rounds of removal and exchange.

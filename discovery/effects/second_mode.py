@@ -22,12 +22,12 @@ class SecondMode(Mode):
     g_2 = Parameter("1", "participation over that of the first mode", (-1e3, 1e3), Normal(0.0, 3.0), starts=(0.01,))
     omega_2 = Parameter(
         "s^-1", "angular frequency of the second mode", (0.02, 1e3), LogNormal(3.0, 1.5), default=3.0, shape=True,
-        starts=(0.15, 0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0, 10.0, 13.0, 16.0, 20.0),
+        starts=(0.15, 0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0, 12.0, 18.0),
         latex=r"\omega_2",
     )  # fmt: skip
     zeta_2 = Parameter(
         "1", "damping ratio of the second mode", (0.0, 2.0), LogNormal(0.05, 1.0), default=0.05, shape=True,
-        starts=(0.01, 0.05, 0.2), latex=r"\zeta_2",
+        starts=(0.02, 0.1), latex=r"\zeta_2",
     )  # fmt: skip
 
     def displacement(self):
