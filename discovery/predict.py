@@ -40,10 +40,12 @@ def _statics(base: str, effects: tuple[str, ...]) -> tuple[Program, Callable[...
     return program, numpy_derivative(program), sp.lambdify(known, list(output))
 
 
-def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, drive: Sequence[float]) -> float:
+def equilibrium(
+    model: Model, values: Mapping[str, float], units: NaturalUnits, drive: Sequence[float], time: float | None = None
+) -> float:
     """Return the deflection at which the model rests under a constant input.
 
-    Forces that depend on time are left out; of several rest positions the one nearest to zero is returned.
+    Of several rest positions the one nearest to zero is returned.
 
     Parameters
     ----------
@@ -55,6 +57,8 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
         Natural units.
     drive : sequence of float
         Input at rest: motor angle [rad], or u.
+    time : float, optional
+        Forces that depend on time are held as they are then [s]; by default they are left out.
 
     Raises
     ------
@@ -69,7 +73,8 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
         for p in effect.parameters()
         if not p.shape
     }
-    known = {**model.known, **values, **dict.fromkeys(moving, 0.0)}
+    known = {**model.known, **values, **(dict.fromkeys(moving, 0.0) if time is None else {})}
+    when = 0.0 if time is None else time
     parameters = [
         known.get(n, model.parameters[n].default * units.scale(model.parameters[n])) for n in program.parameters
     ]
@@ -80,7 +85,7 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
 
     def acceleration(q: FloatArray) -> FloatArray:
         state = [*q, *np.zeros(len(program.states) - n)]
-        return np.array(derivative(0.0, recorded, state, parameters)[n : 2 * n], float)
+        return np.array(derivative(when, recorded, state, parameters)[n : 2 * n], float)
 
     def push(deflection: float) -> float:
         q, tangent = model.mechanics.initial_coordinates(np.array([deflection]), np.array([1.0]), start, form)
@@ -97,7 +102,7 @@ def equilibrium(model: Model, values: Mapping[str, float], units: NaturalUnits, 
         # A root that turns with its load has memory: the rod and its root settle together.
         straight, _ = model.mechanics.initial_coordinates(np.zeros(1), np.zeros(1), start, form)
         first = np.concatenate([straight[:, 0], np.zeros(len(program.states) - n)])
-        q = _settled(lambda state: np.array(derivative(0.0, recorded, state, parameters), float), first, n, units.time)
+        q = _settled(lambda state: np.array(derivative(when, recorded, state, parameters), float), first, n, units.time)
         rest = float(q[0]) - (drive[0] if n == 1 and model.mechanics.system == ARM else 0.0)
         rest = rest if n == 1 else _angle(output(*q, 0.0, *parameters))
         if abs(rest) > reach[-1]:
@@ -187,7 +192,8 @@ def predict(
         state = np.empty((0, points.shape[1]))
     elif initial is None:
         # The rest position moves little with the parameters: its derivative is taken along with theirs.
-        rest = [equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive) for p in points.T]
+        first = float(experiment.recording.time[0])
+        rest = [equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive, first) for p in points.T]
         state = np.array([rest, np.zeros(len(rest))])
     else:
         state = np.repeat(np.array(initial)[:, None], points.shape[1], axis=1)

@@ -84,6 +84,9 @@ def test_rates_of_the_motor_and_forces_in_time_do_not_move_the_rest() -> None:
     model = Model("constant_radius", (*LINEAR, "equilibrium_offset", "periodic_disturbance"), {"length": 1.0})
     values = {"xi": 0.05, "alpha": 8.8, "delta_0": 0.07, "a_s": 0.5, "a_c": 0.5, "Omega": 2.0}
     assert equilibrium(model, values, UNITS, (0.3, 1.0, 2.0)) == pytest.approx(0.07, abs=1e-10)
+    # Held as it is at that time, the force pushes.
+    held = equilibrium(model, values, UNITS, (0.3, 1.0, 2.0), time=0.4)
+    assert abs(held - 0.07) > 0.01
 
 
 def test_an_instrument_that_is_off_does_not_move_the_rest() -> None:
