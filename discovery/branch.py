@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from discovery.attribution import Candidate, candidates, screen
 from discovery.case import Case
-from discovery.finite import finite_starts
+from discovery.finite import FarStart, finite_starts
 from discovery.growing import growing_starts
 from discovery.least_squares import Minimum
 from discovery.likeness import likely_pairs
@@ -23,7 +23,6 @@ from discovery.stiff import unstiffened
 
 __all__ = ["FINISHED", "Branch", "Branches", "Child"]
 
-FarStart = tuple[str, NDArray[np.float64], Mapping[str, float]]
 #: Added effects, and the model with them.
 Child = tuple[tuple[str, ...], Refit]
 #: So many of the best quick refits are finished with everything free;
@@ -79,7 +78,7 @@ class Branches:
         return self._made[key]
 
     def _far_starts(self, problem: Problem, minimum: Minimum, names: Sequence[str]) -> list[FarStart]:
-        return finite_starts(problem.model, minimum, problem, names) + growing_starts(minimum, problem, names)
+        return finite_starts(minimum, problem, names) + growing_starts(minimum, problem, names)
 
     def made(self, added: Sequence[str]) -> Branch | None:
         """Return the branch of a set if there is one already."""

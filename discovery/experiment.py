@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,6 +46,13 @@ class Experiment:
     def fitted(self) -> slice:
         """Samples that may be fitted."""
         return slice(0, self.fitted_samples)
+
+    def first(self, count: int) -> Experiment:
+        """Return the experiment of the first so many samples, all of them fitted."""
+        r = self.recording
+        inputs = None if r.input is None else r.input[:count]
+        part = replace(r, time=r.time[:count], output=r.output[:count], input=inputs)
+        return replace(self, recording=part, fitted_samples=None)
 
     @property
     def is_arm(self) -> bool:

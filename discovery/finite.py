@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from discovery.attribution import grid_of
 from discovery.least_squares import Minimum
-from discovery.model import Model
 from discovery.problem import Problem
 from discovery.registry import catalogue
 
-__all__ = ["finite_starts"]
+__all__ = ["FarStart", "finite_starts"]
 
 FloatArray = NDArray[np.float64]
+#: A start of a refit: effect, its free values, and values of other free parameters that go with them.
+FarStart = tuple[str, FloatArray, Mapping[str, float]]
 #: Kinds that carry or return energy, and so move the frequency.
 _KINDS = ("shape", "joint", "memory", "potential", "kinetic")
 #: Stiffness over the fitted one; a step of 1.8 % keeps the phase of a dozen swings.
@@ -30,26 +31,24 @@ _MOST_SHAPES = 12
 _KEPT = 2
 
 
-def finite_starts(
-    model: Model, minimum: Minimum, problem: Problem, names: Sequence[str]
-) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
-    """Return starts of refits: effect, its free values, and the stiffness `alpha` that goes with them.
+def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[FarStart]:
+    """Return starts of refits with the stiffness `alpha` that goes with each.
 
     Parameters
     ----------
-    model, minimum, problem : Model, Minimum, Problem
+    minimum, problem : Minimum, Problem
         The fit so far.
     names : sequence of str
         Candidate effects.
 
     Returns
     -------
-    list of (str, ndarray, mapping of str to float)
+    list of FarStart
         At most two for each effect, the best sizes by chi-square.
     """
     if "alpha" not in problem.free:
         return []
-    bench, system = problem.bench, model.mechanics.system
+    bench, system = problem.bench, problem.model.mechanics.system
     base, initial = problem.expand(minimum.x[:, None])
     at = bench.names.index("alpha")
     alphas = base[at, 0] * _FACTORS
@@ -73,7 +72,7 @@ def finite_starts(
         with np.errstate(over="ignore", invalid="ignore"):
             cost[part] = np.einsum("nk,nk->k", residuals, residuals)
     table = np.where(np.isfinite(cost), cost, np.inf).reshape(len(points), alphas.size)
-    found: list[tuple[str, FloatArray, Mapping[str, float]]] = []
+    found: list[FarStart] = []
     for name in dict.fromkeys(n for n, _ in points):
         own_points = [i for i, (n, _) in enumerate(points) if n == name]
         fitted = [p.name for p in catalogue()[name].fitted(system)]

@@ -6,8 +6,7 @@ many swings has a minimum for every swing that is lost or gained. Over a few swi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from discovery.attribution import screen
 from discovery.batch import fit_problems
 from discovery.effect import OSCILLATOR
+from discovery.finite import FarStart
 from discovery.least_squares import Minimum
 from discovery.problem import Bench, Problem
 from discovery.refits import refit
@@ -29,9 +29,7 @@ _ITERATIONS = 15
 _FOLLOWED = 10
 
 
-def growing_starts(
-    minimum: Minimum, problem: Problem, names: Sequence[str]
-) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
+def growing_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[FarStart]:
     """Return starts of refits for free decays of systems other than an arm: effect, its values, all others with them.
 
     Parameters
@@ -43,7 +41,7 @@ def growing_starts(
 
     Returns
     -------
-    list of (str, ndarray, mapping of str to float)
+    list of FarStart
         One for each effect that is worth following; none where the recordings are short.
     """
     model, bench, units = problem.model, problem.bench, problem.units
@@ -69,11 +67,6 @@ def growing_starts(
 
 def _beginning(bench: Bench, share: float) -> Bench:
     """Return the bench of the first part of every recording."""
-    experiments = []
-    for e in bench.experiments:
-        r, n = e.recording, e.recording.time[e.fitted].size
-        n = max(16, int(share * n))
-        inputs = None if r.input is None else r.input[:n]
-        part = replace(r, time=r.time[:n], input=inputs, output=r.output[:n])
-        experiments.append(replace(e, recording=part, fitted_samples=None))
+    counts = [max(16, int(share * e.recording.time[e.fitted].size)) for e in bench.experiments]
+    experiments = [e.first(n) for e, n in zip(bench.experiments, counts, strict=True)]
     return Bench(bench.base, bench.effects, experiments, bench.step)

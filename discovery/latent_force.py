@@ -11,7 +11,7 @@ spread over one.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -145,8 +145,7 @@ def _shortened(experiment: Experiment, period: float) -> Experiment:
     r = experiment.recording
     stop = len(r.time[experiment.fitted])
     stop = min(stop, int(np.searchsorted(r.time, r.time[0] + LONGEST * period)))
-    part = replace(r, time=r.time[:stop], output=r.output[:stop], input=None if r.input is None else r.input[:stop])
-    return replace(experiment, recording=part, fitted_samples=None)
+    return experiment.first(stop)
 
 
 def reconstruct(fit: Fit, index: int = 0) -> LatentForce:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +15,7 @@ from discovery.experiment import Experiment
 from discovery.fit import Fit, declared_model, fit, rig_uncertainty
 from discovery.holdout import HoldOut
 from discovery.problem import natural_units
-from discovery.quantisation import quantum
+from discovery.quantisation import resolution
 from discovery.recording import Recording
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine
@@ -210,12 +209,12 @@ def close_loop(
 
 def _for_quantised(settings: LoopSettings, train: Sequence[Experiment]) -> LoopSettings:
     """Return settings that ask no more of a reading than its rounding, whose error follows the motion, allows."""
-    steps = [
-        quantum(column) / noise
+    rounding = [
+        resolution(column) / noise
         for e in train
         for column, noise in zip(e.recording.output.T, e.recording.noise, strict=True)
     ]
-    return replace(settings, floor=max(settings.floor, max(steps) / math.sqrt(12.0)))
+    return replace(settings, floor=max(settings.floor, *rounding))
 
 
 def _contradiction(after: Fit, case: Case) -> ContradictionReport:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from discovery.drive import Drive, spline_drive
 from discovery.profile_spline import Phase, fit_phases, likeliest_roughness
-from discovery.recording import resolution
+from discovery.quantisation import resolution
 
 __all__ = ["smooth_motion"]
 

@@ -80,11 +80,12 @@ def clean_output(
     notes : list of str
     """
     step = quantum(values)
+    rounding = step / np.sqrt(12.0)
     notes = []
-    if step / np.sqrt(12.0) > _COARSE * noise:
+    if rounding > _COARSE * noise:
         notes.append(
             f"{label!r} reads in steps of {step:.4g} {unit}: its noise is taken as at least "
-            f"{step / np.sqrt(12.0):.3g} {unit}, the standard deviation of rounding."
+            f"{rounding:.3g} {unit}, the standard deviation of rounding."
         )
     flat = flat_runs(values, max(noise, step))
     if flat.stretches:

@@ -14,16 +14,15 @@ from discovery.force_view import force_samples, noise_gain, sampling_rate, zero_
 from discovery.io import read_table
 from discovery.kinds import KINDS
 from discovery.plausibility import check_arm, check_signals
-from discovery.quantisation import resolution as resolution
-from discovery.reading_noise import estimate_noise as estimate_noise
-from discovery.reading_noise import noise_note
+from discovery.quantisation import resolution
+from discovery.reading_noise import estimate_noise, noise_note
 from discovery.reading_notes import clean_output, time_notes
 from discovery.recording_columns import ARM_OUTPUTS, ARM_STEMS, arm_columns, declared_columns, picked_rows
 from discovery.rig import ForceView, Rig
 from discovery.unit_mistakes import check_units, near_hanging
 from discovery.units import si_factor, si_symbol
 
-__all__ = ["Recording", "blind", "estimate_noise", "read_recording", "resolution"]
+__all__ = ["Recording", "blind", "read_recording"]
 
 FloatArray = npt.NDArray[np.float64]
 

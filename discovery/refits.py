@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from discovery.attribution import Candidate
 from discovery.batch import fit_problems, together
+from discovery.finite import FarStart
 from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
@@ -79,7 +80,7 @@ def refit(
     problem: Problem,
     shortlist: Sequence[Candidate],
     *,
-    finite: Sequence[tuple[str, FloatArray, Mapping[str, float]]] = (),
+    finite: Sequence[FarStart] = (),
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
@@ -89,7 +90,7 @@ def refit(
         The fit so far.
     shortlist : sequence of Candidate
         From `discovery.attribution.screen`.
-    finite : sequence of (str, ndarray, mapping)
+    finite : sequence of FarStart
         More starts, see `discovery.finite.finite_starts` and `discovery.growing.growing_starts`.
 
     Returns

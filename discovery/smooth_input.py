@@ -9,7 +9,8 @@ from scipy.fft import irfft, rfft
 from discovery.drive import Drive, spline_drive
 from discovery.errors import InputError
 from discovery.motion_profile import smooth_motion
-from discovery.recording import Recording, estimate_noise
+from discovery.reading_noise import estimate_noise
+from discovery.recording import Recording
 from discovery.rig import Rig
 
 __all__ = ["build_drive"]

@@ -16,15 +16,15 @@ from discovery.effect import ARM
 from discovery.errors import ComputationError, InputError
 from discovery.experiment import Experiment, largest_deflection, make_experiment
 from discovery.fit import Fit, declared_model, fit
+from discovery.holdout import HoldOut
 from discovery.kinds import KINDS, LINEAR_MODEL
 from discovery.loop import LoopResult, close_loop
 from discovery.missing_force import MissingForce, missing_force
 from discovery.model import Model
-from discovery.predict import held_out
-from discovery.problem import Bench, natural_units
+from discovery.problem import natural_units
 from discovery.residual import errors
 from discovery.rig import Rig
-from discovery.step import choose_step
+from discovery.step import TOLERANCE
 
 __all__ = [
     "Discovered",
@@ -262,11 +262,8 @@ def scored(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any
         tell(f"scoring {e.recording.name}")
         found[e.recording.name] = {"samples": int(np.isfinite(e.recording.output).all(axis=1).sum())}
         for label, fitted in (("before", result.before), ("after", result.after)):
-            bench, units = fitted.problem.bench, fitted.problem.units
-            physical = {n: v for n, v in fitted.values.items() if "[" not in n}
-            step = choose_step(fitted.model, [e], units, physical, effects=bench.effects)
-            alone = Bench(bench.base, bench.effects, [e], min(step, bench.step))
-            ((prediction,),) = held_out([(fitted.model, fitted.values)], [e], alone, units)
+            judge = HoldOut(dataset.train, [e], fitted.problem.units, TOLERANCE)
+            ((prediction,),) = judge.predictions(fitted.problem.bench, [(fitted.model, fitted.values, [])])
             found[e.recording.name][label] = errors(prediction, e.recording.output)
     return found
 

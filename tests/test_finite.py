@@ -20,7 +20,7 @@ def test_a_large_effect_on_the_frequency_is_reached(effect: str, values: dict[st
     bench = Bench("oscillator", EFFECTS, [e], STEP)
     start = {"g": 1.0, "xi": 0.3, "alpha": 9.6}
     found = fit(Model("oscillator", DECLARED), [e], start=start, bench=bench, units=UNITS)
-    far = finite_starts(found.model, found.minimum, found.problem, [effect])
+    far = finite_starts(found.minimum, found.problem, [effect])
     assert {name for name, _, _ in far} == {effect}
     assert len(far) <= 2
     scored = screen(found.model, found.minimum, found.problem, [effect])
@@ -34,7 +34,7 @@ def test_only_what_moves_the_frequency_is_scanned() -> None:
     bench = Bench("oscillator", EFFECTS, [e], STEP)
     found = fit(Model("oscillator", DECLARED), [e], start=TRUTH, bench=bench, units=UNITS)
     names = ["coulomb_friction", "sensor_delay", "periodic_disturbance", "cubic_stiffness"]
-    far = finite_starts(found.model, found.minimum, found.problem, names)
+    far = finite_starts(found.minimum, found.problem, names)
     assert {name for name, _, _ in far} == {"cubic_stiffness"}
     # Of a clean recording the smallest size is the best, with the stiffness all but as fitted.
     _, vector, others = far[0]
@@ -47,5 +47,5 @@ def test_without_a_fitted_stiffness_there_is_nothing_to_scan() -> None:
     bench = Bench("oscillator", EFFECTS, [e], STEP)
     model = Model("oscillator", DECLARED, {"alpha": 9.0})
     found = fit(model, [e], start=TRUTH, bench=bench, units=UNITS)
-    assert finite_starts(model, found.minimum, found.problem, ["cubic_stiffness"]) == []
+    assert finite_starts(found.minimum, found.problem, ["cubic_stiffness"]) == []
     assert np.isfinite(found.chi2)

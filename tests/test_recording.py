@@ -16,7 +16,9 @@ from scipy.io import savemat
 
 from discovery.errors import InputError
 from discovery.io import atomic_write, read_table
-from discovery.recording import estimate_noise, read_recording, resolution
+from discovery.quantisation import resolution
+from discovery.reading_noise import estimate_noise
+from discovery.recording import read_recording
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 ARM = Rig("arm", length=Quantity(1.0, 1e-3), position_noise=3e-4, angle_noise=7e-5)

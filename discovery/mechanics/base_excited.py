@@ -33,9 +33,5 @@ class BaseExcited(OneCoordinate):
         """Return -p u''."""
         return -self.p * s.alpha_m
 
-    def push(self):
-        """Return the same."""
-        return self.pull()
-
 
 BASE = BaseExcited()

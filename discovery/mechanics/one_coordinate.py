@@ -11,8 +11,9 @@ from discovery import symbols as s
 from discovery.effect import OSCILLATOR
 from discovery.mechanics.base import Base, Channel, Mechanics, lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT
+from discovery.parameters import Normal, Parameter
 
-__all__ = ["OneCoordinate"]
+__all__ = ["ForceDriven", "OneCoordinate"]
 
 _Q, _QD = sp.symbols("q_1 qd_1", real=True)
 
@@ -36,6 +37,11 @@ class OneCoordinate(Base):
     @abstractmethod
     def pull(self) -> sp.Expr:
         """Return the acceleration of the bare body [q s^-2]."""
+
+    def push(self) -> sp.Expr | None:
+        """Return the same where an input alone makes it; a controller's also depends on what is read."""
+        symbols = self.pull().free_symbols
+        return self.pull() if symbols & {s.u, s.alpha_m} and not symbols & {_Q, _QD} else None
 
     def mechanics(self, rod=STRAIGHT) -> Mechanics:
         """Return the mathematics."""
@@ -76,3 +82,13 @@ class OneCoordinate(Base):
     def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return the coordinate and its rate."""
         return np.asarray(deflection)[None], np.asarray(rate)[None]
+
+
+class ForceDriven(OneCoordinate):
+    """A coordinate under the recorded input u: q'' = g u(t) + effects."""
+
+    g = Parameter("s^-2 q", "acceleration per unit of input", (-1e4, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
+
+    def pull(self) -> sp.Expr:
+        """Return g u."""
+        return self.g * s.u
