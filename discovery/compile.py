@@ -138,7 +138,7 @@ def numpy_derivative(program: Program) -> Callable[..., list]:
     lines += [f"    {', '.join(r.name for r in RECORDED)}, = recorded"]
     lines += assignments(program.drive, "    ") + assignments(program.derivative, "    ")
     lines.append(f"    return [{', '.join(printed(e) for e in program.slopes)}]")
-    functions = {"_sin": np.sin, "_cos": np.cos, "_atan2": np.arctan2, "_sqrt": np.sqrt, "abs": np.abs}
+    functions = {"_sin": np.sin, "_cos": np.cos, "_atan2": np.arctan2, "_exp": np.exp, "_sqrt": np.sqrt, "abs": np.abs}
     namespace: dict[str, Any] = {**functions, "math": np}
     exec("def derivative(t, recorded, state, parameters):\n" + "\n".join(lines), namespace)
     return namespace["derivative"]

@@ -46,6 +46,9 @@ class _Printer(PythonCodePrinter):
     def _print_atan(self, expr):
         return f"_atan2({self._print(expr.args[0])}, 1.0)"
 
+    def _print_exp(self, expr):
+        return f"_exp({self._print(expr.args[0])})"
+
     def _print_Rational(self, expr):
         return repr(float(expr))
 

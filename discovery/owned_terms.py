@@ -18,7 +18,7 @@ __all__ = ["NOBODY", "Effects", "Piece", "Splitter", "cost", "united"]
 Effects = frozenset[str] | None
 #: Operations from which an owned part of a sum, or a number that only parameters enter, is worth a name.
 _WORTH = 5
-_COSTS = {sp.sin: 18, sp.cos: 18, sp.atan2: 40, sp.atan: 40}
+_COSTS = {sp.sin: 18, sp.cos: 18, sp.atan2: 40, sp.atan: 40, sp.exp: 25}
 #: The effects that need what nobody needs.
 NOBODY: frozenset[str] = frozenset()
 
@@ -141,7 +141,7 @@ class Splitter:
         """Return whether a part of an expression is a function, a constant or a mixed sum that costs something."""
         if self.constant(expression):
             return cost(expression) >= _WORTH
-        if isinstance(expression, sp.sin | sp.cos | sp.atan | sp.atan2):
+        if isinstance(expression, sp.sin | sp.cos | sp.atan | sp.atan2 | sp.exp):
             return True
         if isinstance(expression, sp.Pow):
             return not expression.exp.is_Integer

@@ -12,11 +12,14 @@ import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
 
-__all__ = ["atan2", "barrier", "cos", "rolled", "sin", "sqrt"]
+__all__ = ["atan2", "barrier", "cos", "exp", "rolled", "sin", "sqrt"]
 
 _fast = njit(forceinline=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 
 _TWO_OVER_PI = 2 / math.pi
+_ONE_OVER_LN2 = 1 / math.log(2)
+# ln 2 in two parts, as pi/2 below.
+_L1, _L2 = 6.93145751953125e-1, 1.42860682030941723212e-6
 # pi/2 in two parts, so that the reduction keeps its digits.
 _P1, _P2 = 1.5707963267948966, 6.123233995736766e-17
 
@@ -96,6 +99,35 @@ def sin(x):
 def cos(x):
     """Return the cosine of an angle [rad], |x| up to 1e5."""
     return _sin_quadrant(x, 1.0)
+
+
+@intrinsic
+def _power_of_two(context, n):
+    """Return 2^n of a whole number in floating point, -1022 <= n <= 1023."""
+
+    def build(context, builder, signature, arguments):
+        # Adding 1.5 2^52 brings n, with the bias of exponents, into the low bits of the mantissa.
+        shifted = builder.fadd(arguments[0], arguments[0].type(1.5 * 2.0**52 + 1023.0))
+        whole = context.get_value_type(types.int64)
+        bits = builder.bitcast(shifted, whole)
+        return builder.bitcast(builder.shl(bits, whole(52)), shifted.type)
+
+    return types.float64(types.float64), build
+
+
+@_fast
+def exp(x):
+    """Return the exponential; that of -708 below it and of 709 above."""
+    x = -708.0 if x < -708.0 else x
+    x = 709.0 if x > 709.0 else x
+    n = np.floor(x * _ONE_OVER_LN2 + 0.5)
+    z = (x - n * _L1) - n * _L2
+    z2 = z * z
+    p = z * ((1.26177193074810590878e-4 * z2 + 3.02994407707441961300e-2) * z2 + 9.99999999999999999910e-1)
+    q = (
+        (3.00198505138664455042e-6 * z2 + 2.52448340349684104192e-3) * z2 + 2.27265548208155028766e-1
+    ) * z2 + 2.0
+    return (1.0 + 2.0 * (p / (q - p))) * _power_of_two(n)
 
 
 @_fast

@@ -146,7 +146,7 @@ def test_stribeck_friction_falls_from_its_creep_value_to_its_sliding_value() -> 
     known = {symbol: numbers[symbol.name] for symbol in dissipation.free_symbols - {v}}
     force = sp.lambdify(v, sp.diff(dissipation, v).subs(known))
     speeds = np.array([1e-3, 0.05, 0.1, 0.2, 1.0])
-    np.testing.assert_allclose(force(speeds), 0.3 + 0.5 / (1 + (speeds / 0.1) ** 2), rtol=1e-4)
+    np.testing.assert_allclose(force(speeds), 0.3 + 0.5 * np.exp(-((speeds / 0.1) ** 2)), rtol=1e-4)
     assert force(1e-8) < 1e-3
 
 

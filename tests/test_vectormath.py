@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.vectormath import atan2, cos, sin, sqrt
+from discovery.vectormath import atan2, cos, exp, sin, sqrt
 
 angles = st.floats(-1e5, 1e5)
 numbers = st.floats(-1e3, 1e3, allow_subnormal=False)
@@ -62,6 +62,20 @@ def test_square_root_of_negative_round_off_is_zero() -> None:
     assert sqrt(-1e-17) == 0.0
 
 
+@settings(deadline=None)
+@given(st.floats(-708, 709))
+def test_exponential(x: float) -> None:
+    # The reduction by ln 2 in two parts loses about n * 1e-16 over n halvings, as that of the sine.
+    assert abs(exp(x) - math.exp(x)) <= (1e-15 + 2e-16 * abs(x)) * math.exp(x)
+
+
+def test_the_exponential_stays_within_the_numbers_there_are() -> None:
+    assert exp(-1e9) == exp(-708.0) < 1e-307
+    assert exp(1e9) == exp(709.0) > 1e307
+    assert exp(0.0) == 1.0
+
+
 def test_what_is_not_finite_stays_so() -> None:
+    assert np.isnan(exp(math.nan))
     assert np.isnan(sin(math.inf))
     assert np.isnan(cos(math.nan))

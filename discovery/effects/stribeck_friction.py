@@ -10,9 +10,9 @@ from discovery.symbols import v2
 class StribeckFriction(Dissipation):
     r"""Dry friction that falls from a larger value at creep to its sliding value as a film of lubricant builds up.
 
-    .. math:: D = f_k\, w + f_b v_s \arctan\frac{w}{v_s},\qquad w = \sqrt{v_t^2 + v_e^2}
+    .. math:: D = f_k\, w + \frac{\sqrt\pi}{2} f_b v_s \operatorname{erf}\frac{w}{v_s},\qquad w = \sqrt{v_t^2 + v_e^2}
 
-    The force is :math:`\left(f_k + \frac{f_b}{1 + (w/v_s)^2}\right) v_t / w`: sliding friction f_k with a bump f_b
+    The force is :math:`\left(f_k + f_b\, e^{-(w/v_s)^2}\right) v_t / w`: sliding friction f_k with a bump f_b
     below the Stribeck speed v_s, made smooth within the speed v_e. Without the bump it is `coulomb_friction`, which it
     replaces.
     """
@@ -40,5 +40,5 @@ class StribeckFriction(Dissipation):
     def expression(self):
         """Return D, zero at rest."""
         speed = sp.sqrt(v2 + self.v_e**2)
-        bump = sp.atan(speed / self.v_s) - sp.atan(self.v_e / self.v_s)
-        return self.f_k * (speed - self.v_e) + self.f_b * self.v_s * bump
+        bump = sp.erf(speed / self.v_s) - sp.erf(self.v_e / self.v_s)
+        return self.f_k * (speed - self.v_e) + self.f_b * self.v_s * sp.sqrt(sp.pi) / 2 * bump

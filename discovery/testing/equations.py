@@ -80,7 +80,7 @@ def _order(expression: sp.Expr) -> list[sp.Symbol]:
 
 @lru_cache(maxsize=256)
 def _function(expression: sp.Expr) -> Callable[..., FloatArray]:
-    return sp.lambdify(_order(expression), expression, "numpy")
+    return sp.lambdify(_order(expression), expression, ["numpy", "scipy"])
 
 
 @lru_cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,8 +81,14 @@ def recover(effect: str) -> tuple[Fit, dict[str, float]]:
     shapes = [n for n in truth if model.parameters[n].shape]
     # Residuals have many minima in a frequency: a grid of starts, none of them the truth.
     grid = np.linspace(0.5, 1.5, 10) if shapes else np.ones(1)
+    declared = Model(base, context, known)
     fits = []
-    for shape, off in itertools.product(grid, (0.5, 1.5)):
-        start = {n: v * (shape if n in shapes else off) for n, v in truth.items()}
-        fits.append(fit(model, [experiment], start=start, bench=bench, units=units))
+    for off in (0.5, 1.5):
+        start = {n: v * off for n, v in truth.items()}
+        before = fit(declared, [experiment], start=start, bench=bench, units=units).values
+        # All at once, and as a user does: what is declared first, then the effect on top of it.
+        for first in ({}, {n: before[n] for n in declared.free}):
+            for shape in grid:
+                trial = {**start, **first, **{n: truth[n] * shape for n in shapes}}
+                fits.append(fit(model, [experiment], start=trial, bench=bench, units=units))
     return min(fits, key=lambda f: f.chi2), truth
