@@ -33,8 +33,6 @@ FloatArray = NDArray[np.float64]
 
 #: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
 NOISE_PRIOR = Normal(0.0, 5.0)
-# Readings in memory at once, so that they stay in the cache, in whole blocks of the kernel's lanes.
-_CHUNK, _LANES = 400_000, 32
 
 
 @dataclass(frozen=True)
@@ -111,11 +109,7 @@ class LogPosterior:
     def log_likelihood(self, vectors: FloatArray) -> FloatArray:
         """Return the log likelihood of sampled vectors (k, d), minus infinity where the motion blows up."""
         p = len(self.problem.names)
-        chi2 = np.empty((len(self.instruments), len(vectors)))
-        n_readings = sum(e.recording.output.size for e in self.problem.bench.experiments)
-        width = max(1, _CHUNK // (n_readings * _LANES)) * _LANES
-        for first in range(0, len(vectors), width):
-            chi2[:, first : first + width] = self._chi2(vectors[first : first + width, :p].T)
+        chi2 = self._chi2(vectors[:, :p].T)
         total = np.zeros(len(vectors))
         with np.errstate(over="ignore", invalid="ignore"):
             for part, log_factor, misfit in zip(self.instruments, vectors.T[p:], chi2, strict=True):
@@ -125,12 +119,9 @@ class LogPosterior:
 
     def _chi2(self, x: FloatArray) -> FloatArray:
         """Return chi-square at the stated noise, shape (instruments, k), for free vectors (p, k)."""
-        bench = self.problem.bench
-        ends = np.cumsum([e.recording.output.size for e in bench.experiments])
         with np.errstate(all="ignore"):
-            parts = np.split(bench.residuals(*self.problem.expand(x)), ends[:-1])
-            each = [np.einsum("nk,nk->k", r, r) for r in parts]
-        return np.array([sum(each[i] for i in part.experiments) for part in self.instruments])
+            each = self.problem.bench.reduced(*self.problem.expand(x), lambda _, r: np.einsum("nck,nck->k", r, r)[None])
+        return np.array([sum(each[i][0] for i in part.experiments) for part in self.instruments])
 
     def __call__(self, z: FloatArray) -> FloatArray:
         """Return the log posterior density at whitened coordinates (k, d), up to the constant of the evidence.

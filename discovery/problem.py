@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,6 +25,8 @@ LIGHT_ROD = 0.15
 _FOLD = 16
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7
+# Residuals at once that stay in the cache, in whole blocks of the kernel's lanes.
+_CACHED, _LANES = 400_000, 32
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,35 @@ class Bench:
             self._residuals(parameters[:, part], initial[:, :, part]) for part in self.pieces(parameters.shape[1])
         ]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
+
+    def reduced(
+        self, parameters: FloatArray, initial: FloatArray, reduce: Callable[[int, FloatArray], FloatArray]
+    ) -> list[FloatArray]:
+        """Return what is made of the residuals of every experiment, without ever holding all of them.
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (p, k)
+            In the order of `names`.
+        initial : ndarray, shape (experiments, 2, k)
+            Initial deflection and rate in every experiment.
+        reduce : callable
+            Gets the number of an experiment and its residuals (n, c, j) of a few sets, zero where nothing is fitted
+            and infinite where a trial blew up; returns (s, j).
+
+        Returns
+        -------
+        list of ndarray, shape (s, k)
+            One an experiment.
+        """
+        width = max(1, _CACHED // (self.n_rows * _LANES)) * _LANES
+        found: list[list[FloatArray]] = [[] for _ in self.experiments]
+        for first in range(0, parameters.shape[1], width):
+            part = slice(first, first + width)
+            rows = self._residuals(parameters[:, part], initial[:, :, part])
+            for i, (block, fitted) in enumerate(self.blocks()):
+                found[i].append(reduce(i, rows[block].reshape(*fitted.shape, -1)))
+        return [np.concatenate(parts, axis=1) for parts in found]
 
     def _residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
         predicted = self.predict(parameters, initial)
