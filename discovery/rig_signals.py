@@ -96,6 +96,12 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
     given = columns.input.model_dump() if columns.input else {}
     if given and given["interpolation"] is None:
         given["interpolation"] = "spline" if table.view else kind.interpolation
+    differentiated = table.view or kind.interpolation == "motion" or columns.output.reads == "acceleration"
+    if differentiated and given and given["interpolation"] in ("linear", "hold"):
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'input'))}: the second derivative of this input is "
+            f'needed, and with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
+        )
     return Columns(
         time=TimeColumn(time.name, time.unit, time.rate_hz, time.assumed),
         input=InputColumn(**given) if given else None,

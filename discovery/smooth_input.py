@@ -29,7 +29,7 @@ def build_drive(recording: Recording, rig: Rig) -> Drive | None:
     rig : Rig
         Says how the input runs between samples: a motion, such as an arm's motor angle, is smoothed to its encoder's
         error (``angle_noise``, uniform; estimated where the rig does not state it); any other is interpolated, band
-        limited, by a cubic spline (also ``"auto"``), linearly or held.
+        limited, by a cubic spline (``"auto"`` too, until `discovery.input_choice` has chosen), linearly or held.
 
     Returns
     -------

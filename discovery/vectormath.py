@@ -127,7 +127,7 @@ def exp(x):
     q = (
         (3.00198505138664455042e-6 * z2 + 2.52448340349684104192e-3) * z2 + 2.27265548208155028766e-1
     ) * z2 + 2.0
-    return (1.0 + 2.0 * (p / (q - p))) * _power_of_two(n)
+    return (1.0 + 2.0 * (p / (q - p))) * _power_of_two(n)  # type: ignore[call-arg]
 
 
 @_fast

@@ -64,8 +64,9 @@ def load(
 ) -> Dataset:
     """Read the rig file and the recordings that a command names, and say what is unusual about them."""
     from discovery.dataset import load_dataset
+    from discovery.input_choice import choose_interpolation
 
-    dataset = load_dataset(rig, train, holdout, keep_third=keep_third)
+    dataset = choose_interpolation(load_dataset(rig, train, holdout, keep_third=keep_third))
     for _, experiment in () if quiet else dataset.everything:
         for note in experiment.recording.notes:
             click.echo(f"{experiment.recording.source}: {note}", err=True)

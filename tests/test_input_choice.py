@@ -1,0 +1,71 @@
+"""How an input ran between its samples: an exact linear oscillator, solved by the matrix exponential, is told right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from discovery.dataset import load_dataset
+from discovery.errors import InputError
+from discovery.input_choice import choose_interpolation
+
+RIG = """
+name = "circuit"
+kind = "oscillator"
+[columns]
+time = { name = "t_s", unit = "s" }
+input = { name = "u_V", unit = "V", interpolation = "%s" }
+output = { name = "y_mm", unit = "mm", noise = %g }
+"""
+STEP, ALPHA, XI, GAIN = 0.05, 36.0, 0.6, 2.0
+#: scipy's names of an input that is held and one that is straight between samples.
+METHODS = {"hold": "zoh", "linear": "foh"}
+
+
+def recorded(folder, interpolation, *, asked="auto", noise=0.02):
+    """Write a rig and a recording of a random input that really ran as told."""
+    rng = np.random.default_rng(7)
+    u = np.repeat(rng.normal(size=200), 3)
+    system = (
+        np.array([[0.0, 1.0], [-ALPHA, -XI]]),
+        np.array([[0.0], [GAIN]]),
+        np.array([[1e3, 0.0]]),
+        np.zeros((1, 1)),
+    )
+    a, b, c, d, _ = cont2discrete(system, STEP, METHODS[interpolation])
+    state, y = np.zeros((2, 1)), np.empty(u.size)
+    for n, value in enumerate(u):
+        y[n] = (c @ state + d * value).item()
+        state = a @ state + b * value
+    table = np.column_stack([STEP * np.arange(u.size), u, y + noise * rng.standard_normal(u.size)])
+    np.savetxt(folder / "run.csv", table, delimiter=",", header="t_s,u_V,y_mm", comments="")
+    (folder / "rig.toml").write_text(RIG % (asked, noise))
+    return folder / "rig.toml", [folder / "run.csv"]
+
+
+@pytest.mark.parametrize("interpolation", METHODS)
+def test_the_recording_tells_how_its_input_ran(tmp_path, interpolation):
+    dataset = choose_interpolation(load_dataset(*recorded(tmp_path, interpolation)))
+    assert dataset.rig.columns.input.interpolation == interpolation
+    for experiment in dataset.train:
+        assert experiment.rig is dataset.rig
+        assert experiment.fitted_samples == 400
+        assert f'interpolation = "{interpolation}"' in experiment.recording.notes[-1]
+
+
+def test_where_noise_hides_it_the_usual_one_is_kept(tmp_path):
+    dataset = choose_interpolation(load_dataset(*recorded(tmp_path, "linear", noise=300.0)))
+    assert dataset.rig.columns.input.interpolation == "spline"
+
+
+def test_what_the_rig_file_names_is_kept(tmp_path):
+    dataset = load_dataset(*recorded(tmp_path, "hold", asked="linear"))
+    assert choose_interpolation(dataset) is dataset
+
+
+def test_an_input_that_is_differentiated_cannot_jump(tmp_path):
+    rig, files = recorded(tmp_path, "hold", asked="hold")
+    rig.write_text(rig.read_text().replace("noise =", 'reads = "acceleration", noise ='))
+    with pytest.raises(InputError, match='line 6: the second derivative of this input is needed.*Set it to "spline"'):
+        load_dataset(rig, files)
