@@ -13,8 +13,8 @@ __all__ = ["force_samples", "noise_gain", "sampling_rate", "zero_phase"]
 FloatArray = npt.NDArray[np.float64]
 
 _ORDER = 4
-_SAMPLES_A_PERIOD = 4.0  # of the cutoff: with more, neighbours tell the same
-_SETTLING = 1.0  # periods of the cutoff at either end that the ends themselves disturb
+_SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
+_SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves disturb
 
 
 def sampling_rate(time: FloatArray, source: str) -> float:

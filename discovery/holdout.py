@@ -11,12 +11,14 @@ from discovery.experiment import Experiment, largest_deflection
 from discovery.model import Model
 from discovery.predict import held_out
 from discovery.problem import Bench, NaturalUnits
-from discovery.residual import errors, systematic_share
+from discovery.residual import chance_variance, errors, systematic_share
 from discovery.step import choose_step
 
 __all__ = ["HoldOut"]
 
 FloatArray = NDArray[np.float64]
+#: Standard deviations above its mean that a normal number exceeds once in a hundred times.
+_ONCE_IN_A_HUNDRED = 2.326
 
 
 def _physical(values: Mapping[str, float]) -> dict[str, float]:
@@ -86,6 +88,15 @@ class HoldOut:
             count += int(good.sum())
             parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
         return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
+
+    def chance(self) -> float:
+        """Return the systematic residual [noise sds] that noise alone exceeds once in a hundred: little in long ones."""
+        outputs, period = self.outputs(), 2 * np.pi * self.units.time
+        each = [
+            chance_variance(np.isfinite(outputs[i]), self.experiments[i].recording.time, period)
+            for i in self.deciding()
+        ]
+        return float(np.sqrt(_ONCE_IN_A_HUNDRED * np.sqrt(sum(each)) / len(each)))
 
     def errors(self, predictions: Sequence[FloatArray]) -> dict[str, dict[str, float]]:
         """Return errors over all held-out recordings, and apart inside and outside the trained deflection."""

@@ -156,10 +156,9 @@ def close_loop(
     LoopResult
     """
     units = natural_units(train)
-    settings = _for_quantised(settings or LoopSettings(), train)
-    case = Case(
-        train, HoldOut(train, holdout, units, settings.tolerance), settings, units, progress or (lambda _: None)
-    )
+    settings = settings or LoopSettings()
+    judge = HoldOut(train, holdout, units, settings.tolerance)
+    case = Case(train, judge, _attainable(settings, train, judge), units, progress or (lambda _: None))
     declared = declared_model(train[0])
     case.tell("refitting the declared model")
     before = fit(declared, train, units=units)
@@ -207,14 +206,14 @@ def close_loop(
     )
 
 
-def _for_quantised(settings: LoopSettings, train: Sequence[Experiment]) -> LoopSettings:
-    """Return settings that ask no more of a reading than its rounding, whose error follows the motion, allows."""
+def _attainable(settings: LoopSettings, train: Sequence[Experiment], judge: HoldOut) -> LoopSettings:
+    """Return settings that ask no more than the readings' rounding, whose error follows the motion, and chance allow."""
     rounding = [
         resolution(column) / noise
         for e in train
         for column, noise in zip(e.recording.output.T, e.recording.noise, strict=True)
     ]
-    return replace(settings, floor=max(settings.floor, *rounding))
+    return replace(settings, floor=max(settings.floor, judge.chance(), *rounding))
 
 
 def _contradiction(after: Fit, case: Case) -> ContradictionReport:
@@ -249,7 +248,7 @@ def _is_noise(held: Sequence[FloatArray], first_rough: float, case: Case) -> tup
     return noise, (
         "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "
         f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {limit:.3g} = "
-        f"max({s.floor:g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
+        f"max({s.floor:.3g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
     )
 
 

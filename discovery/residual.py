@@ -12,7 +12,16 @@ from scipy import stats
 
 from discovery.experiment import Experiment
 
-__all__ = ["Dependence", "ResidualReport", "correlation_length", "errors", "examine", "roughness", "systematic_share"]
+__all__ = [
+    "Dependence",
+    "ResidualReport",
+    "chance_variance",
+    "correlation_length",
+    "errors",
+    "examine",
+    "roughness",
+    "systematic_share",
+]
 
 FloatArray = NDArray[np.float64]
 #: Bins of the averaged residual in one period of the motion.
@@ -70,13 +79,17 @@ class ResidualReport:
         return {**asdict(self), "white": self.white}
 
 
+def _bins(time: FloatArray, period: float) -> NDArray[np.int64]:
+    return np.floor((time - time[0]) / (period / BINS_PER_PERIOD)).astype(np.int64)
+
+
 def systematic_share(residual: FloatArray, time: FloatArray, period: float) -> float:
     """Return the rms of the bin-averaged normalised residual (n, c) with the noise's share removed.
 
     Averages over bins of `period` / 24 hold noise of variance 1/count; the excess of their mean square over that is
     the square of the result (zero where there is no excess).
     """
-    label = np.floor((time - time[0]) / (period / BINS_PER_PERIOD)).astype(int)
+    label = _bins(time, period)
     excess: list[float] = []
     for channel in residual.T:
         good = np.isfinite(channel)
@@ -85,6 +98,17 @@ def systematic_share(residual: FloatArray, time: FloatArray, period: float) -> f
         use = count > 0
         excess.append(float(np.mean((total[use] / count[use]) ** 2 - 1.0 / count[use])))
     return float(np.sqrt(max(0.0, float(np.mean(excess)))))
+
+
+def chance_variance(good: NDArray[np.bool_], time: FloatArray, period: float) -> float:
+    """Return the variance of the square of `systematic_share` where independent noise is all there is.
+
+    `good` (n, c) marks the readings; the square of an average of noise has twice the square of its variance.
+    """
+    label = _bins(time, period)
+    counts = [np.bincount(label[channel]) for channel in good.T]
+    each = [2.0 * float(np.sum(1.0 / count[count > 0] ** 2)) / max(1, (count > 0).sum()) ** 2 for count in counts]
+    return sum(each) / len(each) ** 2
 
 
 def _normalised(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]) -> list[FloatArray]:

@@ -35,7 +35,6 @@ output = { name = "F", unit = "N" }
 output = "force"
 motion_cutoff_hz = 20.0
 cutoff_hz = 10.0
-decimation = 6
 [model]
 effects = ["viscous_damping"]
 [records]
