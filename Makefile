@@ -31,7 +31,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/loop.json)
 
-.PHONY: help reproduce measured test test-long lint bench blind datasets docs lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration blind datasets docs lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -104,9 +104,14 @@ lint: $(READY) ## Check style, types and the layers of the package
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-bench: $(READY) ## Measure speed and recovery; the figures are written to reports/bench
+bench: $(READY) ## Measure speed and recovery beside peers; the figures are written to reports/bench
 	@mkdir -p reports/bench
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r benchmarks/requirements.lock || \
+		echo "the peers could not be installed; those that are missing are left out with their reason"
 	@for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python "$$b" "reports/bench/$$(basename "$$b" .py).json" || exit 1; done
+
+calibration: $(READY) ## Calibrate the posteriors: ranks of truths, coverage over manoeuvres (half an hour)
+	$(BIN)/python -m benchmarks.calibration.run reports/calibration --workers $(WORKERS) --seed $(SEED)
 
 # Finished cases are kept, so an interrupted benchmark goes on where it was; `make blind CASES=60` is a short one.
 blind: $(READY) ## Generate blind cases with sealed truth, run the loop and its peers on them, and score (hours)
@@ -135,6 +140,8 @@ lock: ## Pin the dependencies again (needs the network)
 	build/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
 	build/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate \
 		--group build --group test --group lint pyproject.toml -o requirements.lock
+	build/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate \
+		--group bench -c requirements.lock pyproject.toml -o benchmarks/requirements.lock
 
 clean: ## Remove results and caches; the virtual environment stays
 	@find reports -mindepth 1 ! -name README.md -delete

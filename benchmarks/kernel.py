@@ -1,20 +1,23 @@
-"""What a simulation costs: the compiled kernel of each base, and its peers at equal accuracy.
+"""What a simulation costs: the compiled kernel of each base, a loop in C beside it, and its peers at equal accuracy.
 
 Usage: ``python benchmarks/kernel.py OUT.json [--runs 7] [--sets 256]``. Prints tables and writes the numbers as JSON.
-Every time is the median of the runs.
+Every time is the median of the runs; what is compared runs in turn.
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import json
 import os
 import platform
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +26,22 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 from discovery import simulate
+from discovery.bench import Bench
 from discovery.dataset import load_dataset
 from discovery.drive import Drive
+from discovery.experiment import Experiment
 from discovery.model import Model
+from discovery.recording import Recording
 from discovery.registry import catalogue
-from discovery.simulate import Simulator
+from discovery.simulate import Misses, Simulator
 from discovery.testing.states import every_effect
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 VALUES = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139, "gamma": 0.4462, "length": 1.0, "mu": 0.2845, "g": 1.0}
 WHOLE = "whole catalogue"
+#: The loop in C, and how it is compiled.
+LOOP = Path(__file__).with_name("three_terms.c")
+FLAGS = ("-O3", "-march=native", "-ffast-math", "-shared", "-fPIC")
 PAPER = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
 #: Label, base, effects, step [s]: the steps leave about 1e-6 rad on this recording; the exact arm's is set by its third
 #: mode. Of the whole catalogue, only what VALUES names is present; then one effect more a set, and all at once.
@@ -57,6 +66,21 @@ def median(work: Callable[[], object], runs: int) -> float:
         work()
         found.append(time.perf_counter() - start)
     return float(np.median(found))
+
+
+def in_turn(
+    work: Mapping[str, Callable[[], object]], runs: int, clock: Callable[[], float] = time.perf_counter
+) -> dict[str, np.ndarray]:
+    """Return the times of several calls [s], each (runs,), measured one after another in every round."""
+    for call in work.values():
+        call()
+    found: dict[str, list[float]] = {name: [] for name in work}
+    for _ in range(runs):
+        for name, call in work.items():
+            start = clock()
+            call()
+            found[name].append(clock() - start)
+    return {name: np.array(seconds) for name, seconds in found.items()}
 
 
 def inputs(
@@ -96,11 +120,158 @@ def kernels(drive: Drive, times: np.ndarray, runs: int, sets: int) -> list[dict[
     return rows
 
 
+def growth(drive: Drive, times: np.ndarray, runs: int, sets: int) -> list[dict[str, Any]]:
+    """Measure what more and more effects cost, in a kernel of the whole catalogue."""
+    rows = []
+    for base in ("constant_radius", "oscillator"):
+        effects = every_effect(base)
+        simulator = Simulator(base, effects, times, drive, step=0.02)
+        model = Model(base, effects)
+        core = inputs(simulator, model, sets, 0.01)[0]
+        extra = [e for e in effects if e not in PAPER]
+        work = {}
+        for count in (0, 1, 2, 4, 8, 16, len(extra)):
+            parameters = core.copy()
+            for effect in extra[:count]:
+                for p in catalogue()[effect].parameters():
+                    if p.starts and not p.shape:
+                        parameters[simulator.names.index(p.name)] = p.starts[0]
+            work[str(3 + count)] = sums_of(simulator, parameters)
+        simulate.THREADS = 1
+        found = in_turn(work, runs, time.process_time)
+        for count, seconds in found.items():
+            rows.append(
+                {
+                    "base": base,
+                    "effects present": int(count),
+                    "ns_per_step_and_set": 1e9 * float(np.median(seconds)) / (simulator.grid.steps.size * sets),
+                    "times_three_terms": float(np.median(seconds / found["3"])),
+                }
+            )
+    return rows
+
+
+def sums_of(simulator: Simulator, parameters: np.ndarray) -> Callable[[], object]:
+    """Return a call that sums squares over all outputs; nothing is stored."""
+    shape = simulator.time.size, len(simulator.kernel.program.reading)
+    zeros = np.zeros(parameters.shape[1])
+    batch, misses = simulator.batch(parameters, zeros, zeros), Misses(0, np.zeros(shape), np.ones(shape))
+    return lambda: simulator.summed(batch, misses)
+
+
+def compiled(folder: str) -> ctypes.CDLL | str:
+    """Return the loop in C, or why there is none."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        return "no C compiler `cc` on this machine"
+    library = Path(folder) / "three_terms.so"
+    made = subprocess.run([compiler, *FLAGS, "-o", library, LOOP], capture_output=True, text=True, check=False)
+    return made.stderr.strip() if made.returncode else ctypes.CDLL(str(library))
+
+
+def beside_c(drive: Drive, times: np.ndarray, runs: int, sets: int) -> list[dict[str, Any]]:
+    """Compare the three terms with a loop in C: one thread by processor time, two by the clock.
+
+    ``steps``: the kernel reads only at the first and the last time; C adds up squares after every step, which is more.
+    ``sums``: both add up squares at the ends of all steps; the kernel interpolates, which C need not. ``stored``: both
+    store the angle there. The angle is what the oscillator reads; the arm reads x and y, so only its steps compare.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        library = compiled(folder)
+        if isinstance(library, str):
+            return [{"left out": library}]
+        grid = Simulator("oscillator", PAPER[:3], times, drive, step=0.02).grid
+        ends, n = np.append(grid.times, times[-1]), grid.steps.size
+        centre = np.array([[VALUES[name]] for name in ("xi", "alpha", "beta")])
+        own = np.ascontiguousarray(centre * (1 + 0.01 * np.random.default_rng(0).standard_normal((3, sets))))
+        motor, goal, sums = np.ascontiguousarray(grid.drive[:, :, 0]), np.zeros(n), np.empty(sets)
+        out = np.empty((n, sets))
+        blocks = sets // 32
+
+        def c_loop(function: str, threads: int, *last: np.ndarray) -> Callable[[], object]:
+            arrays = [a.ctypes.data_as(ctypes.c_void_p) for a in (grid.steps, motor, own, *last)]
+            edges = np.linspace(0, blocks, threads + 1).astype(int)
+
+            def part(first: int, end: int) -> None:
+                getattr(library, function)(*map(ctypes.c_long, (first, end, sets, n)), *arrays)
+
+            if threads == 1:
+                return lambda: part(0, blocks)
+            pool = ThreadPoolExecutor(threads - 1)
+
+            def together() -> None:
+                other = pool.submit(part, int(edges[1]), int(edges[2]))
+                part(int(edges[0]), int(edges[1]))
+                other.result()
+
+            return together
+
+        def stored(simulator: Simulator, parameters: np.ndarray) -> Callable[[], object]:
+            zeros, shape = np.zeros(sets), (n + 1, 1)
+            batch, misses = simulator.batch(parameters, zeros, zeros), Misses(0, np.zeros(shape), np.ones(shape))
+            kept, added = np.empty((n + 1, 1, sets)), np.empty((2, sets))
+            return lambda: simulator.run(batch, misses, kept, added, range(blocks))
+
+        rows = []
+        for what, base, at in (
+            ("steps", "oscillator", times[[0, -1]]),
+            ("steps", "constant_radius", times[[0, -1]]),
+            ("sums", "oscillator", ends),
+            ("stored", "oscillator", ends),
+        ):
+            simulator = Simulator(base, PAPER[:3], at, drive, step=0.02)
+            parameters = inputs(simulator, Model(base, PAPER[:3]), sets, 0.01)[0]
+            row: dict[str, Any] = {"what": what, "base": base}
+            for threads in (1, 2):
+                if what == "stored" and threads == 2:
+                    row |= dict.fromkeys(("ns_2", "ns_c_2", "ratio_2"))
+                    continue
+                simulate.THREADS = threads
+                ours = stored(simulator, parameters) if what == "stored" else sums_of(simulator, parameters)
+                theirs = c_loop("stored", 1, out) if what == "stored" else c_loop("summed", threads, goal, sums)
+                found = in_turn({"ours": ours, "c": theirs}, runs, (time.process_time, time.perf_counter)[threads - 1])
+                row[f"ns_{threads}"] = 1e9 * float(np.median(found["ours"])) / (n * sets)
+                row[f"ns_c_{threads}"] = 1e9 * float(np.median(found["c"])) / (n * sets)
+                row[f"ratio_{threads}"] = float(np.median(found["ours"] / found["c"]))
+            rows.append(row)
+    return rows
+
+
+def likelihoods(experiment: Experiment, runs: int, sets: int) -> list[dict[str, Any]]:
+    """Measure chi-square of 3001 samples, both methods at about 1e-6 rad: evaluations a second."""
+    drive, rig = experiment.drive, experiment.rig
+    at = np.linspace(*experiment.recording.time[[0, -1]], 3001)
+    motor = drive.evaluate(at)[0]
+    rows = []
+    for base, effects, channels in (
+        ("oscillator", PAPER[:3], ("output",)),
+        ("constant_radius", PAPER, ("tip_angle",)),
+        ("constant_radius", PAPER, ("tip_x", "tip_y")),
+    ):
+        output = motor[:, None] if len(channels) == 1 else np.column_stack([np.cos(motor), np.sin(motor)])
+        noise, units = np.full(len(channels), 3e-4), ("m",) * len(channels)
+        recorded = Experiment(Recording("bench", at, motor, output, channels, units, noise, "", ""), drive, rig)
+        work = {}
+        for label, leap in (("order 4", None), ("order 8", 0.15)):
+            bench = Bench(base, effects, [recorded], 0.0145, leap)
+            parameters, _ = inputs(bench.simulators[0], Model(base, effects), sets, 0.01)
+            work[label] = lambda b=bench, p=parameters: b.chi2(p, np.zeros((1, 2, sets)))
+        found = {}
+        for threads in (1, 2):
+            simulate.THREADS = threads
+            found[threads] = in_turn(work, runs, (time.process_time, time.perf_counter)[threads - 1])
+        for label in work:
+            row: dict[str, Any] = {"base": base, "channels": "+".join(channels), "steps": label}
+            row |= {f"per_s_{t}_threads": sets / float(np.median(seconds[label])) for t, seconds in found.items()}
+            rows.append(row)
+    return rows
+
+
 _FIRST_CALL = """
 import sys, time
 start = time.perf_counter()
 import numpy as np
-from discovery.simulate import Simulator
+from discovery.simulate import Misses, Simulator
 imported = time.perf_counter()
 simulator = Simulator({base!r}, {effects!r}, np.linspace(0.0, 1.0, 11), None, step=0.05)
 simulator(np.ones((len(simulator.names), 1)), np.zeros(1), np.zeros(1))
@@ -237,10 +408,14 @@ def main() -> None:
     found = {
         "machine": {"cpus": os.cpu_count(), "load": os.getloadavg()[0], "python": platform.python_version()},
         "kernels": kernels(drive, times, options.runs, options.sets),
+        "beside_c": beside_c(drive, times, 3 * options.runs, 16 * options.sets),
+        "growth": growth(drive, times, options.runs, options.sets),
+        "likelihoods": likelihoods(experiment, options.runs, 16 * options.sets),
         "first_calls": first_calls(),
         "peers": peers(drive, times, options.runs, options.sets),
     }
-    for name in ("kernels", "first_calls", "peers"):
+    for name in ("kernels", "beside_c", "growth", "likelihoods", "first_calls", "peers"):
+        print(name)
         table(found[name])
     options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from discovery.attribution import candidates
 from discovery.experiment import Experiment
-from discovery.fit import Fit, fit
+from discovery.fit import SHIFT, Fit, fit, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import Bench, NaturalUnits
@@ -170,19 +170,10 @@ class Case:
         )
 
     def polish(self, fitted: Fit) -> Fit:
-        """Return the fit on steps so fine that the solver shifts no estimate by more than a twentieth of its sd."""
-        for _ in range(3):
-            if not fitted.solver_shift > 0.05:
-                break
-            bench = fitted.problem.bench
-            # The shift falls with the fourth power of the step.
-            finer = Bench.like(bench, bench.step * max(0.25, 0.9 * (0.05 / fitted.solver_shift) ** 0.25))
+        """Return the fit on steps so fine that the solver shifts no estimate; see `discovery.fit.refined`."""
+        if fitted.solver_shift > SHIFT:
             self.tell("refitting with a finer step")
-            gaussian = fitted.problem.gaussian
-            fitted = fit(
-                fitted.model, self.train, start=fitted.values, bench=finer, units=self.units, gaussian=gaussian
-            )
-        return fitted
+        return refined(fitted)
 
     def held(self, fitted: Fit) -> list[FloatArray]:
         """Return a fit's predictions of the held-out recordings."""

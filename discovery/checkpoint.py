@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,11 @@ import h5py
 from discovery.ensembles import Ensemble
 from discovery.errors import InputError
 from discovery.io import atomic_write
+from discovery.student_mixture import StudentMixture
 
 __all__ = ["fingerprint", "restore", "save"]
+
+_PROPOSAL = tuple(field.name for field in fields(StudentMixture))
 
 
 def fingerprint(*parts: bytes | str) -> str:
@@ -46,9 +50,9 @@ def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) 
             group = file.create_group(f"ensemble_{i}")
             name, key, position, has_gauss, gauss = ensemble.state.random_state
             group.attrs.update({"random_name": name, "position": position, "has_gauss": has_gauss, "gauss": gauss})
-            group.attrs["adapted"] = ensemble.adapted
+            group.attrs.update({"adapted": ensemble.adapted, "informed": ensemble.informed})
             arrays = {"chain": ensemble.chain, "log_prob": ensemble.log_prob, "random_key": key}
-            arrays |= {"centre": ensemble.proposal.centre, "factor": ensemble.proposal.factor}
+            arrays |= {name: getattr(ensemble.independence.proposal, name) for name in _PROPOSAL}
             for dataset, data in arrays.items():
                 group.create_dataset(dataset, data=data)
             for move, counted in ensemble.moves.items():
@@ -94,8 +98,8 @@ def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: st
 def _restore(ensemble: Ensemble, group: Any) -> None:
     attributes = group.attrs
     ensemble.chain, ensemble.log_prob = group["chain"][:], group["log_prob"][:]
-    ensemble.proposal.centre, ensemble.proposal.factor = group["centre"][:], group["factor"][:]
-    ensemble.adapted = int(attributes["adapted"])
+    ensemble.independence.proposal = StudentMixture(*(group[name][:] for name in _PROPOSAL))
+    ensemble.adapted, ensemble.informed = int(attributes["adapted"]), bool(attributes["informed"])
     random = (
         str(attributes["random_name"]),
         group["random_key"][:],

@@ -2,9 +2,10 @@
 
 Every lane of a block is one parameter set; the loops over lanes have a constant length, all numbers of a block live in
 one flat array at constant offsets, and the mathematics is branch-free, so the compiler vectorises across lanes. Time
-stepping is the classical Runge-Kutta method of order four on a grid that respects the kinks of the drive; outputs at
-arbitrary times come from quintic Hermite interpolation of the coordinates (positions, rates and accelerations at both
-ends of a step), whose error is below that of the step.
+stepping is the classical Runge-Kutta method of order four on a grid that respects the kinks of the drive, or where a
+few smooth terms are all there is, on demand, that of Dormand and Prince of order eight with far longer steps; outputs
+at arbitrary times come from quintic Hermite interpolation of the coordinates (positions, rates and accelerations at
+both ends of a step).
 """
 
 from __future__ import annotations
@@ -24,12 +25,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.kernel_source import assignments, kernel_source, printed
+from discovery.kernel_source import kernel_source
+from discovery.kernel_text import assignments, printed
 from discovery.mechanics import get_base
 from discovery.program import RECORDED, Program, build_program
 from discovery.registry import get_effect
+from discovery.runge_kutta import CLASSICAL, Method, dormand_prince
 
-__all__ = ["Kernel", "compile_kernel", "numpy_derivative"]
+__all__ = ["Kernel", "compile_kernel", "leaps", "numpy_derivative"]
 
 
 @dataclass(frozen=True)
@@ -46,12 +49,15 @@ class Kernel:
         Parameter sets in one block.
     switches : ndarray, shape (e, p)
         One where a parameter is an amplitude of an effect; an effect is absent where all of its amplitudes are zero.
+    method : Method
+        By which it takes its steps.
     """
 
     run: Callable[..., None]
     program: Program
     lanes: int
     switches: NDArray[np.float64]
+    method: Method
 
 
 def _switches(effect_ids: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -104,7 +110,7 @@ def _load(source: str) -> ModuleType:
 
 
 @lru_cache(maxsize=128)
-def compile_kernel(base_name: str, effect_ids: tuple[str, ...]) -> Kernel:
+def compile_kernel(base_name: str, effect_ids: tuple[str, ...], method: Method = CLASSICAL) -> Kernel:
     """Return the compiled kernel of a base with a set of effects, from disk where it was compiled before.
 
     Parameters
@@ -113,6 +119,8 @@ def compile_kernel(base_name: str, effect_ids: tuple[str, ...]) -> Kernel:
         Name of the base.
     effect_ids : tuple of str
         Effects; the order sets the order of the parameters.
+    method : Method
+        Of the steps, where it suits the terms; `Kernel.method` says.
 
     Returns
     -------
@@ -124,7 +132,13 @@ def compile_kernel(base_name: str, effect_ids: tuple[str, ...]) -> Kernel:
     switches = _switches(effect_ids)
     rows = np.array([np.isin(program.parameters, names) for names in switches.values()], float)
     rows = rows.reshape(len(switches), len(program.parameters))
-    return Kernel(_load(kernel_source(program, lanes, switches)).run, program, lanes, rows)
+    module = _load(kernel_source(program, lanes, switches, method))
+    return Kernel(module.run, program, lanes, rows, method if method.order == module.ORDER else CLASSICAL)
+
+
+def leaps(base_name: str, effect_ids: tuple[str, ...]) -> bool:
+    """Return whether the terms of a base with some effects suit the method of order eight."""
+    return compile_kernel(base_name, effect_ids, dormand_prince()).method.order > CLASSICAL.order
 
 
 def numpy_derivative(program: Program) -> Callable[..., list]:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.compile import leaps
 from discovery.experiment import Experiment
 from discovery.least_squares import Minimum
 from discovery.problem import Bench, Problem
+from discovery.runge_kutta import CLASSICAL, dormand_prince
 
-__all__ = ["covariance_of", "solver_shift"]
+__all__ = ["covariance_of", "longest_leap", "solver_shift"]
 
 FloatArray = NDArray[np.float64]
 #: The residual's spectrum is averaged over a 32nd of all frequencies, and over nine lines at least.
 _BANDS = 64
 _NARROWEST = 4
+#: Leaps that are tried, and the first of them in natural times: an error of the order of 1e-5.
+_LEAPS, _FIRST_LEAP = 6, 0.75
 
 
 def covariance_of(
@@ -116,17 +120,56 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Probl
     return total
 
 
+def _change(problem: Problem, minimum: Minimum, residual: FloatArray) -> FloatArray:
+    """Return by how much half the step changes the residuals of the recordings at the minimum, shape (n,)."""
+    fine = Bench.like(problem.bench, problem.bench.step / 2)
+    return np.asarray(fine.residuals(*problem.expand(minimum.x[:, None]))[:, 0] - residual, np.float64)
+
+
 def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:
     """Return the largest shift of the minimum against a solve with half the step, in standard deviations."""
-    fine = Bench.like(problem.bench, problem.bench.step / 2)
-    vector = minimum.x[:, None]
-    change = (
-        fine.residuals(*problem.expand(vector))[:, 0]
-        - minimum.residual[: len(minimum.residual) - len(problem.prior_residuals(vector))]
-    )
-    rows = minimum.jacobian[: change.size]
+    change = _change(problem, minimum, minimum.residual[: problem.bench.n_rows])
     known = np.isfinite(np.diag(covariance))
     if not known.any():
         return float("nan")
-    step, *_ = np.linalg.lstsq(rows[:, known], -change, rcond=None)
+    step, *_ = np.linalg.lstsq(minimum.jacobian[: change.size, known], -change, rcond=None)
     return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[known])))
+
+
+def longest_leap(problem: Problem, minimum: Minimum, shift: float) -> float | None:
+    """Return the step of the method of order eight that hardly moves the minimum.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted, by the classical method.
+    minimum : Minimum
+        Where the minimisation ended.
+    shift : float
+        Largest shift of any combination of estimates against half the step, in the standard deviations that the
+        stated noise alone would give it.
+
+    Returns
+    -------
+    float or None
+        None where the method does not suit the terms, or takes more than half of the work of the classical one.
+    """
+    bench, order = problem.bench, dormand_prince().order
+    least = bench.step * len(dormand_prince().nodes) / len(CLASSICAL.nodes) / 0.5
+    leap = _FIRST_LEAP * problem.units.time
+    jacobian = minimum.jacobian[: bench.n_rows]
+    for _ in range(_LEAPS):
+        if leap < least or not leaps(bench.base, bench.effects):
+            break
+        leaping = Bench(bench.base, bench.effects, bench.experiments, bench.step, leap)
+        own = Problem(problem.model, leaping, problem.units, problem.gaussian)
+        change = _change(own, minimum, leaping.residuals(*own.expand(minimum.x[:, None]))[:, 0])
+        if np.isfinite(change).all():
+            step, *_ = np.linalg.lstsq(jacobian, change, rcond=None)
+            found = float(np.linalg.norm(jacobian @ step))
+            if found <= shift:
+                return leap
+            leap *= float(np.clip(0.9 * (shift / found) ** (1 / order), 0.3, 0.9))
+        else:
+            leap *= 0.5
+    return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.errors import InputError
+from discovery.inference_data import by_ensemble, by_walker, readings, walkers
 from discovery.io import atomic_write
 from discovery.model import Model
 from discovery.problem import NaturalUnits
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from discovery.experiment import Experiment
+    from discovery.predictive import Band
 
 __all__ = ["INTERVAL", "Posterior"]
 
@@ -27,7 +31,7 @@ FloatArray = NDArray[np.float64]
 #: What the intervals of a summary are.
 INTERVAL = "equal-tailed 90 % credible interval, errors of the readings taken as independent"
 _QUANTILES = (0.05, 0.5, 0.95)
-_DIMENSIONS = ("chain", "draw", "walker")
+_DIAGNOSTICS = ("r_hat", "tau", "ess", "ess_tail")
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,12 @@ class Posterior:
         Log posterior density up to the evidence, of the logarithm of the noise; and log likelihood.
     r_hat, tau, ess : mapping of str to float
         See `discovery.diagnostics.Convergence`.
+    ess_tail : mapping of str to float
+        Effective number of samples for the 5 and 95 % quantiles, the smaller of both.
     acceptance : mapping of str to float
-        Accepted part of the proposals of every kind of move.
+        Accepted part of the proposals of every kind of move, since the last adaptation.
+    prior : mapping of str to ndarray, shape (m,)
+        Draws from the prior in SI units; without the quantities whose prior is no distribution.
     reference : mapping of str to (float, float)
         Estimate and standard deviation of the fit from which sampling started; NaN where it has none.
     stated_noise : mapping of str to float
@@ -72,7 +80,9 @@ class Posterior:
     r_hat: Mapping[str, float]
     tau: Mapping[str, float]
     ess: Mapping[str, float]
+    ess_tail: Mapping[str, float]
     acceptance: Mapping[str, float]
+    prior: Mapping[str, FloatArray]
     reference: Mapping[str, tuple[float, float]]
     stated_noise: Mapping[str, float]
     model: Model
@@ -99,7 +109,11 @@ class Posterior:
         return "The residuals are no larger than the stated noise; the intervals take them as independent."
 
     def summary(self) -> list[dict[str, Any]]:
-        """Return one JSON-ready row a quantity: mean, sd, quantiles, diagnostics, unit, and the fit's value and sd."""
+        """Return one JSON-ready row a quantity, in its unit.
+
+        Mean, its Monte Carlo standard error, sd, quantiles; R-hat between the ensembles, effective samples of the bulk
+        and of the tails; and the fit's value and sd.
+        """
         rows = []
         for name, values in self.flat().items():
             low, middle, high = np.quantile(values, _QUANTILES)
@@ -109,6 +123,7 @@ class Posterior:
                     "name": name,
                     "unit": self.units[name],
                     "mean": float(values.mean()),
+                    "mcse": float(values.std(ddof=1)) / math.sqrt(self.ess[name]),
                     "sd": float(values.std(ddof=1)),
                     "q05": float(low),
                     "q50": float(middle),
@@ -116,35 +131,66 @@ class Posterior:
                     "interval": INTERVAL,
                     "r_hat": self.r_hat[name],
                     "ess": self.ess[name],
+                    "ess_tail": self.ess_tail[name],
                     "fit_value": value,
                     "fit_sd": sd if math.isfinite(sd) else None,
                 }
             )
         return rows
 
-    def to_dataset(self) -> xr.Dataset:
-        """Return a labelled data set: dimensions chain (ensemble), draw and walker, one variable a quantity."""
+    def to_tree(self, bands: Sequence[Band] = (), experiments: Sequence[Experiment] = ()) -> xr.DataTree:
+        """Return the groups of ArviZ's InferenceData.
+
+        Every walker is a chain, as ArviZ has it for emcee; the coordinate ``ensemble`` says to which ensemble it
+        belongs. Log likelihoods are sums over all readings. ``posterior_predictive`` holds quantiles of the readings.
+
+        Parameters
+        ----------
+        bands : sequence of Band
+            What `discovery.predictive.predictive` returned; no such group without them.
+        experiments : sequence of Experiment
+            Recordings whose readings are kept as ``observed_data``.
+
+        Returns
+        -------
+        DataTree
+        """
         import xarray as xr
 
-        def described(i: int, name: str) -> tuple[tuple[str, ...], FloatArray, dict[str, Any]]:
-            value, sd = self.reference[name]
-            attributes = {
-                "units": self.units[name],
-                "r_hat": self.r_hat[name],
-                "tau": self.tau[name],
-                "ess": self.ess[name],
-                "fit_value": value,
-                "fit_sd": sd,
-            }
-            if name in self.stated_noise:
-                attributes["stated_noise"] = self.stated_noise[name]
-            return _DIMENSIONS, self.draws[..., i], attributes
+        coordinates = walkers(self.log_probability.shape)
+        quantities = {
+            name: xr.Variable(*by_walker(self.draws[..., i]), attrs=self._attributes_of(name))
+            for i, name in enumerate(self.names)
+        }
+        groups = {
+            "posterior": xr.Dataset(quantities, coordinates, self._attributes()),
+            "sample_stats": xr.Dataset({"lp": by_walker(self.log_probability)}, coordinates, dict(self.acceptance)),
+            "log_likelihood": xr.Dataset({"readings": by_walker(self.log_likelihood)}, coordinates),
+            "prior": xr.Dataset({name: (("chain", "draw"), x[None]) for name, x in self.prior.items()}),
+        }
+        if bands:
+            quantiles = {b.name: (b.time, b.channels, b.reading) for b in bands}
+            groups["posterior_predictive"] = readings(quantiles, _QUANTILES)
+        if experiments:
+            recordings = [e.recording for e in experiments]
+            groups["observed_data"] = readings({r.name: (r.time, r.channels, r.output) for r in recordings})
+        return xr.DataTree.from_dict(groups)
 
-        variables: dict[str, Any] = {name: described(i, name) for i, name in enumerate(self.names)}
-        variables["log_probability"] = (_DIMENSIONS, self.log_probability)
-        variables["log_likelihood"] = (_DIMENSIONS, self.log_likelihood)
-        coordinates = {d: np.arange(n) for d, n in zip(_DIMENSIONS, self.log_probability.shape, strict=True)}
-        attributes = {
+    def to_netcdf(
+        self, path: str | os.PathLike[str], bands: Sequence[Band] = (), experiments: Sequence[Experiment] = ()
+    ) -> None:
+        """Write the groups of `to_tree` as netCDF, beside its place first."""
+        with atomic_write(path) as temporary:
+            self.to_tree(bands, experiments).to_netcdf(temporary, engine="h5netcdf")
+
+    def _attributes_of(self, name: str) -> dict[str, Any]:
+        value, sd = self.reference[name]
+        attributes = {key: getattr(self, key)[name] for key in _DIAGNOSTICS}
+        attributes |= {"units": self.units[name], "fit_value": value, "fit_sd": sd}
+        return attributes | ({"stated_noise": self.stated_noise[name]} if name in self.stated_noise else {})
+
+    def _attributes(self) -> dict[str, Any]:
+        return {
             "quantities": json.dumps(self.names),
             "interval": INTERVAL,
             "status": self.status,
@@ -154,13 +200,9 @@ class Posterior:
             "solver_step_s": self.step,
             "acceptance": json.dumps(dict(self.acceptance)),
             "provenance": json.dumps(dict(self.provenance)),
+            "inference_library": "emcee",
+            "inference_library_version": str(self.provenance["versions"]["emcee"]),
         }
-        return xr.Dataset(variables, coordinates, attributes)
-
-    def to_netcdf(self, path: str | os.PathLike[str]) -> None:
-        """Write the data set of `to_dataset` as netCDF, beside its place first."""
-        with atomic_write(path) as temporary:
-            self.to_dataset().to_netcdf(temporary, engine="h5netcdf")
 
     @classmethod
     def from_netcdf(cls, path: str | os.PathLike[str]) -> Posterior:
@@ -174,13 +216,14 @@ class Posterior:
         import xarray as xr
 
         try:
-            with xr.open_dataset(path, engine="h5netcdf") as dataset:
-                return cls._from_dataset(dataset.load())
+            with xr.open_datatree(path, engine="h5netcdf") as tree:
+                return cls._from_tree(tree.load())
         except (OSError, KeyError, ValueError) as error:
             raise InputError(f"{os.fspath(path)} is not a posterior that this package wrote: {error}") from error
 
     @classmethod
-    def _from_dataset(cls, dataset: xr.Dataset) -> Posterior:
+    def _from_tree(cls, tree: xr.DataTree) -> Posterior:
+        dataset = tree["posterior"].to_dataset()
         names = tuple(json.loads(dataset.attrs["quantities"]))
         variables = {name: dataset[name] for name in names}
 
@@ -192,12 +235,11 @@ class Posterior:
         return cls(
             names=names,
             units={name: str(v.attrs["units"]) for name, v in variables.items()},
-            draws=np.stack([v.to_numpy() for v in variables.values()], axis=-1),
-            log_probability=dataset["log_probability"].to_numpy(),
-            log_likelihood=dataset["log_likelihood"].to_numpy(),
-            r_hat=attribute("r_hat"),
-            tau=attribute("tau"),
-            ess=attribute("ess"),
+            draws=np.stack([by_ensemble(v) for v in variables.values()], axis=-1),
+            log_probability=by_ensemble(tree["sample_stats"].dataset["lp"]),
+            log_likelihood=by_ensemble(tree["log_likelihood"].dataset["readings"]),
+            **{key: attribute(key) for key in _DIAGNOSTICS},
+            prior={str(name): x.to_numpy()[0] for name, x in tree["prior"].data_vars.items()},
             acceptance=json.loads(dataset.attrs["acceptance"]),
             reference={name: (value[name], sd[name]) for name in names},
             stated_noise=attribute("stated_noise"),

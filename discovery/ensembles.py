@@ -6,6 +6,7 @@ global generator. Growth happens in blocks, whose lengths depend on nothing but 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -16,77 +17,28 @@ from numpy.random import MT19937, Generator, RandomState, SeedSequence
 from numpy.typing import NDArray
 
 from discovery.errors import ComputationError
+from discovery.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch
+from discovery.student_mixture import StudentMixture
 
-__all__ = ["Ensemble", "IndependenceMove", "check_walkers", "grow", "start_ensembles"]
+__all__ = ["Ensemble", "check_walkers", "grow", "start_ensembles"]
 
 FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 _LARGEST_CONDITION = 1e8
-# Steps after which the independence move may adapt to the ensemble itself; then blocks grow by a part of the run.
-_ADAPTATIONS, _WELL_ACCEPTED = (60, 200), 0.75
+# Steps after which the proposal may adapt to the walkers, and blocks end; then blocks grow by a part of the run.
+_ADAPTATIONS, _STOPS = (40, 80, 160, 320), (20, 40, 80, 120, 160, 320)
 _GROWTH = 0.4
-# Walkers start wider than the fit says, so that ensembles that agree have come together.
-_START_WIDTH = 1.5
+# The first block sees the density's 16th root: walkers spread over all peaks within some ten standard deviations.
+_TEMPERED, _TEMPERATURE = 20, 16.0
+# Proposals accepted less often than this, or a walker that rejects so many of them in a row, ask for a better proposal.
+_WELL_ACCEPTED, _STICKING = 0.75, 10.0
+# How often each move is made, while it is unknown whether the proposal resembles the posterior, and where it does.
+_EXPLORING = {"independence": 0.6, "differential_evolution": 0.25, "snooker": 0.05, "stretch": 0.1}
+_INFORMED = {"independence": 0.94, "differential_evolution": 0.03, "snooker": 0.01, "stretch": 0.02}
 _ATTEMPTS = 100
 # Ensembles at once: the log density does most of its work outside the interpreter's lock.
 _THREADS = 2
-
-
-class IndependenceMove(emcee.moves.Move):
-    """Metropolis-Hastings with a proposal that ignores where the walker is: a multivariate Student t.
-
-    In coordinates whitened by a fit it is nearly the posterior itself, and most steps are then new independent draws;
-    where it is not, the acceptance corrects it (L. Tierney, Annals of Statistics 22 (1994) 1701).
-
-    Parameters
-    ----------
-    dimension : int
-        Dimension d.
-    dof : float
-        Degrees of freedom; tails heavier than those of the posterior keep walkers from sticking there.
-    """
-
-    def __init__(self, dimension: int, dof: float = 15.0) -> None:
-        self.dof = dof
-        #: Centre (d,) and lower triangular factor (d, d) of the proposal.
-        self.centre: FloatArray = np.zeros(dimension)
-        self.factor: FloatArray = np.eye(dimension)
-
-    def adapt(self, points: FloatArray) -> None:
-        """Take mean and covariance from points (k, d); steps taken before must then count as burn-in."""
-        covariance = np.cov(points, rowvar=False).reshape(points.shape[1], -1)
-        self.centre = np.asarray(points.mean(axis=0), np.float64)
-        self.factor = np.asarray(np.linalg.cholesky(covariance), np.float64)
-
-    def _log_density(self, points: FloatArray) -> FloatArray:
-        # Not by BLAS here and below: its threads would spin for these few numbers.
-        z = np.einsum("kj,ij->ki", points - self.centre, np.linalg.inv(self.factor))
-        return -0.5 * (self.dof + z.shape[1]) * np.log1p(np.einsum("kd,kd->k", z, z) / self.dof)
-
-    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, NDArray[np.bool_]]:
-        """Propose and accept for all walkers at once."""
-        shape = state.coords.shape
-        z = model.random.standard_normal(shape)
-        z /= np.sqrt(model.random.chisquare(self.dof, shape[0]) / self.dof)[:, None]
-        points = self.centre + np.einsum("kj,ij->ki", z, self.factor)
-        log_prob, _ = model.compute_log_prob_fn(points)
-        gain = log_prob - state.log_prob + self._log_density(state.coords) - self._log_density(points)
-        accepted = -model.random.standard_exponential(shape[0]) < gain
-        return self.update(state, emcee.State(points, log_prob=log_prob), accepted), accepted
-
-
-class _Counted(emcee.moves.Move):
-    """A move that counts how many of its proposals are accepted."""
-
-    def __init__(self, move: emcee.moves.Move) -> None:
-        self.move, self.proposed, self.accepted = move, 0, 0
-
-    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, NDArray[np.bool_]]:
-        state, accepted = self.move.propose(model, state)
-        self.proposed += accepted.size
-        self.accepted += int(accepted.sum())
-        return state, accepted
 
 
 class Ensemble:
@@ -110,31 +62,64 @@ class Ensemble:
     def __init__(self, log_density: LogDensity, coords: FloatArray, random_state: tuple[Any, ...]) -> None:
         check_walkers(coords)
         self.state = emcee.State(coords, log_prob=log_density(coords), random_state=random_state)
-        self.proposal = IndependenceMove(coords.shape[1])
+        self.independence = IndependenceMove(StudentMixture.standard(coords.shape[1], math.sqrt(_TEMPERATURE)))
         self.moves = {
-            "independence": _Counted(self.proposal),
-            "differential_evolution": _Counted(emcee.moves.DEMove()),
-            "snooker": _Counted(emcee.moves.DESnookerMove()),
-            "stretch": _Counted(emcee.moves.StretchMove()),
+            "independence": Counted(self.independence),
+            "differential_evolution": Counted(DifferentialEvolution()),
+            "snooker": Counted(Snooker()),
+            "stretch": Counted(Stretch()),
         }
-        weighted = list(zip(self.moves.values(), (0.6, 0.25, 0.05, 0.1), strict=True))
-        self._sampler = emcee.EnsembleSampler(*coords.shape, log_density, moves=weighted, vectorize=True)
+        #: Whether the proposal is known to resemble the posterior.
+        self.informed = False
         #: Visited points (steps, walkers, d) and their log densities (steps, walkers).
         self.chain = np.empty((0, *coords.shape))
         self.log_prob = np.empty((0, len(coords)))
         #: Steps before the last adaptation of a move: burn-in at least.
         self.adapted = 0
+        self._log_density = log_density
 
     def advance(self, steps: int) -> None:
-        """Continue by some steps; at first, adapt the independence move where it is hardly accepted."""
-        self._sampler.reset()
-        self.state = self._sampler.run_mcmc(self.state, steps, skip_initial_state_check=True)
-        self.chain = np.concatenate([self.chain, self._sampler.get_chain()])
-        self.log_prob = np.concatenate([self.log_prob, self._sampler.get_log_prob()])
-        done, counted = len(self.chain), self.moves["independence"]
-        if done in _ADAPTATIONS and counted.accepted < _WELL_ACCEPTED * counted.proposed:
-            self.proposal.adapt(self.chain[-steps // 2 :].reshape(-1, self.chain.shape[2]))
-            self.adapted = done
+        """Continue by some steps, which must not go beyond the next stop."""
+        temperature = _TEMPERATURE if len(self.chain) < _TEMPERED else 1.0
+        self.state.log_prob = self.state.log_prob / temperature
+        chances = _INFORMED if self.informed else _EXPLORING
+        sampler = emcee.EnsembleSampler(
+            *self.state.coords.shape,
+            lambda points: self._log_density(points) / temperature,
+            moves=[(move, chances[name]) for name, move in self.moves.items()],
+            vectorize=True,
+        )
+        self.state = sampler.run_mcmc(self.state, steps, skip_initial_state_check=True)
+        self.state.log_prob *= temperature
+        self.chain = np.concatenate([self.chain, sampler.get_chain()])
+        self.log_prob = np.concatenate([self.log_prob, temperature * sampler.get_log_prob()])
+
+    def adapt(self) -> None:
+        """Fit the proposal to the walkers where it is hardly accepted; make it often where it is well accepted."""
+        done = len(self.chain)
+        if done == _TEMPERED:
+            self._propose(StudentMixture.standard(self.chain.shape[2]))
+        elif done in _ADAPTATIONS:
+            recent = slice(3 * done // 4, None)
+            points = self.chain[recent].reshape(-1, self.chain.shape[2])
+            well = self._well_accepted(points, self.log_prob[recent].ravel())
+            if not well:
+                self._propose(StudentMixture.of_points(points, seed=done))
+            elif not self.informed:
+                self._propose(self.independence.proposal)
+            self.informed = well
+
+    def _propose(self, proposal: StudentMixture) -> None:
+        self.independence.proposal, self.adapted = proposal, len(self.chain)
+        for move in self.moves.values():
+            move.proposed = move.accepted = 0
+
+    def _well_accepted(self, points: FloatArray, log_prob: FloatArray) -> bool:
+        """Tell whether the proposal resembles the density at recent points: nowhere is it far too rare."""
+        counted = self.moves["independence"]
+        gain = log_prob - self.independence.proposal.log_density(points)
+        sticking = float(gain.max() - np.median(gain)) > math.log(_STICKING)
+        return counted.accepted >= _WELL_ACCEPTED * counted.proposed and not sticking
 
 
 def check_walkers(coords: FloatArray) -> None:
@@ -189,8 +174,10 @@ def start_ensembles(
         streams = [SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, i)) for i in range(2)]
         rng = Generator(MT19937(streams[0]))
         coords = np.empty((0, dimension))
-        for _ in range(_ATTEMPTS):
-            drawn = _START_WIDTH * rng.standard_normal((walkers, dimension))
+        for attempt in range(_ATTEMPTS):
+            # As wide as the first block spreads them; less where bounds or blow-ups leave little room.
+            width = max(1.0, math.sqrt(_TEMPERATURE) * 0.9**attempt)
+            drawn = width * rng.standard_normal((walkers, dimension))
             coords = np.concatenate([coords, drawn[np.isfinite(log_density(drawn))]])[:walkers]
             if len(coords) == walkers:
                 break
@@ -213,9 +200,11 @@ def grow(ensembles: Sequence[Ensemble], max_steps: int) -> Iterator[int]:
     if done:
         yield done
     while done < max_steps:
-        ahead = [steps for steps in _ADAPTATIONS if steps > done]
+        ahead = [steps for steps in _STOPS if steps > done]
         block = min(ahead[0] - done if ahead else int(_GROWTH * done), max_steps - done)
         with ThreadPoolExecutor(_THREADS) as pool:
             list(pool.map(lambda ensemble: ensemble.advance(block), ensembles))  # noqa: B023
         done += block
+        for ensemble in ensembles:
+            ensemble.adapt()
         yield done

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
-from discovery.covariance import covariance_of, solver_shift
+from discovery.covariance import covariance_of, longest_leap, solver_shift
 from discovery.errors import InputError
 from discovery.experiment import Experiment
 from discovery.guess import restoring, scan
@@ -21,9 +21,12 @@ from discovery.registry import get_effect
 from discovery.simulate import check_finite
 from discovery.step import TOLERANCE, choose_step
 
-__all__ = ["Fit", "declared_model", "fit", "rig_uncertainty"]
+__all__ = ["SHIFT", "Fit", "declared_model", "fit", "refined", "rig_uncertainty"]
 
 FloatArray = NDArray[np.float64]
+#: Largest shift of an estimate that the solver may cause, in standard deviations.
+SHIFT = 0.02
+_REFINEMENTS = 3
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,10 @@ class Fit:
         if not self.minimum.converged:
             return f"The iteration stopped after {self.minimum.iterations} Jacobians without meeting its stopping rule."
         bound = [n for n, b in zip(self.problem.names, self.minimum.at_bound, strict=True) if b]
-        return f"Converged; at a bound: {', '.join(bound)}." if bound else "Converged."
+        ended = f"Converged; at a bound: {', '.join(bound)}." if bound else "Converged."
+        if self.solver_shift > SHIFT:
+            ended += f" The solver still shifts an estimate by {self.solver_shift:.2g} standard deviations."
+        return ended
 
     def predict(
         self, experiments: Sequence[Experiment] | None = None, initial: FloatArray | None = None
@@ -102,10 +108,17 @@ class Fit:
         return [c[:, :, 0] for c in bench.predict(parameters, np.asarray(initial, float)[:, :, None])]
 
     def specialised(self) -> Fit:
-        """Return the same fit on a kernel that holds the model's own effects only: faster for many evaluations."""
-        bench = self.problem.bench
-        own = Bench(bench.base, self.model.effects, bench.experiments, bench.step)
-        return replace(self, problem=Problem(self.model, own, self.problem.units, self.problem.gaussian))
+        """Return the same fit on a kernel that holds the model's own effects only: faster for many evaluations.
+
+        Where a method of higher order shifts no estimate, it takes the steps.
+        """
+        bench, units, gaussian = self.problem.bench, self.problem.units, self.problem.gaussian
+        own = Problem(self.model, Bench(bench.base, self.model.effects, bench.experiments, bench.step), units, gaussian)
+        leap = longest_leap(own, self.minimum, 0.5 * SHIFT)
+        if leap is None:
+            return replace(self, problem=own)
+        leaping = Bench(bench.base, self.model.effects, bench.experiments, bench.step, leap)
+        return replace(self, problem=Problem(self.model, leaping, units, gaussian))
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready report row."""
@@ -222,7 +235,8 @@ def fit(
     start : mapping of str to float, optional
         Start values by name; the others come from the declarations and a scan of the stiffness.
     bench : Bench, optional
-        Simulators to use; made here otherwise, with a step that keeps the trajectory error below `tolerance`.
+        Simulators to use as they are. Made here otherwise, with a step that keeps the trajectory error below
+        `tolerance` and the solver's shift of every estimate below `SHIFT`.
     units : NaturalUnits, optional
         Natural units; from the recordings otherwise.
     gaussian : mapping, optional
@@ -246,6 +260,7 @@ def fit(
     values = dict(start or {})
     if (stiffness := restoring(model)) is not None and stiffness not in values:
         values = scan(model, experiments, units, values)
+    own_step = bench is None
     if bench is None:
         bench = Bench(model.base, model.effects, experiments, choose_step(model, experiments, units, values, tolerance))
     problem = Problem(model, bench, units, {n: g for n, g in gaussian.items() if n in model.parameters})
@@ -256,5 +271,35 @@ def fit(
         parameters, initial = problem.expand(minimum.x[:, None])
         for e, channels in zip(experiments, bench.predict(parameters, initial), strict=True):
             check_finite(channels, e.recording.time, bench.names, parameters)
+    found = _at(problem, minimum)
+    return refined(found) if own_step else found
+
+
+def _at(problem: Problem, minimum: Minimum) -> Fit:
+    """Return the fit that ended in a minimum."""
     covariance, reasons, directions = covariance_of(problem, minimum)
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
+
+
+def refined(found: Fit, largest: float = SHIFT) -> Fit:
+    """Return a fit on steps so fine that the solver shifts no estimate by more than `largest` standard deviations.
+
+    Each round refits from the minimum of the last one. Where finer steps do not help, as for dry friction, the best
+    round is returned; its `solver_shift` and `status` tell.
+    """
+    best = found
+    for _ in range(_REFINEMENTS):
+        shift, old = best.solver_shift, best.problem
+        if not shift > largest:
+            break
+        # The shift falls with the fourth power of the step.
+        step = old.bench.step * max(0.25, 0.8 * (largest / shift) ** 0.25)
+        problem = Problem(old.model, Bench.like(old.bench, step), old.units, old.gaussian)
+        (minimum,) = fit_problems([problem], [best.minimum.x])
+        if not np.isfinite(minimum.cost):
+            break
+        found = _at(problem, minimum)
+        best = min(best, found, key=lambda f: f.solver_shift)
+        if not found.solver_shift < 0.5 * shift:
+            break
+    return best

@@ -90,7 +90,7 @@ class HoldOut:
         return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
 
     def chance(self) -> float:
-        """Return the systematic residual [noise sds] that noise alone exceeds once in a hundred: little in long ones."""
+        """Return the systematic residual [noise sds] that noise alone exceeds once in a hundred."""
         outputs, period = self.outputs(), 2 * np.pi * self.units.time
         each = [
             chance_variance(np.isfinite(outputs[i]), self.experiments[i].recording.time, period)

@@ -41,6 +41,10 @@ class Instrument:
     unit: str
     log_weights: float
 
+    def named(self, quantity: str) -> str:
+        """Return the name of another quantity of this instrument's noise: as `name`, with another symbol."""
+        return quantity + self.name.removeprefix("sigma")
+
 
 def noise_names(channels: Sequence[str]) -> tuple[str, str]:
     """Return the names that the noise of these channels may have: one of several instruments, or the only one."""

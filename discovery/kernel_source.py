@@ -8,63 +8,25 @@ from itertools import groupby
 from pathlib import Path
 
 import sympy as sp
-from sympy.printing.pycode import PythonCodePrinter
 
 from discovery.islands import Loop, Plan, plan
-from discovery.owned_terms import NOBODY, Effects, Piece, Splitter
+from discovery.kernel_fused import fused_reading, fused_step
+from discovery.kernel_text import computed
+from discovery.owned_terms import NOBODY, Effects, Piece, Splitter, cost
 from discovery.program import RECORDED, Program
+from discovery.runge_kutta import CLASSICAL, Method
 
-__all__ = ["assignments", "kernel_source", "printed"]
+__all__ = ["kernel_source"]
 
-_TEMPLATE = Path(__file__).with_name("kernel_template.txt")
+_TEMPLATE, _STAGES, _READING = (
+    Path(__file__).with_name(f"kernel_{name}.txt") for name in ("template", "stages", "reading")
+)
 #: Operations below which an effect is evaluated always: loops of its own would cost as much.
 _LEAST = 40
-
-
-class _Printer(PythonCodePrinter):
-    """Prints sympy as Python that both numpy and the compiler read; powers become products."""
-
-    def _print_Pow(self, expr, rational=False):
-        base, exponent = expr.as_base_exp()
-        if exponent.is_Rational and exponent.q in (1, 2, 4) and 0 < abs(exponent.p) <= 12:
-            factor = f"({self._print(base)})"
-            for _ in range(exponent.q // 2):
-                factor = f"_sqrt({factor})"
-            product = "*".join([factor] * abs(exponent.p))
-            return f"({product})" if exponent > 0 else f"(1.0/({product}))"
-        return f"({self._print(base)})**({self._print(exponent)})"
-
-    def _print_sin(self, expr):
-        return f"_sin({self._print(expr.args[0])})"
-
-    def _print_cos(self, expr):
-        return f"_cos({self._print(expr.args[0])})"
-
-    def _print_atan2(self, expr):
-        return f"_atan2({self._print(expr.args[0])}, {self._print(expr.args[1])})"
-
-    def _print_atan(self, expr):
-        return f"_atan2({self._print(expr.args[0])}, 1.0)"
-
-    def _print_exp(self, expr):
-        return f"_exp({self._print(expr.args[0])})"
-
-    def _print_Rational(self, expr):
-        return repr(float(expr))
-
-    def _print_Integer(self, expr):
-        return f"{int(expr)}.0"
-
-    def _print_Pi(self, expr):
-        return repr(float(sp.pi))
-
-
-printed = _Printer({"fully_qualified_modules": True}).doprint
-
-
-def assignments(pairs: Iterable[tuple[sp.Symbol, sp.Expr]], indent: str) -> list[str]:
-    """Return one line of text for each assignment."""
-    return [f"{indent}{symbol.name} = {printed(expression)}" for symbol, expression in pairs]
+#: Operations of a slope up to which a step is one loop: with more, its stages are too long a chain for one set alone.
+_SHORT = 40
+#: The same for a method of high order, whose fewer slopes are worth some waiting.
+_MOST = 160
 
 
 class _Writer:
@@ -110,17 +72,23 @@ class _Writer:
 
 def _body(loop: Loop, places: Mapping[str, int]) -> list[str]:
     """Return the lines of one loop: what it loads, computes and stores."""
-    own: dict[str, None] = {}
-    loads: dict[str, None] = {}
-    lines = []
-    for piece in loop.pieces:
-        name, text = piece.target.name, printed(piece.expression)
-        read = sorted(symbol.name for symbol in piece.expression.free_symbols)
-        loads.update(dict.fromkeys(x for x in [*read, *([name] if piece.adds else [])] if x not in own))
-        own[name] = None
-        lines.append(f"{name} = {name} + {text}" if piece.adds else f"{name} = {text}")
+    loads, lines, own = computed(loop.pieces)
     first = [f"{name} = w[{places[name]} + i]" for name in loads if name in places]
     return first + lines + [f"w[{places[name]} + i] = {name}" for name in own if name in places]
+
+
+def _single(found: Plan) -> Sequence[Piece] | None:
+    """Return the pieces of a plan that is one loop which always runs."""
+    return found.loops[0].pieces if len(found.loops) == 1 and found.loops[0].effects is None else None
+
+
+def _smooth(pieces: Sequence[Piece]) -> bool:
+    """Return whether a method of high order may gain: no absolute values, and no roots, which smooth friction has."""
+    return not any(
+        e.has(sp.Abs, sp.sign, sp.Heaviside, sp.Min, sp.Max, sp.Piecewise)
+        or any(not power.exp.is_Integer for power in e.atoms(sp.Pow))
+        for e in (piece.expression for piece in pieces)
+    )
 
 
 def _plans(
@@ -145,7 +113,9 @@ def _plans(
         switches = {effect: names for effect, names in switches.items() if effect not in cheap}
 
 
-def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[str]]) -> str:
+def kernel_source(
+    program: Program, lanes: int, switches: Mapping[str, Sequence[str]], method: Method = CLASSICAL
+) -> str:
     """Return the text of a kernel's module.
 
     Parameters
@@ -156,6 +126,8 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
         Parameter sets in one block.
     switches : mapping of str to sequence of str
         Effects that can be absent, each with its amplitudes.
+    method : Method
+        Steps are taken by it where a step is one short loop of smooth terms, by the classical one elsewhere.
     """
     n_q, states = program.n_coordinates, [y.name for y in program.states]
     real = [sp.Symbol(name, real=True) for name in program.parameters]
@@ -175,6 +147,8 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
         ("L", ["age"]),
         ("B", [f"hermite_{k}" for k in range(6)]),
         ("G", [f"cubic_{k}" for k in range(4)]),
+        ("C", [f"sum_{k}" for k in range(len(program.reading))]),
+        ("M", ["largest"]),
     ):
         offset[label] = write.size
         places[label] = write.rows(names)
@@ -183,6 +157,7 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
     aged = plan((), [(sp.Symbol("age", real=True), program.lateness)], switches=owners, parameters=real)
     once = []
     texts = []
+    rows = dict(known)
     for found, inputs in (
         (
             derived,
@@ -194,6 +169,7 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
         fixed = write.rows([symbol.name for symbol, _ in found.once])
         pieces = tuple(Piece(symbol, expression) for symbol, expression in found.once)
         once += write.loops([Loop(None, pieces)] if pieces else [], {**known, **fixed})
+        rows = rows | fixed
         texts.append(write.loops(found.loops, {**known, **fixed, **inputs}))
 
     awake = ["True"] * 2 * n_q + [write.condition(derived.needs.get(y, NOBODY)) for y in program.states[2 * n_q :]]
@@ -210,12 +186,34 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
             text += f"{indent}if {condition}:\n" + re.sub("^(?=.)", "    ", indent + loop, flags=re.MULTILINE)
         return text
 
+    def each(found: re.Match[str]) -> str:
+        """Repeat the body of a loop over the channels: row numbers that the compiler knows."""
+        body = re.sub("^    ", "", found.group(2), flags=re.MULTILINE)
+        return "".join(re.sub(r"\bk\b", str(k), body) for k in range(len(program.reading)))
+
     lagging = Splitter(owners, real).owner(program.lateness)
     late = "False" if program.lateness == 0 else write.condition(lagging)
     single = {effect: write.guards[frozenset({effect})] for effect in switches}
     amplitudes = [[known[name], single[effect]] for effect, names in switches.items() for name in names]
     members = [[single[e], k] for effects, k in write.guards.items() for e in sorted(effects or ()) if k != single[e]]
-    text = re.sub(r"( +)for i in @MOVING@:\n((?:\1    .*\n)+)", sweep, _TEMPLATE.read_text(encoding="utf-8"))
+    step, read = _single(derived), _single(observed)
+    work = sum(1 + cost(piece.expression) for piece in step or ())
+    if step is None or set(awake) != {"True"} or work > _MOST or not _smooth(step):
+        method = CLASSICAL
+    if set(awake) != {"True"} or (method is CLASSICAL and work > _SHORT):
+        step = None
+    advance, reading = _STAGES.read_text(encoding="utf-8"), _READING.read_text(encoding="utf-8")
+    if step is not None:
+        loads, body, _ = computed(step)
+        advance = fused_step(method, lanes, {n: rows[n] for n in loads if n in rows}, states, body, places)
+    if read is not None:
+        loads, body, _ = computed(read)
+        q = list(zip(states[:n_q], states[n_q:], strict=False))
+        own = {n: rows[n] for n in loads if n in rows}
+        reading = fused_reading(lanes, own, q, [states[k] for k in sampled], body, places)
+    text = _TEMPLATE.read_text(encoding="utf-8").replace("@ADVANCE@\n", advance).replace("@READ@\n", reading)
+    text = re.sub(r"( +)for i in @MOVING@:\n((?:\1    .*\n)+)", sweep, text)
+    text = re.sub(r"( +)for k in @CHANNELS@:\n((?:\1    .*\n)+)", each, text)
     for key, value in {
         "LANES": lanes,
         "N_PARAMETERS": len(real),
@@ -225,6 +223,10 @@ def kernel_source(program: Program, lanes: int, switches: Mapping[str, Sequence[
         "SAMPLED": sampled or [0],
         "N_READING": len(program.reading),
         "SIZE": write.size,
+        "SUMS": (len(program.reading) + 1) * lanes,
+        "ORDER": method.order,
+        "SCORES": read is not None,
+        "LAST": len(method.times) - 1,
         "N_GUARDS": len(write.guards) + 1,
         "LATE": late,
         "LAGGING": " or ".join(

@@ -6,7 +6,8 @@ instrument g at the stated noise,
 
 .. math:: \log L = -\sum_g \left[ \chi_g^2 / (2 f_g^2) + n_g \log f_g \right] + \mathrm{const.}
 
-The errors count as independent. Where the model lacks something they are not, and f then absorbs the misfit.
+There the errors count as independent. Where the model lacks something they are not, and f then absorbs the misfit. The
+models of `discovery.noise` have a likelihood and parameters of their own for such errors, outliers and rounding.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from numpy.typing import NDArray
 
 from discovery.errors import NotIdentifiable
 from discovery.instrument import Instrument, instruments
+from discovery.noise import GAUSSIAN, Noise, NoiseParameter, noise_of
 from discovery.parameters import Normal, Prior
+from discovery.whitening import cholesky, information_covariance, refined_start, settled
 
 if TYPE_CHECKING:
     from discovery.fit import Fit
@@ -33,13 +36,16 @@ FloatArray = NDArray[np.float64]
 
 #: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
 NOISE_PRIOR = Normal(0.0, 5.0)
+# Residuals at once, in whole blocks of the kernel's lanes.
+_CACHED, _LANES = 400_000, 32
 
 
 @dataclass(frozen=True)
 class LogPosterior:
     """Log posterior of `problem` in whitened coordinates z; the sampled vector is ``centre + factor @ z``.
 
-    The vector holds the free numbers of the problem, then the logarithm of the noise factor of every instrument.
+    The vector holds the free numbers of the problem, then the logarithm of the noise factor of every instrument, then
+    what else describes the noise of every instrument, on scales without bounds.
 
     Parameters
     ----------
@@ -51,12 +57,15 @@ class LogPosterior:
         The minimum of the fit.
     factor : ndarray, shape (d, d)
         Lower Cholesky factor of the covariance there.
+    models : tuple of Noise
+        Noise of every instrument; nothing for independent Gaussian errors.
     """
 
     problem: Problem
     instruments: tuple[Instrument, ...]
     centre: FloatArray
     factor: FloatArray
+    models: tuple[Noise, ...] = ()
 
     @property
     def dimension(self) -> int:
@@ -66,7 +75,17 @@ class LogPosterior:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the sampled quantities."""
-        return (*self.problem.names, *(instrument.name for instrument in self.instruments))
+        return (*self.problem.names, *(part.name for part in self.instruments), *(name for name, _ in self._extra))
+
+    @property
+    def noise(self) -> str:
+        """Name of the noise model."""
+        return self.models[0].name if self.models else GAUSSIAN
+
+    @cached_property
+    def _extra(self) -> tuple[tuple[str, NoiseParameter], ...]:
+        """Name and declaration of every parameter of a noise beside its size."""
+        return tuple((model.part.named(p.name), p) for model in self.models for p in model.parameters)
 
     @cached_property
     def units(self) -> tuple[str, ...]:
@@ -75,7 +94,8 @@ class LogPosterior:
         coordinate = problem.bench.experiments[0].coordinate_unit
         physical = [_written(problem.model.parameters[n].unit, coordinate) for n in problem.free]
         initial = [coordinate, f"{coordinate} s^-1"] * _released(problem)
-        return (*physical, *initial, *(instrument.unit for instrument in self.instruments))
+        noise = [*(part.unit for part in self.instruments), *(p.unit for _, p in self._extra)]
+        return (*physical, *initial, *noise)
 
     def vectors(self, z: FloatArray) -> FloatArray:
         """Return the sampled vectors (..., d) of whitened coordinates (..., d)."""
@@ -84,10 +104,27 @@ class LogPosterior:
 
     def values(self, z: FloatArray) -> FloatArray:
         """Return the quantities in SI units (..., d) of whitened coordinates; the noise as a standard deviation."""
-        values = self.vectors(z)
+        return self._natural(self.vectors(z))
+
+    def _natural(self, vectors: FloatArray) -> FloatArray:
+        """Return sampled vectors (..., d) in SI units."""
+        values = vectors.copy()
         for k, instrument in enumerate(self.instruments, start=len(self.problem.names)):
             values[..., k] = instrument.noise * np.exp(values[..., k])
+        for k, (_, parameter) in enumerate(self._extra, start=self.dimension - len(self._extra)):
+            values[..., k] = parameter.value(values[..., k])
         return values
+
+    @property
+    def noise_reference(self) -> dict[str, tuple[float, float]]:
+        """Start value and standard deviation of every parameter of the noise, by name, in SI units."""
+        sd = np.linalg.norm(self.factor, axis=1)
+        ends = [self._natural(self.centre + shift) for shift in (0.0, sd, -sd)]
+        first = len(self.problem.names)
+        return {
+            name: (float(middle), 0.5 * float(up - down))
+            for name, middle, up, down in list(zip(self.names, *ends, strict=True))[first:]
+        }
 
     @cached_property
     def priors(self) -> tuple[tuple[Prior, float], ...]:
@@ -100,14 +137,17 @@ class LogPosterior:
         total = np.zeros(len(vectors))
         for column, (prior, unit) in zip(vectors.T[:p], self.priors, strict=True):
             total += prior.log_density(column / unit) - math.log(unit)
-        for column in vectors.T[p:]:
-            total += NOISE_PRIOR.log_density(column)
+        noise = [NOISE_PRIOR] * len(self.instruments) + [parameter.prior for _, parameter in self._extra]
+        for prior, column in zip(noise, vectors.T[p:], strict=True):
+            total += prior.log_density(column)
         lower, upper = self.problem.bounds
         inside = ((vectors[:, :p] >= lower) & (vectors[:, :p] <= upper)).all(axis=1)
         return np.where(inside, total, -np.inf)
 
     def log_likelihood(self, vectors: FloatArray) -> FloatArray:
         """Return the log likelihood of sampled vectors (k, d), minus infinity where the motion blows up."""
+        if self.models:
+            return self._other_log_likelihood(vectors)
         p = len(self.problem.names)
         chi2 = self._chi2(vectors[:, :p].T)
         total = np.zeros(len(vectors))
@@ -120,8 +160,26 @@ class LogPosterior:
     def _chi2(self, x: FloatArray) -> FloatArray:
         """Return chi-square at the stated noise, shape (instruments, k), for free vectors (p, k)."""
         with np.errstate(all="ignore"):
-            each = self.problem.bench.reduced(*self.problem.expand(x), lambda _, r: np.einsum("nck,nck->k", r, r)[None])
-        return np.array([sum(each[i][0] for i in part.experiments) for part in self.instruments])
+            each = self.problem.bench.chi2(*self.problem.expand(x))
+        return np.array([each[list(part.experiments)].sum(axis=0) for part in self.instruments])
+
+    def _other_log_likelihood(self, vectors: FloatArray) -> FloatArray:
+        """Return the log likelihood under the noise models, a few parameter sets after the other."""
+        bench, p, m = self.problem.bench, len(self.problem.names), len(self.instruments)
+        total = np.full(len(vectors), sum(part.log_weights for part in self.instruments))
+        width = max(1, _CACHED // (bench.n_rows * _LANES)) * _LANES
+        for first in range(0, len(vectors), width):
+            part = slice(first, first + width)
+            x, size, others = np.split(vectors[part].T, [p, p + m])
+            with np.errstate(all="ignore"):
+                residuals = bench.residuals(*self.problem.expand(x))
+                blocks = [residuals[rows].reshape(*seen.shape, -1) for rows, seen in bench.blocks()]
+                for k, model in enumerate(self.models):
+                    own, others = np.split(others, [len(model.parameters)])
+                    noise = np.concatenate([size[k : k + 1], own])
+                    for i in model.part.experiments:
+                        total[part] += model.log_likelihood(i, blocks[i], x, noise)
+        return np.where(np.isfinite(total), total, -np.inf)
 
     def __call__(self, z: FloatArray) -> FloatArray:
         """Return the log posterior density at whitened coordinates (k, d), up to the constant of the evidence.
@@ -159,16 +217,19 @@ def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
     return (*found, *([(Normal(0.0, 1.0), q), (Normal(0.0, 1.0), q / time)] * _released(problem)))
 
 
-def log_posterior(fit: Fit) -> LogPosterior:
+def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     """Return the log posterior around a fit.
 
-    The covariance is that of Gauss and Newton at the minimum, with the residuals' own size as noise, and with the
-    widths of the declared priors: it is finite also where a parameter lies on a bound.
+    For Gaussian noise, the covariance is that of Gauss and Newton at the minimum, with the residuals' own size as
+    noise, and with the widths of the declared priors: it is finite also where a parameter lies on a bound. For other
+    noise it is that of generalised least squares, around the mode under that noise.
 
     Parameters
     ----------
     fit : Fit
         Any fit, on any base.
+    noise : str
+        ``"gaussian"``, or another noise model: a key of `discovery.noise.NOISE_MODELS`.
 
     Returns
     -------
@@ -178,6 +239,8 @@ def log_posterior(fit: Fit) -> LogPosterior:
     ------
     NotIdentifiable
         If the data leave a combination of parameters undetermined.
+    InputError
+        For a noise model that is not known, or does not apply to these recordings.
     """
     if fit.null_directions:
         raise NotIdentifiable(
@@ -185,6 +248,12 @@ def log_posterior(fit: Fit) -> LogPosterior:
         )
     problem = fit.problem
     parts = instruments(problem.bench.experiments)
+    models = noise_of(noise, problem, parts)
+    widths = np.array([prior.width * unit for prior, unit in _priors(problem)])
+    if models:
+        centre, covariance = refined_start(fit, models, widths, NOISE_PRIOR)
+        whitened = settled(lambda c, f: LogPosterior(problem, parts, c, f, models), centre, cholesky(covariance))
+        return LogPosterior(problem, parts, *whitened, models)
     sizes = np.cumsum([0, *(e.recording.output.size for e in problem.bench.experiments)])
     residual, jacobian = fit.minimum.residual[: sizes[-1]], fit.minimum.jacobian[: sizes[-1]].copy()
     log_factors = []
@@ -193,14 +262,8 @@ def log_posterior(fit: Fit) -> LogPosterior:
         log_factors.append(0.5 * math.log(max(chi2, np.finfo(float).tiny) / part.n))
         for i in part.experiments:
             jacobian[sizes[i] : sizes[i + 1]] *= math.exp(-log_factors[-1])
-    widths = np.array([prior.width * unit for prior, unit in _priors(problem)])
     p, d = len(problem.names), len(problem.names) + len(parts)
     covariance = np.zeros((d, d))
-    # In units of the priors' widths first: the sizes of the parameters differ by many orders.
-    normal = (jacobian * widths).T @ (jacobian * widths) + np.eye(p)
-    size = np.sqrt(np.diag(normal))
-    covariance[:p, :p] = np.linalg.inv(normal / np.outer(size, size)) * np.outer(widths / size, widths / size)
+    covariance[:p, :p] = information_covariance(jacobian, widths)
     covariance[range(p, d), range(p, d)] = [0.5 / part.n for part in parts]
-    spread = np.sqrt(np.diag(covariance))
-    factor = spread[:, None] * np.linalg.cholesky(covariance / np.outer(spread, spread))
-    return LogPosterior(problem, parts, np.concatenate([fit.minimum.x, log_factors]), factor)
+    return LogPosterior(problem, parts, np.concatenate([fit.minimum.x, log_factors]), cholesky(covariance))

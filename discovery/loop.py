@@ -207,7 +207,7 @@ def close_loop(
 
 
 def _attainable(settings: LoopSettings, train: Sequence[Experiment], judge: HoldOut) -> LoopSettings:
-    """Return settings that ask no more than the readings' rounding, whose error follows the motion, and chance allow."""
+    """Return settings that ask no more than chance and rounding, whose error follows the motion, allow."""
     rounding = [
         resolution(column) / noise
         for e in train

@@ -34,6 +34,7 @@ FloatArray = NDArray[np.float64]
 #: Files of a finished run, the one that says that it is finished last.
 RESULTS = (
     "posterior.nc",
+    "predictive.nc",
     "trajectories.nc",
     "amplitude.nc",
     "laws.nc",
@@ -42,8 +43,6 @@ RESULTS = (
     "loop.json",
     "results.json",
 )
-#: Predictive bands are drawn for recordings of at most so many samples.
-LONGEST_BANDS = 20_000
 
 
 def _describe(dataset: Dataset) -> dict[str, Any]:
@@ -198,10 +197,14 @@ def run(
     on = stages.continued(loop, dataset, tell=tell)
     arm = dataset.train[0].is_arm
     checkpoint = out / "posterior_chains.h5"
-    posterior = None
+    posterior = study = None
+    weighed: dict[str, Any] = {"noise": None, "evidence": None}
     if with_posterior:
         # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere of the final model.
-        posterior = _sampled(fits.models["declared"] if arm else loop.after.specialised(), seed, tell, checkpoint)
+        subject = (fits.models["declared"] if arm else loop.after).specialised()
+        posterior = _sampled(subject, seed, tell, checkpoint)
+        study = stages.studied(posterior, subject, dataset, seed=seed, tell=tell)
+        weighed = stages.compared(subject, loop, seed=seed, tell=tell)
     elastica = stages.predicted(dataset, posterior, seed=seed, tell=tell)
 
     tell("saving results")
@@ -217,7 +220,14 @@ def run(
         **(discovered.summary() if discovered else dict.fromkeys(("discovery", "radius", "multisine"))),
         **fits.summary(),
         "posterior": posterior
-        and {"subject": "declared" if arm else "after", "rows": posterior.summary(), "status": posterior.status},
+        and study
+        and {
+            "subject": "declared" if arm else "after",
+            "rows": posterior.summary(),
+            "status": posterior.status,
+            **study.summary(),
+        },
+        **weighed,
         "elastica": elastica,
         "loop": loop.summary(),
         "missing_force": None if missing is None else missing.summary(),
@@ -230,8 +240,11 @@ def run(
     with TemporaryDirectory(dir=out, prefix=".saving-") as folder:
         beside = Path(folder)
         if posterior is not None:
-            posterior.to_netcdf(beside / "posterior.nc")
-        _save_curves(beside, dataset, predictions, posterior, discovered, elastica, seed)
+            posterior.to_netcdf(beside / "posterior.nc", bands=study.bands if study else (), experiments=dataset.train)
+        if study is not None:
+            curves.save_groups(beside / "predictive.nc", study.curves())
+        bands = study.bands if study else ()
+        _save_curves(beside, dataset, predictions, bands, posterior, discovered, elastica)
         if missing is not None:
             curves.save_groups(beside / "force.nc", curves.forces(missing.forces))
         write_loop(beside, loop, alone=False)
@@ -256,14 +269,8 @@ def _sampled(subject: Fit, seed: int, tell: stages.Tell, checkpoint: Path) -> Po
         return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
 
 
-def _save_curves(folder: Path, dataset: Dataset, predictions, posterior, discovered, elastica, seed: int) -> None:
+def _save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, discovered, elastica) -> None:
     """Save what the report draws."""
-    bands: list[Any] = []
-    if posterior is not None and dataset.train[0].recording.time.size <= LONGEST_BANDS:
-        from discovery.predictive import predictive
-
-        rng = np.random.default_rng(stages.stage_seed(seed, "predictive"))
-        bands = predictive(posterior, dataset.train, n=200, rng=rng)
     curves.save_groups(folder / "trajectories.nc", curves.trajectories(dataset, predictions, bands))
     period = 2 * np.pi * natural_units(dataset.train).time
     decays = curves.backbones(dataset, predictions, period)

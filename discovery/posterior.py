@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,12 +14,14 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from discovery.checkpoint import fingerprint, restore, save
-from discovery.diagnostics import LENGTH_IN_TAU, Convergence, convergence
+from discovery.diagnostics import LENGTH_IN_TAU, Convergence, convergence, tail_effective
 from discovery.draws import INTERVAL, Posterior
 from discovery.ensembles import Ensemble, grow, start_ensembles
 from discovery.errors import InputError, NotConverged
 from discovery.likelihood import LogPosterior, log_posterior
+from discovery.noise import GAUSSIAN
 from discovery.predictive import Band, predictive
+from discovery.prior_draws import prior_draws
 
 if TYPE_CHECKING:
     from discovery.fit import Fit
@@ -26,11 +29,14 @@ if TYPE_CHECKING:
 __all__ = ["INTERVAL", "Band", "Posterior", "Progress", "predictive", "sample"]
 
 FEWEST_ENSEMBLES = 4
-_FEWEST_WALKERS, _WALKERS_A_DIMENSION, _LANES = 64, 4, 32
+_FEWEST_WALKERS, _WALKERS_A_DIMENSION, _MOST_WALKERS, _LANES = 64, 4, 2048, 32
+# Effective samples that a walker yields in the shortest run that can converge: more walkers are better than more steps.
+_YIELD = 40
 # Part of the chain that counts as burn-in.
 _BURN_IN = 0.25
-# Steps after burn-in below which diagnostics mean nothing, and steps that leave them in any case.
-_FEWEST_STEPS, _SHORTEST_RUN = 40, 250
+# Steps after burn-in with which no chain can have converged, and steps that leave more in any case.
+_FEWEST_STEPS, _SHORTEST_RUN = LENGTH_IN_TAU, 250
+_PRIOR_DRAWS = 2000
 _PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")
 
 
@@ -60,6 +66,7 @@ def sample(
     fit: Fit,
     *,
     rng_seed: int,
+    noise: str = GAUSSIAN,
     ensembles: int = FEWEST_ENSEMBLES,
     walkers: int | None = None,
     min_effective: float = 4000,
@@ -76,10 +83,13 @@ def sample(
         The fit: its minimum and covariance are where the walkers start, never what they end at.
     rng_seed : int
         Seed; the same one gives the same draws.
+    noise : str
+        Noise model, see `discovery.likelihood.log_posterior`.
     ensembles : int
         Number of independent ensembles, at least four.
     walkers : int, optional
-        Walkers of each; by default at least four a dimension.
+        Walkers of each; by default as many as give the effective samples in the fewest steps, at least 64 and four a
+        dimension, at most 2048: a posterior that is dear to evaluate costs no more than was asked for.
     min_effective : float
         Effective samples wanted of every quantity, over all ensembles.
     r_hat_max : float
@@ -115,9 +125,9 @@ def sample(
         raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
     if max_steps < _SHORTEST_RUN:
         raise InputError(f"{max_steps} steps are too few to tell anything; allow at least {_SHORTEST_RUN}.")
-    target = log_posterior(fit)
+    target = log_posterior(fit, noise=noise)
     if walkers is None:
-        walkers = max(_FEWEST_WALKERS, -(-_WALKERS_A_DIMENSION * target.dimension // _LANES) * _LANES)
+        walkers = _walkers(target.dimension, min_effective / ensembles)
     seeds = SeedSequence(rng_seed).spawn(ensembles)
     group = start_ensembles(target, target.dimension, walkers=walkers, seeds=seeds)
     run = _run_of(target, [ensemble.state.coords for ensemble in group])
@@ -139,13 +149,21 @@ def sample(
     raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
 
 
+def _walkers(dimension: int, effective: float) -> int:
+    """Return the walkers of an ensemble that has to yield so many effective samples, in whole lanes of the kernel."""
+    wanted = max(_WALKERS_A_DIMENSION * dimension, min(effective / _YIELD, _MOST_WALKERS), _FEWEST_WALKERS)
+    return math.ceil(wanted / _LANES) * _LANES
+
+
 def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:
     """Return the fingerprint of a run: data, model, step, whitening and start, which holds the seed."""
     problem = target.problem
     description = {
         "model": problem.model.to_dict(),
         "names": target.names,
+        "noise": target.noise,
         "step": problem.bench.step,
+        "leap": problem.bench.leap,
         "data": [e.recording.sha256 for e in problem.bench.experiments],
         "fitted": [e.fitted_samples for e in problem.bench.experiments],
         "packages": {name: version(name) for name in _PACKAGES},
@@ -181,12 +199,8 @@ def _posterior(
     z = np.stack([ensemble.chain[kept] for ensemble in group])
     log_probability = np.stack([ensemble.log_prob[kept] for ensemble in group])
     log_prior = target.log_prior(target.vectors(z).reshape(-1, target.dimension)).reshape(log_probability.shape)
-    problem, noise = target.problem, {part.name: part.noise for part in target.instruments}
-    scaled = {
-        name: (part.noise * np.exp(c), part.noise * np.exp(c) / np.sqrt(2 * part.n))
-        for name, part, c in zip(noise, target.instruments, target.centre[len(problem.names) :], strict=True)
-    }
-    moves = {name: [ensemble.moves[name] for ensemble in group] for name in group[0].moves}
+    problem = target.problem
+    moves = {name: [e.moves[name] for e in group if e.moves[name].proposed] for name in group[0].moves}
     first = problem.bench.experiments[0]
     return Posterior(
         names=target.names,
@@ -197,18 +211,21 @@ def _posterior(
         r_hat=dict(zip(target.names, found.r_hat.tolist(), strict=True)),
         tau=dict(zip(target.names, found.tau.tolist(), strict=True)),
         ess=dict(zip(target.names, found.ess.tolist(), strict=True)),
-        acceptance={n: sum(m.accepted for m in ms) / max(1, sum(m.proposed for m in ms)) for n, ms in moves.items()},
+        ess_tail=dict(zip(target.names, tail_effective(draws).tolist(), strict=True)),
+        prior=prior_draws(target, _PRIOR_DRAWS, np.random.default_rng(rng_seed)),
+        acceptance={n: sum(m.accepted for m in ms) / sum(m.proposed for m in ms) for n, ms in moves.items() if ms},
         reference={
             **{name: (fit.values[name], fit.sd[name]) for name in problem.names},
-            **{name: (float(value), float(sd)) for name, (value, sd) in scaled.items()},
+            **target.noise_reference,
         },
-        stated_noise=noise,
+        stated_noise={part.name: part.noise for part in target.instruments},
         model=problem.model,
         natural=problem.units,
         gaussian=dict(problem.gaussian),
         step=problem.bench.step,
         provenance={
             "seed": rng_seed,
+            "noise": target.noise,
             "versions": {name: version(name) for name in _PACKAGES},
             "rig": first.rig.sha256,
             "recordings": {e.recording.name: e.recording.sha256 for e in problem.bench.experiments},

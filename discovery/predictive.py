@@ -10,8 +10,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from discovery.batch import fit_problems
 from discovery.errors import InputError
 from discovery.instrument import noise_names
+from discovery.model import Model
 from discovery.problem import Bench, Problem
 from discovery.simulate import check_finite
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from discovery.draws import Posterior
     from discovery.experiment import Experiment
 
-__all__ = ["QUANTILES", "Band", "predictive"]
+__all__ = ["QUANTILES", "Band", "fitted_starts", "predictive"]
 
 FloatArray = NDArray[np.float64]
 QUANTILES = (0.05, 0.5, 0.95)
@@ -49,6 +51,16 @@ class Band:
     units: tuple[str, ...]
     motion: FloatArray
     reading: FloatArray
+
+    def coverage(self, measured: FloatArray) -> FloatArray:
+        """Return the share of measured values (n, c) within the 90 % band of the reading, shape (c,); NaN is no value.
+
+        Where noise and model are right it is 0.9.
+        """
+        read = np.isfinite(measured)
+        inside = read & (measured >= self.reading[0]) & (measured <= self.reading[2])
+        with np.errstate(invalid="ignore"):
+            return inside.sum(axis=0) / read.sum(axis=0)
 
 
 def predictive(
@@ -104,7 +116,7 @@ def predictive(
         recording = experiment.recording
         check_finite(channels, recording.time, bench.names, parameters)
         factor = _noise_factor(posterior, recording.channels, draws)
-        noise = recording.noise[:, None] * factor * rng.standard_normal(channels.shape)
+        noise = recording.noise[:, None] * factor * _errors(recording.channels, draws, channels.shape, rng)
         bands.append(
             Band(
                 recording.name,
@@ -116,6 +128,34 @@ def predictive(
             )
         )
     return bands
+
+
+def _errors(
+    channels: tuple[str, ...], draws: Mapping[str, FloatArray], shape: tuple[int, ...], rng: Generator
+) -> FloatArray:
+    """Return errors of unit scale: of Student's t where its degrees of freedom were sampled, else Gaussian."""
+    for name in noise_names(channels):
+        degrees = draws.get(name.replace("sigma", "nu", 1))
+        if degrees is not None:
+            return rng.standard_t(degrees, shape)
+    return rng.standard_normal(shape)
+
+
+def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> dict[str, tuple[float, float]]:
+    """Return initial deflection [q] and rate [q/s] of recordings that were not fitted, by name.
+
+    They are fitted to the readings with the parameters held at their posterior medians; a band that starts there holds
+    no uncertainty of its start.
+    """
+    model = posterior.model
+    if model.mechanics.prescribed or not experiments:
+        return {}
+    medians = {name: float(np.median(x)) for name, x in posterior.flat().items() if name in model.parameters}
+    held = Model(model.base, model.effects, {**model.known, **medians})
+    problem = Problem(held, Bench(model.base, model.effects, experiments, posterior.step), posterior.natural, {})
+    (minimum,) = fit_problems([problem], [problem.start({})], iterations=12)
+    states = minimum.x.reshape(-1, 2).tolist()
+    return {e.recording.name: (d, rate) for e, (d, rate) in zip(experiments, states, strict=True)}
 
 
 def _noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:

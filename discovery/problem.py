@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.bench import Bench
 from discovery.effect import ARM
 from discovery.experiment import Experiment, largest_deflection
 from discovery.model import Model
 from discovery.parameters import Parameter, natural_scale
 from discovery.registry import get_effect
-from discovery.simulate import Simulator
 
 __all__ = ["LIGHT_ROD", "Bench", "NaturalUnits", "Problem", "known_values", "natural_units"]
 
 FloatArray = NDArray[np.float64]
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
-#: Rows of residuals that are reduced side by side.
-_FOLD = 16
-#: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
-_PIECE = 4e7
-# Residuals at once that stay in the cache, in whole blocks of the kernel's lanes.
-_CACHED, _LANES = 400_000, 32
 
 
 @dataclass(frozen=True)
@@ -100,140 +94,6 @@ def known_values(experiment: Experiment) -> dict[str, float]:
     if rig.beam_mass is not None and rig.tip_mass is not None:
         known["mu"] = rig.beam_mass.value / rig.tip_mass.value
     return known
-
-
-class Bench:
-    """Simulators of one base with a common set of effects on all experiments: many problems share them.
-
-    Parameters
-    ----------
-    base : str
-        Name of the base.
-    effects : sequence of str
-        Every effect that any problem on this bench may use.
-    experiments : sequence of Experiment
-        Recordings.
-    step : float
-        Longest integration step [s].
-    """
-
-    def __init__(self, base: str, effects: Sequence[str], experiments: Sequence[Experiment], step: float) -> None:
-        self.base, self.effects, self.experiments, self.step = base, tuple(effects), tuple(experiments), step
-        self.simulators = [Simulator(base, self.effects, e.recording.time, e.drive, step=step) for e in experiments]
-        self.names = self.simulators[0].names
-        self._weights = [e.weights() for e in experiments]
-        self._targets = [
-            np.where(w > 0, e.recording.output, 0.0) for e, w in zip(experiments, self._weights, strict=True)
-        ]
-
-    @classmethod
-    def like(cls, other: Bench, step: float) -> Bench:
-        """Return the same bench with another step."""
-        return cls(other.base, other.effects, other.experiments, step)
-
-    def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
-        """Return simulated channels of every experiment, each (n, c, k).
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (p, k)
-            In the order of `names`.
-        initial : ndarray, shape (experiments, 2, k)
-            Initial deflection and rate in every experiment.
-        """
-        return [
-            e.channels(simulate(parameters, initial[i, 0], initial[i, 1]))
-            for i, (e, simulate) in enumerate(zip(self.experiments, self.simulators, strict=True))
-        ]
-
-    def residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
-        """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k).
-
-        A trial that blows up is infinite throughout.
-        """
-        pieces = [
-            self._residuals(parameters[:, part], initial[:, :, part]) for part in self.pieces(parameters.shape[1])
-        ]
-        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
-
-    def reduced(
-        self, parameters: FloatArray, initial: FloatArray, reduce: Callable[[int, FloatArray], FloatArray]
-    ) -> list[FloatArray]:
-        """Return what is made of the residuals of every experiment, without ever holding all of them.
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (p, k)
-            In the order of `names`.
-        initial : ndarray, shape (experiments, 2, k)
-            Initial deflection and rate in every experiment.
-        reduce : callable
-            Gets the number of an experiment and its residuals (n, c, j) of a few sets, zero where nothing is fitted
-            and infinite where a trial blew up; returns (s, j).
-
-        Returns
-        -------
-        list of ndarray, shape (s, k)
-            One an experiment.
-        """
-        width = max(1, _CACHED // (self.n_rows * _LANES)) * _LANES
-        found: list[list[FloatArray]] = [[] for _ in self.experiments]
-        for first in range(0, parameters.shape[1], width):
-            part = slice(first, first + width)
-            rows = self._residuals(parameters[:, part], initial[:, :, part])
-            for i, (block, fitted) in enumerate(self.blocks()):
-                found[i].append(reduce(i, rows[block].reshape(*fitted.shape, -1)))
-        return [np.concatenate(parts, axis=1) for parts in found]
-
-    def _residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
-        predicted = self.predict(parameters, initial)
-        with np.errstate(over="ignore", invalid="ignore"):
-            for channels, target, weight in zip(predicted, self._targets, self._weights, strict=True):
-                channels -= target[:, :, None]
-                channels *= weight[:, :, None]
-            parts = [channels.reshape(-1, parameters.shape[1]) for channels in predicted]
-            residuals = parts[0] if len(parts) == 1 else np.concatenate(parts)
-            # A trial that blows up is refused by its infinite cost, even where it stays finite to the end.
-            residuals[:, ~(_largest(residuals) < self._absurd)] = np.inf
-        return residuals
-
-    def pieces(self, columns: int) -> Iterator[slice]:
-        """Yield parts of so many columns whose residuals together need a bounded memory only."""
-        width = max(64, int(_PIECE / max(1, self.n_rows)))
-        for first in range(0, columns, width):
-            yield slice(first, first + width)
-
-    def blocks(self) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
-        """Yield the rows of every recording in a residual, and where its samples (n, c) are fitted and finite."""
-        first = 0
-        for weight in self._weights:
-            yield slice(first, first + weight.size), weight > 0
-            first += weight.size
-
-    @cached_property
-    def _absurd(self) -> float:
-        """A hundred times the largest measured value, in noise sds."""
-        largest = [float((np.abs(t) * w).max()) for t, w in zip(self._targets, self._weights, strict=True) if w.size]
-        return 100 * max([1.0, *largest])
-
-    @cached_property
-    def n_rows(self) -> int:
-        """Length of the residual vector, gaps included."""
-        return int(sum(w.size for w in self._weights))
-
-    @cached_property
-    def n_data(self) -> int:
-        """Number of finite fitted samples over all channels."""
-        return int(sum((w > 0).sum() for w in self._weights))
-
-
-def _largest(values: FloatArray) -> FloatArray:
-    """Return the largest magnitude in each column (n, k); long rows first, for short ones are slow."""
-    k, tail = values.shape[1], len(values) % _FOLD
-    folded = values[: len(values) - tail].reshape(-1, _FOLD * k)
-    top, bottom = (f(folded, axis=0, initial=0.0).reshape(_FOLD, k) for f in (np.max, np.min))
-    rest = np.abs(values[len(values) - tail :])
-    return np.concatenate([top, -bottom, rest]).max(axis=0)
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
     if differentiated and given and given["interpolation"] in ("linear", "hold"):
         raise InputError(
             f"The rig file {path}, line {line_of(text, ('columns', 'input'))}: the second derivative of this input is "
-            f'needed, and with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
+            f'needed; with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
         )
     return Columns(
         time=TimeColumn(time.name, time.unit, time.rate_hz, time.assumed),

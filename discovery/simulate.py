@@ -2,101 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from discovery.compile import Kernel, compile_kernel
 from discovery.errors import SimulationFailure
+from discovery.grid import DriveLike, Grid
 from discovery.mechanics import get_base
+from discovery.runge_kutta import CLASSICAL, Method
+from discovery.workers import in_threads
 
-__all__ = ["THREADS", "DriveLike", "Grid", "Simulator", "check_finite"]
+__all__ = ["THREADS", "Batch", "DriveLike", "Grid", "Misses", "Simulator", "check_finite"]
 
-#: Blocks of lanes run in this many threads; the kernel releases the interpreter's lock.
-THREADS = 2
+FloatArray = NDArray[np.float64]
+#: Blocks of lanes run in so many threads; the kernel releases the interpreter's lock.
+THREADS = int(os.environ.get("DISCOVERY_THREADS") or min(8, os.cpu_count() or 1))
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
 
 
-class DriveLike(Protocol):
-    """A smooth input: `discovery.drive.Drive` or anything that evaluates like it."""
-
-    @property
-    def kinks(self) -> NDArray[np.float64]:
-        """Times at which the second derivative jumps [s]."""
-        ...
-
-    def evaluate(self, time: ArrayLike, side: Literal["left", "right"] = "right") -> NDArray[np.float64]:
-        """Return input and two derivatives at the given times, shape (3, n); `side` chooses the limit at a kink."""
-        ...
-
-
 @dataclass(frozen=True)
-class Grid:
-    """Steps of the integration between the kinks of the drive, and where each output lies in them.
+class Batch:
+    """Parameter sets made ready for the kernel: in whole blocks of lanes, those with the same effects side by side.
 
     Parameters
     ----------
-    times, steps : ndarray, shape (n,)
-        Start and length of each step [s].
-    restart : ndarray of bool, shape (n,)
-        True where slopes jump (a kink of the drive, or the start).
-    drive : ndarray, shape (n, 3, 3)
-        Input and two derivatives at start, middle and end of each step.
-    out_step, out_fraction, out_time, out_drive : ndarray, shapes (m,), (m,), (m,), (m, 3)
-        Step that contains each output, where in it, when, and the drive there.
+    parameters, initial : ndarray, shapes (p, blocks * lanes), (states, blocks * lanes)
+        What the kernel takes.
+    order : ndarray, shape (k,)
+        Which set each column holds; idle lanes at the end repeat the last one.
+    lanes : int
+        Parameter sets in one block.
     """
 
-    times: NDArray[np.float64]
-    steps: NDArray[np.float64]
-    restart: NDArray[np.bool_]
-    drive: NDArray[np.float64]
-    out_step: NDArray[np.int64]
-    out_fraction: NDArray[np.float64]
-    out_time: NDArray[np.float64]
-    out_drive: NDArray[np.float64]
+    parameters: FloatArray
+    initial: FloatArray
+    order: NDArray[np.int64]
+    lanes: int
 
-    @classmethod
-    def build(cls, time: NDArray[np.float64], drive: DriveLike | None, step: float) -> Grid:
-        """Return a grid with steps of at most `step` [s] from the first to the last of `time`."""
-        start, end = float(time[0]), float(time[-1])
-        kinks = np.empty(0) if drive is None else _breaks(drive, time.size)
-        # Two kinks nearer than a millionth of the step are one.
-        inner = kinks[(kinks > start) & (kinks < end)]
-        knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end]])
-        counts = np.maximum(1, np.ceil(np.diff(knots) / step - 1e-9)).astype(int)
-        edges = np.concatenate(
-            [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(knots[:-1], knots[1:], counts, strict=True)]
-            + [[end]]
-        )
-        times, steps = edges[:-1], np.diff(edges)
-        restart = np.zeros(times.size, bool)
-        restart[np.concatenate([[0], np.cumsum(counts)[:-1]])] = True
-        values = np.zeros((times.size, 3, 3))
-        out_drive = np.zeros((time.size, 3))
-        if drive is not None:
-            values[:, 0] = drive.evaluate(times, side="right").T
-            values[:, 1] = drive.evaluate(times + 0.5 * steps, side="right").T
-            values[:, 2] = drive.evaluate(edges[1:], side="left").T
-            out_drive[:] = drive.evaluate(time, side="right").T
-        out_step = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, times.size - 1)
-        fraction = np.clip((time - times[out_step]) / steps[out_step], 0.0, 1.0)
-        return cls(times, steps, restart, values, out_step, fraction, np.ascontiguousarray(time, float), out_drive)
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return self.parameters.shape[1] // self.lanes
+
+    def columns(self, block: int) -> NDArray[np.int64]:
+        """Return which sets a block holds, idle lanes left out."""
+        return self.order[block * self.lanes : (block + 1) * self.lanes]
+
+    def restored(self, values: FloatArray) -> FloatArray:
+        """Return what the kernel gave (..., blocks * lanes) in the order of the sets (..., k)."""
+        k = self.order.size
+        if bool((self.order[1:] > self.order[:-1]).all()):
+            return values[..., :k]
+        return np.take(values, np.argsort(self.order), axis=-1, mode="clip")
 
 
-def _breaks(drive: DriveLike, samples: int) -> NDArray[np.float64]:
-    """Return where steps must end: kinks, and where a smooth motor profile changes its polynomial.
+@dataclass(frozen=True)
+class Misses:
+    """What readings are compared with: weight * (channel - target) at every output time.
 
-    A band-limited input has several pieces a sample, each join far below the solver's error; those are passed over.
+    Parameters
+    ----------
+    channel : int
+        0: the readings themselves; 1: the angle of the tip; 2: its distance from the axis of the hub.
+    target, weight : ndarray, shape (m, c)
+        Of every output time and channel.
     """
-    joins = getattr(drive, "breakpoints", np.empty(0))
-    if joins.size > samples / 2:
-        joins = np.empty(0)
-    return np.unique(np.concatenate([np.asarray(drive.kinks, float), joins]))
+
+    channel: int
+    target: FloatArray
+    weight: FloatArray
 
 
 class Simulator:
@@ -114,30 +93,39 @@ class Simulator:
         Smooth input.
     step : float
         Longest step [s].
+    method : Method
+        Of the steps, where it suits the terms: `kernel.method` says.
     """
 
     def __init__(
-        self, base: str, effects: Sequence[str], time: NDArray[np.float64], drive: DriveLike | None, *, step: float
+        self,
+        base: str,
+        effects: Sequence[str],
+        time: FloatArray,
+        drive: DriveLike | None,
+        *,
+        step: float,
+        method: Method = CLASSICAL,
     ) -> None:
         self.base = get_base(base)
-        self.kernel: Kernel = compile_kernel(base, tuple(effects))
+        self.kernel: Kernel = compile_kernel(base, tuple(effects), method)
         self.drive = drive
         self.time = np.asarray(time, float)
         self.step = step
-        self.grid = Grid.build(self.time, drive, step)
+        self.grid = Grid.build(self.time, drive, step, self.kernel.method)
         self.names = self.kernel.program.parameters
+        shape = self.time.size, len(self.kernel.program.reading)
+        self._plain = Misses(0, np.zeros(shape), np.ones(shape))
 
     def refined(self, factor: float = 0.5) -> Simulator:
         """Return the same simulator with steps shortened by `factor`."""
         other = object.__new__(Simulator)
         other.__dict__.update(self.__dict__)
         other.step = self.step * factor
-        other.grid = Grid.build(self.time, self.drive, other.step)
+        other.grid = Grid.build(self.time, self.drive, other.step, self.kernel.method)
         return other
 
-    def __call__(
-        self, parameters: NDArray[np.float64], deflection: NDArray[np.float64], rate: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def __call__(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> FloatArray:
         """Simulate.
 
         Parameters
@@ -153,12 +141,15 @@ class Simulator:
             What the instrument reports at the output times; not finite where the motion blew up
             (`check_finite` turns that into an error with parameters and time).
         """
+        return self.missed(self.batch(parameters, deflection, rate), self._plain)[0]
+
+    def batch(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> Batch:
+        """Return parameter sets, see `__call__`, made ready for the kernel."""
         k = parameters.shape[1]
         lanes = self.kernel.lanes
-        blocks = -(-k // lanes)
         order = self._order(parameters)
         # Idle lanes repeat the last parameter set, so that they can neither overflow nor slow down.
-        pad = order[np.minimum(np.arange(blocks * lanes), k - 1)]
+        pad = order[np.minimum(np.arange(-(-k // lanes) * lanes), k - 1)]
         padded = np.ascontiguousarray(parameters[:, pad], float)
         program = self.kernel.program
         q, q_rate = self.base.initial_coordinates(
@@ -167,30 +158,69 @@ class Simulator:
             self.grid.drive[0, 0, :2],
             program.form(padded),
         )
-        initial = np.zeros((len(program.states), blocks * lanes))
+        initial = np.zeros((len(program.states), pad.size))
         initial[: program.n_coordinates] = q
         initial[program.n_coordinates : 2 * program.n_coordinates] = q_rate
-        out = np.empty((self.time.size, len(program.reading), blocks * lanes))
+        return Batch(padded, initial, order, lanes)
+
+    def run(
+        self, batch: Batch, misses: Misses, out: FloatArray, sums: FloatArray, blocks: Sequence[int], place: int = 0
+    ) -> None:
+        """Simulate some consecutive blocks.
+
+        Parameters
+        ----------
+        batch : Batch
+            Parameter sets.
+        misses : Misses
+            What the readings are compared with.
+        out : ndarray, shape (m, c, width)
+            Gets the misses, from column `place` on; of shape (0, c, width) where they are not wanted.
+        sums : ndarray, shape (c + 1, blocks * lanes)
+            Gets the sum of squares of every channel, and the largest magnitude.
+        blocks : sequence of int
+            Which blocks.
+        place : int
+            See `out`.
+        """
         g = self.grid
-        arguments = (g.times, g.steps, g.restart, g.drive, g.out_step, g.out_fraction, g.out_time, g.out_drive)
-        # Threads take the next block as they finish one: blocks differ in what they cost.
-        waiting = iter(range(blocks))
+        grid = (g.times, g.steps, g.restart, g.drive, g.out_step, g.out_fraction, g.out_time, g.out_drive)
+        given = (misses.channel, misses.target, misses.weight, batch.parameters, batch.initial)
+        self.kernel.run(*grid, *given, out, sums, blocks[0], blocks[-1] + 1, place)
 
-        def work(_: int) -> None:
-            for block in waiting:
-                self.kernel.run(*arguments, padded, initial, out, block, block + 1)
+    def missed(self, batch: Batch, misses: Misses) -> tuple[FloatArray, FloatArray]:
+        """Return all misses (m, c, k), and their sums (c + 1, k)."""
+        channels, width = misses.target.shape[1], batch.blocks * batch.lanes
+        out, sums = np.empty((self.time.size, channels, width)), np.empty((channels + 1, width))
 
-        if blocks == 1:
-            work(0)
-        else:
-            with ThreadPoolExecutor(THREADS) as pool:
-                list(pool.map(work, range(THREADS)))
-        sorted_already = bool((order[1:] > order[:-1]).all())
-        return out[:, :, :k] if sorted_already else np.take(out, np.argsort(order), axis=2, mode="clip")
+        def work(waiting: Iterator[range]) -> None:
+            for part in waiting:
+                self.run(batch, misses, out, sums, part, part[0] * batch.lanes)
 
-    def _order(self, parameters: NDArray[np.float64]) -> NDArray[np.int64]:
+        in_threads(work, batch.blocks, threads=THREADS)
+        return batch.restored(out), batch.restored(sums)
+
+    def summed(self, batch: Batch, misses: Misses) -> FloatArray:
+        """Return the sum of squared misses of every channel and the largest magnitude, shape (c + 1, k).
+
+        No trajectory is stored.
+        """
+        channels, width = misses.target.shape[1], batch.blocks * batch.lanes
+        out, sums = np.empty((0, channels, 1)), np.empty((channels + 1, width))
+
+        def work(waiting: Iterator[range]) -> None:
+            for part in waiting:
+                self.run(batch, misses, out, sums, part)
+
+        # A call takes a few microseconds: in pieces as large as balanced threads allow.
+        in_threads(work, batch.blocks, threads=THREADS, together=max(1, batch.blocks // (4 * THREADS)))
+        return batch.restored(sums)
+
+    def _order(self, parameters: FloatArray) -> NDArray[np.int64]:
         """Return the columns with the same effects present side by side, those with most first."""
         present = self.kernel.switches @ (parameters != 0.0) > 0
+        if (present == present[:, :1]).all():
+            return np.arange(parameters.shape[1])
         return np.lexsort((*present, -present.sum(axis=0)))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -26,11 +26,16 @@ from discovery.residual import errors
 from discovery.rig import Rig
 from discovery.step import TOLERANCE
 
+if TYPE_CHECKING:
+    from discovery.draws import Posterior
+    from discovery.posterior_study import PosteriorStudy
+
 __all__ = [
     "Discovered",
     "Fits",
     "Tell",
     "can_discover",
+    "compared",
     "continued",
     "discover",
     "estimate",
@@ -39,6 +44,7 @@ __all__ = [
     "sampled",
     "scored",
     "stage_seed",
+    "studied",
     "unexplained",
 ]
 
@@ -46,7 +52,7 @@ FloatArray = NDArray[np.float64]
 Tell = Callable[[str], None]
 #: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
 DISCOVERY_SAMPLES = 16_384
-_ORDER = ("discover", "posterior", "predictive", "elastica", "loop")
+_ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
 
 
 def stage_seed(seed: int, stage: str) -> int:
@@ -217,6 +223,33 @@ def sampled(fitted: Fit, *, seed: int, tell: Tell, backend=None):
         tell(f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}")
 
     return sample(fitted, rng_seed=stage_seed(seed, "posterior"), progress=on_progress, backend_path=backend)
+
+
+def studied(posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int, tell: Tell) -> PosteriorStudy:
+    """Study a posterior: priors, profiles, correlations, chains, and predictive bands of every recording."""
+    from discovery.posterior_study import study_posterior
+
+    tell("profile likelihoods and predictive bands")
+    rng = np.random.default_rng(stage_seed(seed, "predictive"))
+    return study_posterior(posterior, fitted, dataset.holdout, rng=rng)
+
+
+def compared(fitted: Fit, loop: LoopResult, *, seed: int, tell: Tell) -> dict[str, Any]:
+    """Weigh noise models of a fit, and the models before and after the loop, by their evidence."""
+    from discovery.model_comparison import compare_models
+    from discovery.noise_choice import choose_noise
+
+    tell("weighing noise models by their evidence")
+    seed = stage_seed(seed, "evidence")
+    noise = choose_noise(fitted, rng_seed=seed).summary()
+    models = {"before": loop.before.specialised(), "after": loop.after.specialised()}
+    if loop.before.model == loop.after.model or any(f.null_directions for f in models.values()):
+        return {"noise": noise, "evidence": None}
+    tell("weighing the models before and after by their evidence")
+    held = {label: loop.errors[label]["holdout"]["rms"] for label in models}
+    # What the smaller model lacks is correlated: white noise would count every sample of it.
+    compared = compare_models(models, rng_seed=seed, noise="correlated", held_out=held)
+    return {"noise": noise, "evidence": compared.summary()}
 
 
 def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str, Any] | None:

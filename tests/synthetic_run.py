@@ -123,6 +123,7 @@ def _posterior_rows(parameters: dict[str, tuple[float, float, str]]) -> list[dic
             "q95": value + 1.645 * sd,
             "interval": "equal-tailed 90 % credible interval",
             "r_hat": 1.0012,
+            "mcse": sd / 70.0,
             "ess": 5123.0,
             "fit_value": value,
             "fit_sd": sd,
@@ -131,17 +132,75 @@ def _posterior_rows(parameters: dict[str, tuple[float, float, str]]) -> list[dic
     ]
 
 
-def _write_posterior(folder: Path, rows: list[dict[str, Any]]) -> None:
-    rng = np.random.default_rng(5)
-    draws = {
-        r["name"]: (("chain", "draw", "walker"), r["mean"] + r["sd"] * rng.standard_normal((4, 40, 16))) for r in rows
-    }
-    xr.Dataset(draws).to_netcdf(folder / "posterior.nc", engine="h5netcdf")
-
-
 def _write_groups(path: Path, groups: dict[str, xr.Dataset]) -> None:
     for i, (name, group) in enumerate(groups.items()):
         group.to_netcdf(path, group=name, mode="w" if i == 0 else "a", engine="h5netcdf")
+
+
+def _write_posterior(folder: Path, rows: list[dict[str, Any]]) -> None:
+    rng = np.random.default_rng(5)
+    draws = {r["name"]: (("chain", "draw"), r["mean"] + r["sd"] * rng.standard_normal((64, 40))) for r in rows}
+    ensemble = {"ensemble": ("chain", np.arange(64) // 16)}
+    _write_groups(folder / "posterior.nc", {"posterior": xr.Dataset(draws, ensemble)})
+
+
+def _study(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what `PosteriorStudy.summary` and the choice of noise add to a posterior, made of closed formulas."""
+    physical = [r for r in rows if "[" not in r["name"] and r["name"] != "sigma"]
+    names = [r["name"] for r in rows if "[" not in r["name"]]
+    matrix = np.eye(len(names))
+    matrix[1, 2] = matrix[2, 1] = -0.9712
+    normalised = np.linspace(-3.0, 3.0, 13)
+    changes = [{"factor": f, "shift": s, "sd_ratio": 1 + s, "effective": 0.9} for f, s in ((0.5, -0.3456), (2.0, 0.1))]
+    still = [{**change, "shift": 0.0, "sd_ratio": 1.0} for change in changes]
+    widths = (0.01, 0.5, 0.02)
+    return {
+        "priors": [
+            {
+                "name": r["name"], "law": "normal", "mean": r["mean"], "sd": 10 * r["sd"], "prior_sd": 10 * r["sd"],
+                "contraction": 0.87654 if r["name"] == "gamma" else 0.99998,
+                "widths": changes if r["name"] == "gamma" else still, "sensitive": r["name"] == "gamma",
+            }
+            for r in physical
+        ],
+        "profiles": [
+            {
+                "name": r["name"], "best": r["mean"], "cut": 2.7055,
+                "values": (r["mean"] + r["sd"] * normalised).tolist(), "statistic": (normalised**2).tolist(),
+                "interval": [None if r["name"] == "xi" else r["mean"] - 1.5 * r["sd"], r["mean"] + 1.5 * r["sd"]],
+                "prior_values": [r["mean"] - 3 * r["sd"], r["mean"] + 3 * r["sd"]], "prior_density": [1.0, 0.99],
+            }
+            for r in physical
+        ],
+        "correlations": {
+            "names": names, "matrix": matrix.tolist(),
+            "pairs": [{"pair": ["alpha", "beta"], "correlation": -0.9712, "meaning": "alpha is one and beta another"}],
+        },
+        "autocorrelation": {
+            "lags": [0.0, 2.0, 4.0], "tau": dict.fromkeys(names, 3.25),
+            "functions": {n: [[1.0, 0.5, 0.1]] * 4 for n in names},
+        },
+        "coverage": [
+            {
+                "recording": name, "part": part, "channel": channel, "unit": "m", "readings": 400, "share": share,
+                "width": width,
+            }
+            for (name, part, share), width in zip(
+                (("train_a", "fitted", 0.9123), ("hold_in", "held out", 0.8765), ("hold_out", "held out", 0.4321)),
+                widths, strict=True,
+            )
+            for channel in ("tip_x", "tip_y")
+        ],
+    }  # fmt: skip
+
+
+def _evidence(name: str, behind: float, pareto_k: float, rows: list[dict[str, Any]], wide: float) -> dict[str, Any]:
+    return {
+        "noise": name, "name": name, "effects": ["viscous_damping"], "free": 4, "held_out": 1.25 + behind,
+        "log_evidence": 4321.0 - behind, "behind": behind, "error": 0.02, "pareto_k": pareto_k,
+        "reliable": pareto_k <= 0.7,
+        "intervals": {r["name"]: [r["mean"] - wide * r["sd"], r["mean"], r["mean"] + wide * r["sd"]] for r in rows},
+    }  # fmt: skip
 
 
 def write_arm_run(folder: Path) -> dict[str, Any]:
@@ -224,6 +283,13 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
         }
     )
     _write_posterior(folder, rows)
+    at = groups["train_a"].coords
+    bands = {
+        f"{kind}_{q}": (("time", "channel"), groups["train_a"]["before"].to_numpy() + shift * size)
+        for kind, size in (("motion", 1e-4), ("reading", 4e-3))
+        for q, shift in (("q05", -1.0), ("q50", 0.0), ("q95", 1.0))
+    }
+    _write_groups(folder / "predictive.nc", {n: xr.Dataset(bands, at) for n in ("train_a", "hold_in")})
 
     declared = {
         "xi": (0.0458, 1e-4, "s^-1"),
@@ -340,7 +406,28 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
             label: {"position": _errors(size), "angle": _errors(0.7 * size), "radius": _errors(0.5 * size)}
             for label, size in (("linear", 0.0245), ("constant_radius", 0.0173), ("declared", 2.31e-3))
         },
-        "posterior": {"subject": "declared", "rows": rows, "status": "sigma is 8.5 times the stated noise."},
+        "posterior": {
+            "subject": "declared",
+            "rows": rows,
+            "status": "sigma is 8.5 times the stated noise.",
+            **_study(rows),
+        },
+        "noise": {
+            "chosen": "correlated",
+            "reliable": True,
+            "widening": {r["name"]: 7.5 for r in rows},
+            "models": [
+                _evidence("correlated", 0.0, 0.12, rows, 12.3375),
+                _evidence("gaussian", 321.0, 0.91, rows, 1.645),
+            ],
+        },
+        "evidence": {
+            "preferred": "both",
+            "held_out_prefers": "both",
+            "same_order": 1.0,
+            "reliable": True,
+            "models": [_evidence("both", 0.0, 0.1, rows, 1.0), _evidence("neither", 55.5, 0.2, rows, 1.0)],
+        },
         "elastica": {"prediction": [], "comparison": comparison, "delta_max": 0.83},
         "loop": {
             "verdict": "explained",

@@ -84,9 +84,10 @@ def test_no_console_message_and_no_request(opened: Any, page: Path) -> None:
     assert [u[:100] for u in asked if not u.startswith("data:") and u != page.as_uri()] == []
 
 
-def test_every_image_is_decoded(opened: Any, least: int = 7) -> None:
+def test_every_image_is_decoded(opened: Any, page: Path) -> None:
     sizes = opened.execute_script("return [...document.images].map(i => [i.complete, i.naturalWidth, i.width, i.alt])")
-    assert len(sizes) >= least
+    # A page over all runs shows a choice of the figures and formulas of each.
+    assert len(sizes) >= (7 if page.name == "report.html" else 3)
     for complete, natural, shown, alt in sizes:
         assert complete, alt
         assert natural > 0, alt
@@ -108,14 +109,14 @@ def test_the_page_does_not_scroll_sideways(opened: Any) -> None:
     assert outside == []
 
 
-def test_mathematics_is_drawn(opened: Any, least: int = 10) -> None:
+def test_mathematics_is_drawn(opened: Any, page: Path) -> None:
     boxes = opened.execute_script(
         """
         return [...document.querySelectorAll('math')].filter(m => !m.closest('details')).map(
           m => [m.getBoundingClientRect().width, m.getBoundingClientRect().height, m.outerHTML.slice(0, 200)]);
         """
     )
-    assert len(boxes) > least
+    assert len(boxes) > (10 if page.name == "report.html" else 3)
     for width, height, source in boxes:
         assert width > 3, source
         assert height > 5, source

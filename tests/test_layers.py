@@ -12,9 +12,15 @@ CONTRACTS = Path(__file__).parents[1] / ".importlinter"
 
 #: Heavy libraries are known in one place each.
 HOMES = {
-    "numba": {"discovery.vectormath", "discovery_datasets.beam", "discovery_datasets.engine"},
+    "numba": {
+        "discovery.vectormath",
+        "discovery.noise.filters",
+        "discovery.noise.tails",
+        "discovery_datasets.beam",
+        "discovery_datasets.engine",
+    },
     "pysindy": {"discovery.sindy", "discovery.subset", "discovery.candidates", "discovery.force_law"},
-    "emcee": {"discovery.ensembles", "discovery.checkpoint", "discovery.diagnostics"},
+    "emcee": {"discovery.ensembles", "discovery.moves", "discovery.checkpoint", "discovery.diagnostics"},
     "matplotlib": {"discovery.report"},
     "corner": {"discovery.report"},
     "pint": {"discovery.units"},

@@ -21,7 +21,7 @@ from discovery.provenance import plain
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
-FILES = {"amplitude.nc", "laws.nc", "loop.json", "posterior.nc", "results.json", "trajectories.nc"}
+FILES = {"amplitude.nc", "laws.nc", "loop.json", "posterior.nc", "predictive.nc", "results.json", "trajectories.nc"}
 
 
 def silent(message: str) -> None:

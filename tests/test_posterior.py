@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy import stats
 
 from discovery import ensembles
-from discovery.checkpoint import restore, save
-from discovery.diagnostics import convergence
 from discovery.draws import Posterior
 from discovery.errors import ComputationError, InputError, NotConverged, NotIdentifiable
 from discovery.experiment import Experiment
@@ -191,10 +194,37 @@ def test_interrupted_run_continues_to_the_same_draws(linear, drawn, tmp_path, mo
     assert [p.name for p in tmp_path.iterdir()] == ["chain.h5"]
 
 
+_KILLED = """
+import os, signal, sys, threading
+import numpy as np
+sys.path.insert(0, {folder!r})
+from test_posterior import experiment, fit, linear_model, sample
+
+def kill_in_the_next_block(progress):
+    threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGKILL)).start()
+
+fitted = fit(linear_model(), [experiment(np.random.default_rng(5))])
+sample(fitted, rng_seed=11, walkers=96, min_effective=1e9, progress=kill_in_the_next_block, backend_path={path!r})
+"""
+
+
+def test_killed_process_continues_to_the_same_draws(linear, tmp_path):
+    path = tmp_path / "chain.h5"
+    code = _KILLED.format(folder=str(Path(__file__).parent), path=str(path))
+    killed = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    settings = {"rng_seed": 11, "walkers": 96, "min_effective": 60_000}
+    resumed = sample(linear, **settings, backend_path=path)
+    whole = sample(linear, **settings)
+    assert resumed.provenance["steps"] > 120
+    assert np.array_equal(resumed.draws, whole.draws)
+    assert np.array_equal(resumed.log_probability, whole.log_probability)
+
+
 def test_checkpoint_of_another_run_is_refused(linear, tmp_path):
     path = tmp_path / "chain.h5"
     with pytest.raises(NotConverged):
-        sample(linear, rng_seed=1, max_steps=250, min_effective=1e9, backend_path=path)
+        sample(linear, rng_seed=1, max_steps=250, walkers=64, min_effective=1e9, backend_path=path)
     with pytest.raises(InputError, match="another model, recording or seed"):
         sample(linear, rng_seed=2, backend_path=path)
     path.write_text("no checkpoint")
@@ -205,12 +235,12 @@ def test_checkpoint_of_another_run_is_refused(linear, tmp_path):
 def test_refusal_carries_the_numbers_and_progress_is_told(linear):
     seen = []
     with pytest.raises(NotConverged, match="250 steps") as caught:
-        sample(linear, rng_seed=1, max_steps=250, min_effective=1e6, progress=seen.append)
+        sample(linear, rng_seed=1, max_steps=250, walkers=64, min_effective=1e6, progress=seen.append)
     for numbers in (caught.value.tau, caught.value.ess, caught.value.r_hat):
         assert set(numbers) == {"g", "delta_0_init[sine]", "rate_0_init[sine]", "sigma"}
         assert all(np.isfinite(list(numbers.values())))
     assert "effective samples g" in str(caught.value)
-    assert [p.steps for p in seen] == [60, 200, 250]
+    assert [p.steps for p in seen] == [120, 160, 250]
     assert seen[-1].effective == min(caught.value.ess.values())
 
 
@@ -247,75 +277,61 @@ def test_undetermined_parameters_are_refused(linear):
     assert caught.value.directions[0]["g"] == 0.6
 
 
-def gamma_and_normal(z):
-    """A product of a Gamma and a shifted, correlated Gaussian, which the proposal only roughly resembles."""
-    inside = z[:, 0] > 0
-    x = np.where(inside, z[:, 0], 1.0)
-    return np.where(inside, np.log(x) - 2 * x - 0.5 * ((z[:, 1] - z[:, 0]) / 0.3) ** 2, -np.inf)
-
-
-def group_of_four():
-    seeds = np.random.SeedSequence(3).spawn(4)
-    return ensembles.start_ensembles(gamma_and_normal, 2, walkers=32, seeds=seeds)
-
-
-def test_moves_sample_a_density_unlike_their_proposal():
-    group = group_of_four()
-    assert list(ensembles.grow(group, 1500))[-1] == 1500
-    assert any(e.adapted for e in group)
-    draws = np.stack([e.chain[300:] for e in group])
-    found = convergence(draws)
-    assert found.meets(1000, 1.01)
-    thin = int(2 * found.tau.max() + 1)
-    points = draws[:, ::thin].reshape(-1, 2)
-    assert stats.kstest(points[:, 0], stats.gamma(2, scale=0.5).cdf).pvalue > 1e-4
-    assert stats.kstest((points[:, 1] - points[:, 0]) / 0.3, "norm").pvalue > 1e-4
-
-
-def test_adapted_ensembles_continue_from_a_checkpoint(tmp_path):
-    whole, first, second = group_of_four(), group_of_four(), group_of_four()
-    list(ensembles.grow(whole, 500))
-    list(ensembles.grow(first, 300))
-    save(tmp_path / "chain.h5", first, "run")
-    assert restore(tmp_path / "chain.h5", second, "run")
-    list(ensembles.grow(second, 500))
-    assert any(e.adapted for e in second)
-    for a, b in zip(whole, second, strict=True):
-        assert np.array_equal(a.chain, b.chain)
-        assert np.array_equal(a.log_prob, b.log_prob)
-        assert a.adapted == b.adapted
-    assert not restore(tmp_path / "none.h5", second, "run")
-
-
-def test_convergence_sees_ensembles_that_disagree_and_coupled_walkers():
-    rng = np.random.default_rng(2)
-    draws = rng.standard_normal((4, 200, 16, 3))
-    draws[3, ..., 1] += 0.6
-    draws[..., 2] = 0.6 * draws[..., 2] + 0.8 * rng.standard_normal((4, 200, 1))
-    found = convergence(draws)
-    assert found.r_hat[0] < 1.01 < found.r_hat[1]
-    # Independent draws count in full; walkers that share 64 % of their variance count as little more than one.
-    assert found.ess[0] == pytest.approx(4 * 200 * 16, rel=0.25)
-    assert found.ess[2] == pytest.approx(4 * 200 / 0.66, rel=0.25)
-    assert not found.meets(10, 1.01)
-
-
 def test_netcdf_keeps_everything(drawn, linear, tmp_path):
-    xr = pytest.importorskip("xarray")
     path = tmp_path / "posterior.nc"
-    drawn.to_netcdf(path)
+    experiments = linear.problem.bench.experiments
+    bands = predictive(drawn, experiments, 50, rng=np.random.default_rng(1))
+    drawn.to_netcdf(path, bands, experiments)
     back = Posterior.from_netcdf(path)
     for field in dataclasses.fields(Posterior):
         a, b = getattr(drawn, field.name), getattr(back, field.name)
-        assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b, field.name
+        if field.name == "prior":
+            assert a.keys() == b.keys()
+            assert all(np.array_equal(a[name], b[name]) for name in a)
+        else:
+            assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b, field.name
     assert back.summary() == drawn.summary()
-    with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        assert dataset["g"].dims == ("chain", "draw", "walker")
-        assert dataset["g"].attrs["units"] == "s^-2 V"
-        assert '"seed": 11' in dataset.attrs["provenance"]
     assert [p.name for p in tmp_path.iterdir()] == ["posterior.nc"]
-    bands = [predictive(p, linear.problem.bench.experiments, 50, rng=np.random.default_rng(1)) for p in (drawn, back)]
-    assert np.array_equal(bands[0][0].reading, bands[1][0].reading)
+    again = predictive(back, experiments, 50, rng=np.random.default_rng(1))
+    assert np.array_equal(bands[0].reading, again[0].reading)
+
+
+def test_netcdf_is_inference_data(drawn, linear, tmp_path):
+    path = tmp_path / "posterior.nc"
+    experiments = linear.problem.bench.experiments
+    bands = predictive(drawn, experiments, 50, rng=np.random.default_rng(1))
+    drawn.to_netcdf(path, bands, experiments)
+    groups = {"posterior", "sample_stats", "log_likelihood", "prior", "posterior_predictive", "observed_data"}
+    with xr.open_datatree(path, engine="h5netcdf") as tree:
+        assert set(tree.children) == groups
+        gain = tree["posterior"]["g"]
+        assert gain.dims == ("chain", "draw")
+        assert gain.attrs["units"] == "s^-2 V"
+        assert '"seed": 11' in tree["posterior"].attrs["provenance"]
+        ensemble, step, walker = 1, 3, 5
+        chain = gain.where((gain.ensemble == ensemble) & (gain.walker == walker), drop=True)
+        assert float(chain[0, step]) == drawn.draws[ensemble, step, walker, 0]
+        assert tree["log_likelihood"]["readings"].shape == gain.shape == tree["sample_stats"]["lp"].shape
+        (recording,) = (e.recording for e in experiments)
+        assert np.array_equal(tree["observed_data"][recording.name].to_numpy(), recording.output)
+        low, _, high = tree["posterior_predictive"][recording.name].to_numpy()
+        assert np.mean((recording.output > low) & (recording.output < high)) == pytest.approx(0.9, abs=0.1)
+
+
+def test_netcdf_opens_in_arviz(drawn, tmp_path):
+    arviz = pytest.importorskip("arviz")
+    drawn.to_netcdf(tmp_path / "posterior.nc")
+    table = arviz.summary(arviz.from_netcdf(tmp_path / "posterior.nc"), round_to="none")
+    for row in drawn.summary():
+        assert float(table.loc[row["name"], "mean"]) == pytest.approx(row["mean"])
+        assert float(table.loc[row["name"], "ess_bulk"]) == pytest.approx(row["ess"], rel=0.4)
+
+
+def test_prior_draws_follow_the_declared_priors(linear, drawn):
+    assert drawn.prior.keys() == set(drawn.names)
+    gain_unit = linear.problem.units.scale(linear.model.parameters["g"])
+    assert stats.kstest(drawn.prior["g"], stats.norm(0, 10 * gain_unit).cdf).pvalue > 1e-3
+    assert stats.kstest(np.log(drawn.prior["sigma"] / NOISE), stats.norm(0, NOISE_PRIOR.sd).cdf).pvalue > 1e-3
 
 
 def test_another_file_is_no_posterior(tmp_path):
@@ -328,6 +344,8 @@ def test_another_file_is_no_posterior(tmp_path):
 def test_summary_states_its_intervals(drawn):
     row = drawn.summary()[0]
     assert row["name"] == "g"
+    assert row["mcse"] == pytest.approx(row["sd"] / np.sqrt(row["ess"]))
+    assert 0.2 < row["ess_tail"] / row["ess"] < 2
     assert row["interval"].startswith("equal-tailed 90 %")
     assert np.quantile(drawn.flat()["g"], [0.05, 0.95]).tolist() == [row["q05"], row["q95"]]
     assert abs(row["mean"] - row["fit_value"]) < 0.2 * row["fit_sd"]

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.registry import catalogue, get_effect
-from discovery.report import build_report, story
+from discovery.report import build_report, posterior, story
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import model_formulas
 from discovery.report.figures import motion
@@ -111,6 +111,7 @@ def test_every_figure_has_alt_text_caption_and_file(made: Made) -> None:
 def test_an_arm_has_every_figure(arm: Made) -> None:
     names = {p.stem for p in (arm[0] / "figures").iterdir()}
     wanted = {"errors", "motion", "deflections", "phase", "inclusion", "corner", "spring_law", "radius_law"}
+    wanted |= {"marginals", "correlations", "chains", "bands_train_a", "bands_hold_in"}
     wanted |= {"residual", "spectrum", "amplitude", "steps", "ranking_1", "ranking_2"}
     assert names == wanted | {"time_hold_in", "time_hold_out", "time_train_a"}
 
@@ -321,6 +322,89 @@ def test_numbers_on_the_page(arm: Made, printed: str) -> None:
     assert printed in _Reader(arm[2]).text
 
 
+def _cells(page: str, table: str) -> list[list[str]]:
+    """Return the text of a table's rows."""
+    found = re.search(rf'aria-labelledby="table-{table}"><thead>.*?<tbody>(.*?)</tbody>', page, re.DOTALL)
+    assert found, table
+    rows = re.findall("<tr>(.*?)</tr>", found[1])
+    plain = str.maketrans("\N{NARROW NO-BREAK SPACE}\N{NO-BREAK SPACE}", "  ")
+    return [[_Reader(c).text.translate(plain) for c in re.findall("<td[^>]*>(.*?)</td>", row)] for row in rows]
+
+
+def test_the_posterior_stands_beside_prior_fit_and_paper(arm: Made) -> None:
+    rows = _cells(arm[2], "posterior")
+    assert rows[1] == [
+        "α", "linear stiffness", "s⁻²", "8.10097 ± 0.00033", "8.10043", "8.10097", "8.10151", "8.10097 ± 0.00033",
+        "8.791", "1.0012", "5123", "4.7 × 10⁻⁶", "normal, 8.1010 ± 0.0033",
+    ]  # fmt: skip
+    assert rows[4][8] == rows[4][12] == "–"  # the noise has no such prior, and the paper none at all
+    assert "paper, least squares" in arm[2]
+
+
+def test_what_leans_on_its_prior_is_told(arm: Made) -> None:
+    assert _cells(arm[2], "priors")[3] == [
+        "γ", "normal, 0.4422 ± 0.0036", "0.877", "−0.346", "−34.6 %", "0.100", "10.0 %", "yes",
+    ]  # fmt: skip
+    assert _cells(arm[2], "priors")[0][2:] == ["1 − 2.0 × 10⁻⁵", "0.000", "0.0 %", "0.000", "0.0 %", "no"]
+    assert "The recordings alone do not fix γ: other priors would give another answer." in arm[2]
+    assert _cells(arm[2], "profiles")[:2] == [
+        ["ξ", "below 0.04586", "0.045788 to 0.045866"],
+        ["α", "8.10047 to 8.10147", "8.1004 to 8.1015"],
+    ]
+
+
+def test_no_prior_that_matters_is_told_too(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    for row in results["posterior"]["priors"]:
+        row["sensitive"] = False
+    assert posterior.prior_sentence(Run(tmp_path, results)).startswith("No parameter leans on its prior")
+
+
+def test_what_parameters_share_is_told(arm: Made) -> None:
+    assert "<li>α and β (−0.97, one rises where the other falls): α is one and β another.</li>" in arm[2]
+
+
+def test_how_many_readings_the_bands_hold(arm: Made) -> None:
+    rows = _cells(arm[2], "coverage")
+    assert rows[0] == ["train_a", "fitted", "tip x", "400", "91.2 %", "10.0 mm"]
+    assert rows[2] == ["hold_in", "held out", "tip x", "400", "87.6 %", "0.500 m"]
+
+
+def test_the_noise_is_chosen_by_evidence(arm: Made) -> None:
+    rows = _cells(arm[2], "noise")
+    assert [row[:3] for row in rows] == [
+        ["correlated (chosen)", "0 ± 0.02", "0.12"],
+        ["gaussian", "−321.0 ± 0.02", "0.91, unreliable"],
+    ]
+    assert [len(row) for row in rows] == [7, 7]  # one column for each parameter of the model
+    assert rows[1][4] == "8.1004 to 8.1015"
+    assert "The evidence prefers correlated noise: intervals are 7.5 times as wide" in arm[2]
+    assert [row[3] for row in _cells(arm[2], "model_evidence")] == ["0 ± 0.02", "−55.50 ± 0.02"]
+
+
+def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:
+    """Results of a run that did not study its posterior."""
+    results = synthetic_run.write_arm_run(tmp_path)
+    for key in ("priors", "profiles", "correlations", "autocorrelation", "coverage"):
+        del results["posterior"][key]
+    del results["noise"], results["evidence"]
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    for title in ("Which noise", "Prior, likelihood", "What the parameters share", "converge?", "what is read?"):
+        assert title not in page
+    assert "corner" in {p.stem for p in (tmp_path / "figures").iterdir()}
+
+
+def test_draws_are_told_apart_by_ensemble(tmp_path: Path) -> None:
+    """What `Posterior.to_netcdf` writes: every walker a chain, those of one ensemble side by side."""
+    values = np.arange(4 * 3 * 5).reshape(12, 5)
+    group = xr.Dataset({"xi": (("chain", "draw"), values)}, {"ensemble": ("chain", np.repeat(np.arange(4), 3))})
+    synthetic_run._write_groups(tmp_path / "posterior.nc", {"posterior": group})
+    draws = Run(tmp_path, {}).draws["xi"]
+    assert draws.shape == (4, 5, 3)
+    assert np.array_equal(draws[1, :, 2], values[5])
+
+
 def test_a_changed_result_changes_the_page(arm: Made, tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["loop"]["errors"]["after"]["holdout_inside"]["mean"] = 9.8765e-4
@@ -373,7 +457,7 @@ def test_optional_files_may_be_missing(tmp_path: Path) -> None:
     synthetic_run._write_groups(tmp_path / "amplitude.nc", {"before": xr.Dataset()})
     page = build_report(tmp_path).read_text(encoding="utf-8")
     assert {p.stem for p in (tmp_path / "figures").iterdir()} == {
-        "errors", "spectrum", "steps", "ranking_1", "ranking_2",
+        "errors", "spectrum", "steps", "ranking_1", "ranking_2", "correlations",
     }  # fmt: skip
     assert "The equation found in the motion" not in page
 

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +20,7 @@ from discovery.compile import numpy_derivative
 from discovery.drive import Drive
 from discovery.errors import SimulationFailure
 from discovery.experiment import Experiment
+from discovery.kernel_source import kernel_source
 from discovery.mechanics import get_base
 from discovery.model import Model
 from discovery.problem import NaturalUnits
@@ -26,6 +28,7 @@ from discovery.program import build_program
 from discovery.recording import Recording
 from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.runge_kutta import dormand_prince
 from discovery.simulate import DriveLike, Grid, Simulator, check_finite
 from discovery.step import choose_step
 from discovery.testing.states import every_effect
@@ -212,6 +215,41 @@ def test_order_of_convergence(base: str, first: float) -> None:
     errors = np.array([np.abs(p - paths[-1]).max() for p in paths[:-1]])
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert order == pytest.approx(4.0, abs=0.2), errors
+
+
+def test_order_of_convergence_of_leaps() -> None:
+    # At the ends of steps; between them the interpolation is of order six.
+    time = np.linspace(0.0, 4.0, 11)
+    effects = ("viscous_damping", "linear_stiffness", "cubic_stiffness")
+    steps = 0.4 / 2.0 ** np.arange(3)
+    values = {n: PAPER[n] for n in ("xi", "alpha", "beta", "length")}
+
+    def path(step: float) -> np.ndarray:
+        sim = Simulator("constant_radius", effects, time, SMOOTH, step=step, method=dormand_prince())
+        assert sim.kernel.method.order == 8
+        assert sim.grid.steps.size == round(4.0 / step)
+        return run(sim, values)
+
+    # The tip starts with the motor's rate.
+    states = reference(angle_equation(values), SMOOTH, np.array([0.1, 1.0]), time)
+    errors = np.array([np.abs(np.arctan2(*path(h).T[::-1]) - states[0]).max() for h in steps])
+    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert order == pytest.approx(8.0, abs=0.8), errors
+
+
+def test_a_step_in_one_loop_is_that_in_stages(monkeypatch: pytest.MonkeyPatch) -> None:
+    time, drive = np.linspace(0.0, 3.0, 61), trapezoid(1.0, 1.25)
+    effects = ("viscous_damping", "linear_stiffness", "cubic_stiffness")
+    fused = Simulator("constant_radius", effects, time, drive, step=0.02)
+    monkeypatch.setattr("discovery.kernel_source._SHORT", 0)
+    text = kernel_source(fused.kernel.program, 32, {})
+    assert "for stage in range(5)" in text
+    namespace: dict = {}
+    exec(compile(text.replace("cache=True, ", ""), "kernel", "exec"), namespace)
+    staged = copy(fused)
+    staged.kernel = replace(fused.kernel, run=namespace["run"])
+    values = {n: PAPER[n] for n in ("xi", "alpha", "beta", "length")}
+    np.testing.assert_allclose(run(fused, values), run(staged, values), rtol=0, atol=1e-13)
 
 
 def test_kinks_are_respected() -> None:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import signal
 import time
-import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.blind.spread import limit_memory, spread
+from benchmarks.blind.spread import limit_memory
+from discovery.io import atomic_write
+from discovery.spread import spread
 
 
 def trainings(case: Path) -> list[Path]:
@@ -71,29 +70,14 @@ def compare(case: Path, out: Path) -> dict[str, Any]:
     return found
 
 
-def _late(*_: Any) -> None:
-    raise TimeoutError("the case took longer than its limit")
-
-
-def _attempt(job: tuple[Path, Path, bool, bool, int]) -> tuple[str, dict[str, Any]]:
-    """Do one case; a failure is a result too."""
-    case, out, with_holdout, with_peers, limit = job
+def attempt(job: tuple[Path, Path, bool, bool], _seed: Any) -> dict[str, Any]:
+    """Do one case."""
+    case, out, with_holdout, with_peers = job
     limit_memory()
-    signal.signal(signal.SIGALRM, _late)
-    signal.alarm(limit)
-    try:
-        done = close(case, out, with_holdout=with_holdout)
-        if with_peers:
-            compare(case, out)
-    except Exception as error:
-        out.mkdir(parents=True, exist_ok=True)
-        done = {"error": f"{type(error).__name__}: {error}", "trace": traceback.format_exc()}
-    finally:
-        signal.alarm(0)
-    draft = out / "done.part"
-    draft.write_text(json.dumps(done, indent=1) + "\n", encoding="utf-8")
-    os.replace(draft, out / "done.json")
-    return case.name, done
+    done = close(case, out, with_holdout=with_holdout)
+    if with_peers:
+        compare(case, out)
+    return done
 
 
 def finished(out: Path) -> bool:
@@ -108,15 +92,21 @@ def run(
     workers: int,
     with_holdout: bool = False,
     with_peers: bool = False,
-    limit: int = 1200,
+    limit: float = 1200,
+    scheduler: str | None = None,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Run cases on several processes, each in at most `limit` seconds; name and result of each as it is done."""
-    jobs = [
-        (case, folder / "results" / case.name, with_holdout, with_peers, limit)
+    """Run cases on processes or a Dask cluster, each in at most `limit` seconds; name and result of each when done."""
+    results = folder / "results"
+    jobs = (
+        (case.name, (case, results / case.name, with_holdout, with_peers))
         for case in cases
-        if not finished(folder / "results" / case.name / "done.json")
-    ]
-    return spread(_attempt, jobs, workers)
+        if not finished(results / case.name / "done.json")
+    )
+    for outcome in spread(attempt, jobs, workers=workers, scheduler=scheduler, limit=limit):
+        done = outcome.result or {"error": outcome.error, "trace": outcome.trace}
+        with atomic_write(results / outcome.name / "done.json") as draft:
+            draft.write_text(json.dumps(done, indent=1) + "\n", encoding="utf-8")
+        yield outcome.name, dict(done)
 
 
 def main() -> None:
@@ -125,6 +115,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, help="only so many, from the first")
     parser.add_argument("--only", nargs="*", help="only these")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--scheduler", help="address of a Dask scheduler whose workers are used instead")
     parser.add_argument("--limit", type=int, default=1200, help="seconds that one case may take")
     parser.add_argument("--holdout", action="store_true", help="let the loop judge on the hold-out recording")
     parser.add_argument("--peers", action="store_true", help="run the peers, too")
@@ -140,6 +131,7 @@ def main() -> None:
         with_holdout=options.holdout,
         with_peers=options.peers,
         limit=options.limit,
+        scheduler=options.scheduler,
     )
     for i, (name, done) in enumerate(progress, 1):
         said = done.get("error") or f"{done['verdict']} {', '.join(done['effects'])} ({done['seconds']:.1f} s)"

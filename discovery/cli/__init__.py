@@ -10,7 +10,7 @@ import sys
 
 import click
 
-from discovery.cli import export, sources, stages
+from discovery.cli import campaigns, export, sources, stages
 
 __all__ = ["cli", "main"]
 
@@ -24,7 +24,7 @@ def cli() -> None:
     """Discover the equation of motion of a mechanical system, and find the effect that its model lacks."""
 
 
-for _command in (*stages.COMMANDS, *export.COMMANDS, *sources.COMMANDS):
+for _command in (*stages.COMMANDS, *campaigns.COMMANDS, *export.COMMANDS, *sources.COMMANDS):
     cli.add_command(_command)
 
 

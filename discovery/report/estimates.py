@@ -9,14 +9,24 @@ from markupsafe import Markup
 
 from discovery.mechanics import get_base
 from discovery.registry import catalogue, get_effect
-from discovery.report.numbers import MISSING, interval, significant, uncertain, unit_text
+from discovery.report.numbers import MISSING, interval, rounded, significant, uncertain, unit_text
 from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import LAWS, MASSES
 
-__all__ = ["elastica_table", "final_table", "nuisance_table", "posterior_table", "published", "symbol_of"]
+__all__ = [
+    "elastica_table",
+    "final_table",
+    "nuisance_table",
+    "posterior_table",
+    "prior_words",
+    "published",
+    "symbol_of",
+]
 
+#: Diagnostics that a summary may have.
+_OPTIONAL = {"mcse": "error of the mean", "ess_tail": "samples of the tails"}
 _ORDER = ("alpha", "beta", "beta/alpha", "gamma")
 
 
@@ -39,7 +49,7 @@ def _declarations(model: Mapping[str, Any]) -> dict[str, Any]:
 def _meaning(name: str, declared: Mapping[str, Any]) -> str:
     if name in declared:
         return str(declared[name].meaning)
-    return "noise, sd" if name.startswith("sigma") else ""
+    return "noise, sd" if name.startswith("sigma") else "of the noise"
 
 
 def _symbol(name: str, declared: Mapping[str, Any]) -> Markup | str:
@@ -59,46 +69,63 @@ def _subject(run: Run) -> Mapping[str, Any]:
 
 
 def posterior_table(run: Run) -> Table:
-    """Return the physical parameters with their 90 % intervals, beside the fit and, on the paper's rig, the paper."""
-    rows = [r for r in run.results["posterior"]["rows"] if "[" not in r["name"]]
+    """Return the sampled parameters and noise beside their priors, the fit and, on the paper's rig, the paper."""
+    posterior, rows = run.results["posterior"], run.quantities_sampled
     declared, paper = _declarations(_subject(run)), published(run).get("parameters", {})
+    priors = {p["name"]: p for p in posterior.get("priors", ())}
+    optional = [(k, words) for k, words in _OPTIONAL.items() if any(k in r for r in rows)]
     cells = []
     for r in rows:
+        sd = r["sd"]
         cells.append(
             [
                 _symbol(r["name"], declared),
                 _meaning(r["name"], declared),
                 unit_text(r["unit"], run.coordinate_unit),
-                uncertain(r["mean"], r["sd"]),
-                interval(r["q05"], r["q95"]),
+                uncertain(r["mean"], sd),
+                *(rounded(r[q], sd) for q in ("q05", "q50", "q95")),
                 uncertain(r["fit_value"], r["fit_sd"]),
                 *([significant(paper.get(r["name"]), 4)] if paper else []),
                 significant(r["r_hat"], 5),
                 significant(r["ess"], 4),
+                *(significant(r.get(k), 2 if k == "mcse" else 4) for k, _ in optional),
+                *([prior_words(priors.get(r["name"]))] if priors else []),
             ]
         )
     head = (
-        "",
-        "meaning",
-        "unit",
-        "mean ± sd",
-        "90 % interval",
-        "fit ± sd",
-        *(["paper"] if paper else []),
-        "R-hat",
-        "samples",
-    )
-    keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95", "fit_value", "fit_sd", "r_hat", "ess")
+        "", "meaning", "unit", "mean ± sd", "5 %", "50 %", "95 %", "fit ± sd",
+        *(["paper, least squares"] if paper else []), "R-hat", "samples", *(words for _, words in optional),
+        *(["prior"] if priors else []),
+    )  # fmt: skip
+    keys = (
+        "name", "unit", "mean", "sd", "q05", "q50", "q95", "fit_value", "fit_sd", "r_hat", "ess",
+        *(k for k, _ in optional),
+    )  # fmt: skip
     kind = rows[0]["interval"] if rows else "90 % interval"
     raw = [[r.get(k) for k in keys] for r in rows]
-    return Table(
-        "posterior", f"Parameters. Interval: {kind}. Samples: effective number.", head, cells, keys, raw, (0, 1, 2)
-    )
+    caption = f"Parameters. 5 to 95 %: {kind}. R-hat: between independent ensembles. Samples: effective number."
+    text = (0, 1, 2, *([len(head) - 1] if priors else []))
+    return Table("posterior", caption, head, cells, keys, raw, text)
+
+
+def prior_words(prior: Mapping[str, Any] | None) -> str:
+    """Return a prior in short, in the unit of its parameter."""
+    if prior is None:
+        return MISSING
+    law = prior["law"]
+    if law == "normal":
+        return f"normal, {uncertain(prior['mean'], prior['sd'])}"
+    if law == "half-normal":
+        return f"half-normal, scale {significant(prior['sd'], 2)}"
+    if law == "log-normal":
+        return f"log-normal, median {significant(prior['median'], 2)}, log sd {significant(prior['log_sd'], 2)}"
+    return str(law)
 
 
 def nuisance_table(run: Run) -> Table | None:
     """Return the sampled initial states."""
-    rows = [r for r in run.results["posterior"]["rows"] if "[" in r["name"]]
+    shown = {r["name"] for r in run.quantities_sampled}
+    rows = [r for r in run.results["posterior"]["rows"] if r["name"] not in shown]
     if not rows:
         return None
     unit = run.coordinate_unit

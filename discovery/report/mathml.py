@@ -118,6 +118,9 @@ def _printer(coordinate: str):
         def _print_Pi(self, expr):
             return self._node(symbol("pi"))
 
+        def _print_Exp1(self, expr):
+            return self._node("<mi>e</mi>")
+
         def _print_Pow(self, expr):
             if expr.base.is_Symbol and expr.exp.is_Integer and expr.exp > 1 and expr.base.name != "w2":
                 return self._node(power(self._print(expr.base).toxml(), f"<mn>{expr.exp}</mn>"))

@@ -6,7 +6,18 @@ import math
 import re
 from dataclasses import dataclass
 
-__all__ = ["MISSING", "Scale", "interval", "scale_for", "significant", "uncertain", "unit_text"]
+__all__ = [
+    "MISSING",
+    "Scale",
+    "fixed",
+    "interval",
+    "near_one",
+    "rounded",
+    "scale_for",
+    "significant",
+    "uncertain",
+    "unit_text",
+]
 
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -51,7 +62,8 @@ def unit_text(unit: str, coordinate: str = "rad") -> str:
     return "\N{NO-BREAK SPACE}".join(factors)
 
 
-def _fixed(value: float, decimals: int) -> str:
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with so many decimals, thousands grouped, zero without a sign."""
     text = f"{value:.{max(0, decimals)}f}" if decimals >= 0 else f"{round(value, decimals):.0f}"
     text = "0" + text[2:] if re.fullmatch(r"-0\.?0*", text) else text
     whole, dot, rest = text.partition(".")
@@ -81,8 +93,8 @@ def significant(value: float | None, digits: int = 3) -> str:
         return "0"
     exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if -4 < exponent < 7:
-        return _fixed(value, digits - 1 - exponent)
-    return f"{_fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{_power(exponent)}"
+        return fixed(value, digits - 1 - exponent)
+    return f"{fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{_power(exponent)}"
 
 
 def _decimals(sd: float) -> int:
@@ -106,10 +118,34 @@ def uncertain(value: float | None, sd: float | None) -> str:
     exponent = math.floor(math.log10(size))
     if -4 < exponent < 6:
         decimals = _decimals(sd)
-        return f"{_fixed(value, decimals)} ± {_fixed(sd, decimals)}"
+        return f"{fixed(value, decimals)} ± {fixed(sd, decimals)}"
     decimals = _decimals(sd) + exponent
     unit = 10.0**exponent
-    return f"({_fixed(value / unit, decimals)} ± {_fixed(sd / unit, decimals)}){_NARROW}{_power(exponent)}"
+    return f"({fixed(value / unit, decimals)} ± {fixed(sd / unit, decimals)}){_NARROW}{_power(exponent)}"
+
+
+def rounded(value: float | None, sd: float | None) -> str:
+    """Return a value alone with the digits that two digits of its standard deviation leave.
+
+    Examples
+    --------
+    >>> rounded(8.79068, 0.00124)
+    '8.7907'
+    """
+    if not value or not sd or not math.isfinite(sd):
+        return significant(value, 5)
+    return significant(value, max(2, 1 + _decimals(sd) + math.floor(math.log10(abs(value)))))
+
+
+def near_one(share: float) -> str:
+    """Return a share; what is close to one by its distance from it.
+
+    Examples
+    --------
+    >>> near_one(0.87), near_one(0.99998).replace(chr(0x202F), " ")
+    ('0.870', '1 − 2.0 × 10⁻⁵')
+    """
+    return f"1 {_MINUS} {significant(1 - share, 2)}" if 0.99 < share < 1 else significant(share)
 
 
 def interval(low: float | None, high: float | None) -> str:
@@ -121,7 +157,7 @@ def interval(low: float | None, high: float | None) -> str:
     exponent = math.floor(math.log10(max(abs(low), abs(high))))
     decimals = _decimals(high - low)
     if -4 < exponent < 6:
-        return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"
+        return f"{fixed(low, decimals)} to {fixed(high, decimals)}"
     unit = 10.0**exponent
     decimals += exponent
-    return f"({_fixed(low / unit, decimals)} to {_fixed(high / unit, decimals)}){_NARROW}{_power(exponent)}"
+    return f"({fixed(low / unit, decimals)} to {fixed(high / unit, decimals)}){_NARROW}{_power(exponent)}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from discovery.io import atomic_write
-from discovery.report import ambiguity, evidence, latent, measures, story
+from discovery.report import ambiguity, evidence, latent, measures, posterior, story
 from discovery.report.equations import Formula, discovered_equation, model_formulas
 from discovery.report.estimates import (
     elastica_table,
@@ -123,6 +123,11 @@ def _tables(run: Run) -> dict[str, Table]:
         evidence.radius_table(run),
         posterior_table(run) if r.get("posterior") else None,
         nuisance_table(run) if r.get("posterior") else None,
+        posterior.profiles_table(run),
+        posterior.priors_table(run),
+        posterior.coverage_table(run),
+        posterior.noise_table(run),
+        posterior.models_table(run),
         elastica_table(run) if r.get("elastica") and r["elastica"]["comparison"] else None,
         evidence.residual_table(run),
         evidence.dependence_table(run),
@@ -234,6 +239,9 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "reduced_chi2": significant(model["after"]["reduced_chi2"], 4),
         "solver_shift": significant(model["after"]["solver_shift_sd"], 2),
         "posterior": r.get("posterior"),
+        "noise": posterior.noise_sentence(run),
+        "leans": posterior.prior_sentence(run),
+        "correlated": posterior.correlation_sentences(run),
         "elastica": r.get("elastica") if "elastica" in tables else None,
         "paper": published(run).get("source", ""),
         "steps": story.steps(run),

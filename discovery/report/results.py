@@ -156,6 +156,25 @@ class Run:
             raise InputError(f"{path} cannot be read as netCDF: {error}. Run the pipeline again.") from error
 
     @cached_property
+    def draws(self) -> Mapping[str, FloatArray]:
+        """Posterior draws by quantity, each (ensembles, draws, walkers); empty where no posterior was sampled."""
+        dataset = self.open("posterior.nc", "posterior")
+        if dataset is None:
+            return {}
+        # Every walker is a chain, those of one ensemble side by side.
+        ensembles = int(dataset["ensemble"].max()) + 1
+        return {
+            str(name): np.asarray(x.to_numpy(), np.float64).reshape(ensembles, -1, x.shape[1]).swapaxes(1, 2)
+            for name, x in dataset.data_vars.items()
+        }
+
+    @cached_property
+    def quantities_sampled(self) -> tuple[Mapping[str, Any], ...]:
+        """Rows of the posterior's summary but for the initial states."""
+        rows = (self.results.get("posterior") or {}).get("rows", ())
+        return tuple(r for r in rows if not r["name"].startswith(("delta_0_init[", "rate_0_init[")))
+
+    @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
         """Recordings in the order of ``results.json``; those without a stored trajectory are left out."""
         found = []

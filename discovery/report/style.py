@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.report.mathml import GREEK
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLUE", "GREEN", "GREY", "LINES", "ORANGE", "PURPLE", "RED", "SKY", "Picture", "decimate", "label", "new_figure",
-    "plain_log", "render", "series", "styled",
+    "plain_log", "quantity_label", "render", "series", "styled",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -173,3 +175,11 @@ def plain_log(axis: Axis) -> None:
 def label(quantity: str, unit: str) -> str:
     """Return an axis label with its unit."""
     return f"{quantity} [{unit}]" if unit else quantity
+
+
+def quantity_label(name: str, unit: str = "") -> str:
+    """Return an axis label of a sampled quantity such as ``tau_v`` or ``sigma[tip_angle]``, with its unit."""
+    symbol, _, part = name.partition("[")
+    head, _, tail = symbol.partition("_")
+    text = GREEK.get(head, head) + (f"$_{{\\mathrm{{{GREEK.get(tail, tail)}}}}}$" if tail else "")
+    return label(f"{text} {part.rstrip(']').replace('_', ' ')}".strip(), unit)

@@ -32,7 +32,7 @@ class Table:
         Stem of the CSV file.
     caption : str
         What it holds, units and intervals included.
-    header : tuple of str
+    header : tuple of str or Markup
         Column heads of the page.
     rows : sequence of sequence of str or Markup
         Rounded cells.
@@ -46,7 +46,7 @@ class Table:
 
     name: str
     caption: str
-    header: tuple[str, ...]
+    header: tuple[Cell, ...]
     rows: Sequence[Sequence[Cell]]
     raw_header: tuple[str, ...]
     raw_rows: Sequence[Sequence[Any]]

@@ -97,11 +97,12 @@ class MechanicsContract:
         parabola = np.array([0.5 * change, rate - change, angle - rate + 0.5 * change])
         drive = Drive(sample.time + np.array([-1.0, 1.0]), parabola, np.empty(0))
         grid = Grid.build(time[[0, 2]], drive, h)
-        out = np.empty((1, len(program.reading), kernel.lanes))
+        n = len(program.reading)
+        out, sums = np.empty((1, n, kernel.lanes)), np.empty((n + 1, kernel.lanes))
+        plain = (0, np.zeros((1, n)), np.ones((1, n)))
         middle = (np.zeros(1, np.int64), np.array([0.5]), time[1:2], drive.evaluate(time[1:2]).T.copy())
-        kernel.run(
-            grid.times, grid.steps, grid.restart, grid.drive, *middle, sample.parameters, sample.state.copy(), out, 0, 1
-        )
+        steps = (grid.times, grid.steps, grid.restart, grid.drive)
+        kernel.run(*steps, *middle, *plain, sample.parameters, sample.state.copy(), out, sums, 0, 1, 0)
 
         expected = _plain_step(base, sample, drive, h)
         # Round-off of a stiff step grows as a small disturbance of the state does.

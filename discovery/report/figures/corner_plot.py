@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.report.mathml import GREEK
 from discovery.report.numbers import unit_text
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, Picture, new_figure
+from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, quantity_label
 from discovery.report.words import prose
 
 __all__ = ["draw"]
@@ -16,24 +15,16 @@ _MOST = 8
 _DRAWS = 20_000
 
 
-def _label(name: str, unit: str) -> str:
-    head, _, tail = name.partition("_")
-    text = GREEK.get(head, head) + (f"$_{{\\mathrm{{{tail}}}}}$" if tail else "")
-    return f"{text} [{unit}]" if unit else text
-
-
 def draw(run: Run) -> Picture | None:
     """Return the corner plot of the physical parameters and the noise; initial states are left out."""
-    dataset = run.open("posterior.nc")
-    rows = (run.results.get("posterior") or {}).get("rows", [])
-    shown = [r for r in rows if "[" not in r["name"]][:_MOST]
-    if dataset is None or len(shown) < 2:
+    shown = [r for r in run.quantities_sampled if r["name"] in run.draws][:_MOST]
+    if len(shown) < 2:
         return None
     import corner
 
-    draws = np.stack([dataset[r["name"]].to_numpy().ravel() for r in shown], axis=1)
+    draws = np.stack([run.draws[r["name"]].ravel() for r in shown], axis=1)
     draws = draws[:: max(1, len(draws) // _DRAWS)]
-    labels = [_label(r["name"], unit_text(r["unit"], run.coordinate_unit)) for r in shown]
+    labels = [quantity_label(r["name"], unit_text(r["unit"], run.coordinate_unit)) for r in shown]
     figure = new_figure(1.35 * len(shown), 1.35 * len(shown), layout="none")
     corner.corner(
         draws,
@@ -49,16 +40,27 @@ def draw(run: Run) -> Picture | None:
         hist_kwargs={"linewidth": 1.0},
         smooth=0.8,
     )
+    corner.overplot_lines(figure, [r["fit_value"] for r in shown], color=ORANGE, linewidth=0.9)
     for axis in figure.axes:
         axis.grid(visible=False)
         axis.tick_params(labelsize=7.5, colors=GREY)
+    priors = {p["name"]: p for p in (run.results["posterior"] or {}).get("profiles", ())}
+    for i, r in enumerate(shown):
+        if r["name"] in priors:
+            axis, prior = figure.axes[i * (len(shown) + 1)], priors[r["name"]]
+            height = 0.95 * axis.get_ylim()[1] * np.array(prior["prior_density"])
+            range_ = axis.get_xlim()
+            axis.plot(prior["prior_values"], height, color=GREY, linestyle=(0, (4, 1.6)), linewidth=1.0)
+            axis.set_xlim(range_)
     figure.subplots_adjust(left=0.13, bottom=0.14, right=0.99, top=0.985, wspace=0.06, hspace=0.06)
     names = ", ".join(prose(r["name"]) for r in shown)
+    prior_words = " Grey: the prior, to a scale of its own." if priors else ""
     return Picture(
         "corner",
         figure,
-        f"Posterior of {names}: pairs, and each alone with its median and its 90 % interval (dashed).",
-        f"Corner plot of the posterior of {names}.",
+        f"Posterior of {names}: pairs, and each alone with its median and its 90 % interval (dashed). "
+        f"Orange: the fit.{prior_words}",
+        f"Corner plot of the posterior of {names}, with the fit{' and the priors' if priors else ''}.",
         wide=True,
         raster=True,
     )

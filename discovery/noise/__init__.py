@@ -1,0 +1,56 @@
+"""What the errors of readings are like beside Gaussian and white: outliers, correlation, a noisy input, rounding.
+
+One file a model; a new one is added to `NOISE_MODELS`. Every model has its parameters for each instrument: a size, and
+what is particular to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from discovery.errors import InputError, suggestion
+from discovery.noise.correlated import Correlated
+from discovery.noise.input_noise import InputNoise
+from discovery.noise.model import Noise, NoiseParameter
+from discovery.noise.quantised import Quantised
+from discovery.noise.student_t import StudentT
+
+if TYPE_CHECKING:
+    from discovery.instrument import Instrument
+    from discovery.problem import Problem
+
+__all__ = ["GAUSSIAN", "NOISE_MODELS", "Noise", "NoiseParameter", "applicable", "noise_of"]
+
+#: Independent Gaussian errors, whose likelihood needs chi-square alone.
+GAUSSIAN = "gaussian"
+NOISE_MODELS: dict[str, type[Noise]] = {model.name: model for model in (StudentT, Correlated, InputNoise, Quantised)}
+
+
+def noise_of(name: str, problem: Problem, parts: Sequence[Instrument]) -> tuple[Noise, ...]:
+    """Return the noise of every instrument; nothing for the Gaussian.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, or one that does not apply to these recordings.
+    """
+    if name == GAUSSIAN:
+        return ()
+    if name not in NOISE_MODELS:
+        known = [GAUSSIAN, *NOISE_MODELS]
+        raise InputError(f"There is no noise model {name!r}; there are {', '.join(known)}.{suggestion(name, known)}")
+    found = [NOISE_MODELS[name].of(problem, part) for part in parts]
+    models = tuple(model for model in found if model is not None)
+    if len(models) < len(found):
+        raise InputError(
+            f"Noise model {name!r} does not apply to these recordings: 'input' needs a recorded input, 'quantised' "
+            f"readings in steps; these apply: {', '.join(applicable(problem, parts))}."
+        )
+    return models
+
+
+def applicable(problem: Problem, parts: Sequence[Instrument]) -> tuple[str, ...]:
+    """Return the names of the noise models that apply to every instrument, the Gaussian first."""
+    fitting = [n for n, model in NOISE_MODELS.items() if all(model.of(problem, part) is not None for part in parts)]
+    return GAUSSIAN, *fitting

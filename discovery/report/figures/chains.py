@@ -1,0 +1,60 @@
+"""The chains: where every ensemble was, step by step, and how soon it forgot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from discovery.report.numbers import significant, unit_text
+from discovery.report.results import Run
+from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, Picture, new_figure, quantity_label
+
+__all__ = ["draw"]
+
+_BAND = "#E3E3E3"
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
+_MOST = 8
+#: Steps that a trace shows.
+_STEPS = 400
+
+
+def draw(run: Run) -> Picture | None:
+    """Return traces and autocorrelation functions of the parameters and the noise, one line an ensemble."""
+    found = (run.results.get("posterior") or {}).get("autocorrelation")
+    shown = [r for r in run.quantities_sampled if r["name"] in run.draws][:_MOST]
+    if not found or not shown:
+        return None
+    lags = np.array(found["lags"])
+    thin = lags[1] - lags[0]
+    figure = new_figure(1.05 * len(shown) + 0.9)
+    axes = figure.subplots(len(shown), 2, sharex="col", squeeze=False, width_ratios=(3, 2))
+    for (trace, memory), r in zip(axes, shown, strict=True):
+        name = r["name"]
+        draws = run.draws[name]
+        keep = slice(None, None, max(1, draws.shape[1] // _STEPS))
+        steps = thin * np.arange(draws.shape[1])[keep]
+        low, high = np.quantile(draws[:, keep], (0.05, 0.95), axis=(0, 2))
+        trace.fill_between(steps, low, high, color=_BAND, linewidth=0, label="90 % of all walkers")
+        for e, chain in enumerate(draws[:, keep]):
+            colour = _COLOURS[e % len(_COLOURS)]
+            trace.plot(steps, np.median(chain, axis=1), color=colour, linewidth=0.8, label=f"ensemble {e + 1}")
+        for e, function in enumerate(found["functions"][name]):
+            memory.plot(lags, function, ".-", color=_COLOURS[e % len(_COLOURS)], linewidth=0.8, markersize=3)
+        tau = found["tau"][name]
+        memory.axvline(tau, color=GREY, linestyle=(0, (4, 1.6)), linewidth=1.0)
+        memory.set_title(f"τ = {significant(tau)} steps", fontsize=8.5, color=GREY)
+        trace.set_ylabel(quantity_label(name, unit_text(r["unit"], run.coordinate_unit)))
+        trace.locator_params(axis="y", nbins=3)
+        memory.set_yticks((0, 0.5, 1))
+    axes[-1, 0].set_xlabel("step after burn-in")
+    axes[-1, 1].set_xlabel("lag [steps]")
+    figure.align_ylabels(axes[:, 0])
+    handles, names = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles[: len(_COLOURS) + 1], names[: len(_COLOURS) + 1], loc="outside upper left", ncols=2)
+    return Picture(
+        "chains",
+        figure,
+        "Left: median over the walkers of every ensemble, step by step; ensembles that agree lie on each other. "
+        "Right: autocorrelation [–] of every ensemble, with the autocorrelation time τ (dashed).",
+        "Traces and autocorrelation functions of the sampled quantities, one line for each ensemble.",
+        raster=True,
+    )

@@ -1,0 +1,249 @@
+"""Many cases spread over processes or machines by Dask: each has an outcome, and none is lost with another.
+
+A case is a name and whatever its work needs. Its random numbers depend on a common seed and its name alone, so an
+outcome is the same on any number of workers, in any order, and whatever other cases there are.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import os
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from discovery.errors import InputError
+from discovery.provenance import plain
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+__all__ = ["SCHEDULER", "Outcome", "TooLong", "Work", "case_seed", "spread"]
+
+#: Environment variable with the address of a Dask scheduler.
+SCHEDULER = "DISCOVERY_SCHEDULER"
+#: How often a case is tried whose worker dies: it may have died of another case's memory.
+_TRIES = 3
+#: Seconds after which a process whose work does not heed its limit is ended.
+_GRACE = 10.0
+#: Seconds in which a scheduler must answer.
+_PATIENCE = 10.0
+
+Work = Callable[[Any, SeedSequence], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one case.
+
+    Parameters
+    ----------
+    name : str
+        The case.
+    seconds : float
+        Time that it took.
+    result : mapping, optional
+        What its work returned, None where it failed.
+    error, trace : str
+        What went wrong, and where; empty where nothing did.
+    """
+
+    name: str
+    seconds: float
+    result: Mapping[str, Any] | None
+    error: str = ""
+    trace: str = ""
+
+
+def case_seed(seed: int, name: str) -> SeedSequence:
+    """Return the seed of one case: a child of the common seed that its name alone chooses."""
+    words = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], np.uint32)
+    return SeedSequence(seed, spawn_key=tuple(words.tolist()))
+
+
+class TooLong(BaseException):
+    """The limit of a case has passed: no error of its work's own, which the work might catch."""
+
+
+@contextmanager
+def _limited(limit: float | None, *, alone: bool) -> Iterator[None]:
+    """Raise `TooLong` in this thread after so many seconds; where it is alone, end its process if it does not react."""
+    if limit is None:
+        yield
+        return
+    thread, guard, over = threading.get_ident(), threading.Lock(), threading.Event()
+
+    def watch() -> None:
+        if over.wait(limit):
+            return
+        with guard:
+            if not over.is_set():
+                # What a signal would do, but a signal reaches the main thread only, and Dask's work runs in another.
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(TooLong))
+        if alone and not over.wait(_GRACE):
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        with guard:
+            over.set()
+
+
+def _attempt(work: Work, name: str, case: Any, seed: SeedSequence, limit: float | None, alone: bool) -> Outcome:
+    """Do one case; a failure is an outcome, too."""
+    start = time.perf_counter()
+    try:
+        with _limited(limit, alone=alone):
+            result = plain(dict(work(case, seed)))
+            json.dumps(result)
+    except TooLong:
+        said = f"TooLong: the case took longer than its limit of {limit:g} s"
+        trace = traceback.format_exc()
+    except Exception as error:
+        said, trace = f"{type(error).__name__}: {error}", traceback.format_exc()
+    else:
+        return Outcome(name, time.perf_counter() - start, result)
+    return Outcome(name, time.perf_counter() - start, None, said, trace)
+
+
+def spread(
+    work: Work,
+    cases: Iterable[tuple[str, Any]],
+    *,
+    seed: int = 0,
+    workers: int = 2,
+    scheduler: str | None = None,
+    limit: float | None = None,
+) -> Iterator[Outcome]:
+    """Do cases on several processes, or on a cluster, and yield the outcome of each as it is done.
+
+    Cases are taken from `cases` as workers become free, so neither they nor the outcomes pile up in this process. The
+    processes import the calling script: it must do its work under ``if __name__ == "__main__"``.
+
+    Parameters
+    ----------
+    work : callable
+        Called with what a case needs and its seed, returns what JSON can hold. It and the cases must be picklable.
+    cases : iterable of (str, object)
+        Name, and what its work needs.
+    seed : int
+        Common seed, see `case_seed`.
+    workers : int
+        Processes on this machine, one thread each; a single one is this process.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are used instead, for example ``"tcp://host:8786"``; by default the
+        environment variable ``DISCOVERY_SCHEDULER``.
+    limit : float, optional
+        Seconds that a case may take. A worker whose work does not heed them is ended; this process is not.
+
+    Yields
+    ------
+    Outcome
+        In the order in which they end. A case that raises, exceeds its limit or takes its process down is one, too.
+
+    Raises
+    ------
+    InputError
+        If there is no scheduler at that address, or no worker.
+    """
+    address = scheduler or os.environ.get(SCHEDULER)
+    if address is None and workers == 1:
+        for name, case in cases:
+            yield _attempt(work, name, case, case_seed(seed, name), limit, False)
+        return
+    with _client(address, workers) as client:
+        yield from _stream(client, work, iter(cases), seed, limit)
+
+
+@contextmanager
+def _client(address: str | None, workers: int) -> Iterator[Client]:
+    """Yield a client of the scheduler at an address, or of one with processes on this machine."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    # A worker that dies is replaced; what it did is tried again here, not by the scheduler, which keeps a short diary.
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.admin.log-length": 500}):
+        if address is None:
+            if workers < 1:
+                raise InputError(f"{workers} workers cannot work; give at least one.")
+            # The processes share the processors; each would else simulate on all of them.
+            threads = max(1, (os.cpu_count() or 1) // workers)
+            local = LocalCluster(
+                workers,
+                threads_per_worker=1,
+                dashboard_address=":0",
+                silence_logs="CRITICAL",
+                env={"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))},
+            )
+            with local, Client(local) as client:
+                yield client
+            return
+        try:
+            client = Client(address, timeout=_PATIENCE)
+        except (OSError, ValueError) as error:
+            raise InputError(f"No Dask scheduler answers at {address!r}: {error}") from error
+        with client:
+            if not client.ncores():
+                raise InputError(f"The Dask scheduler at {address!r} has no workers. Start some: dask worker {address}")
+            yield client
+
+
+def _stream(
+    client: Client, work: Work, cases: Iterator[tuple[str, Any]], seed: int, limit: float | None
+) -> Iterator[Outcome]:
+    from distributed import as_completed
+
+    running: dict[Any, tuple[str, Any, int, float]] = {}
+    done = as_completed()
+
+    def submit(name: str, case: Any, tries: int) -> None:
+        # One prefix for all: the scheduler keeps statistics of every prefix for ever.
+        key = ("case", os.urandom(8).hex())
+        running[key] = name, case, tries, time.perf_counter()
+        arguments = (work, name, case, case_seed(seed, name), limit, True)
+        done.add(client.submit(_attempt, *arguments, key=key, pure=False, retries=0))
+
+    # No more at once than there are workers: a case that takes its worker down harms no other that waits there.
+    for name, case in islice(cases, sum(client.ncores().values())):
+        submit(name, case, 1)
+    while running:
+        future = next(done)
+        name, case, tries, start = running.pop(future.key)
+        seconds = time.perf_counter() - start
+        outcome = _outcome(future, name, seconds)
+        future.release()
+        if outcome is None and tries < _TRIES and (limit is None or seconds < limit):
+            submit(name, case, tries + 1)
+            continue
+        following = next(cases, None)
+        if following is not None:
+            submit(*following, 1)
+        yield outcome or Outcome(
+            name, seconds, None, "WorkerDied: its process crashed, or took too much memory or time"
+        )
+
+
+def _outcome(future: Future, name: str, seconds: float) -> Outcome | None:
+    """Return the outcome of a case, None where its worker died."""
+    from distributed import KilledWorker
+
+    try:
+        outcome: Outcome = future.result()
+    except KilledWorker:
+        return None
+    except Exception as error:
+        # The case or its outcome could not be sent.
+        return Outcome(name, seconds, None, f"{type(error).__name__}: {error}", traceback.format_exc())
+    return outcome

@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from discovery import simulate
+from discovery.bench import Bench
+from discovery.drive import Drive
+from discovery.experiment import Experiment
+from discovery.recording import Recording
+from discovery.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.workers import in_threads
+
+EFFECTS = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law", "sensor_delay")
+VALUES = {"length": 1.0, "xi": 0.05, "alpha": 9.0, "beta": 0.5, "gamma": 0.45}
+UNITS = {"tip_x": "m", "tip_y": "m", "tip_angle": "rad", "tip_deflection": "m"}
+RAMP = Drive(np.array([0.0, 0.3, 1.3, 50.0]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.3, 1.3]))
+
+
+def arm(name: str, channels: tuple[str, ...], samples: int, fitted: int | None = None) -> Experiment:
+    """Noise around a slow turn, with a gap."""
+    time = np.linspace(0.0, 2.0, samples)
+    turn = RAMP.evaluate(time)[0]
+    clean = {"tip_x": np.cos(turn), "tip_y": np.sin(turn), "tip_angle": turn, "tip_deflection": 0 * turn}
+    output = np.column_stack([clean[c] for c in channels])
+    output += 0.01 * np.random.default_rng(len(name)).standard_normal(output.shape)
+    output[5:9] = np.nan
+    units, noise = tuple(UNITS[c] for c in channels), 3e-3 * np.arange(1, len(channels) + 1)
+    recording = Recording(name, time, turn, output, channels, units, noise, "", "")
+    return Experiment(recording, RAMP, Rig("test", length=Quantity(1.0, 0.0)), fitted)
+
+
+def scattered(bench: Bench, k: int, late: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Parameter sets around VALUES, one in three of them read late."""
+    rng = np.random.default_rng(3)
+    parameters = np.repeat([[VALUES.get(n, 0.0)] for n in bench.names], k, axis=1)
+    parameters *= 1 + 0.02 * rng.standard_normal(parameters.shape)
+    if late:
+        parameters[bench.names.index("tau"), ::3] = rng.uniform(-0.03, 0.05, -(-k // 3))
+    return parameters, 0.1 * rng.standard_normal((len(bench.experiments), 2, k))
+
+
+def expected(bench: Bench, parameters: np.ndarray, initial: np.ndarray) -> list[np.ndarray]:
+    """What `Bench.residuals` says, by numpy from the simulated channels: (n, c, k) for each experiment."""
+    found = []
+    for e, channels in zip(bench.experiments, bench.predict(parameters, initial), strict=True):
+        weights = e.weights()[:, :, None]
+        found.append(np.where(weights > 0, (channels - e.recording.output[:, :, None]) * weights, 0.0))
+    return found
+
+
+@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize("channels", [("tip_x", "tip_y"), ("tip_angle",), ("tip_deflection",)])
+def test_residuals_and_their_squares_are_those_of_the_channels(channels: tuple[str, ...], late: bool) -> None:
+    experiments = (arm("a", channels, 150), arm("bb", channels, 90, fitted=60))
+    bench = Bench("constant_radius", EFFECTS, experiments, 0.02)
+    sets = scattered(bench, 70, late)
+    wanted = expected(bench, *sets)
+    got = bench.residuals(*sets)
+    np.testing.assert_allclose(got, np.concatenate([w.reshape(-1, 70) for w in wanted]), rtol=1e-12, atol=1e-10)
+    squares = np.array([np.einsum("nck,nck->k", w, w) for w in wanted])
+    np.testing.assert_allclose(bench.chi2(*sets), squares, rtol=1e-11)
+    for own, w in zip(bench.chi2_by_channel(*sets), wanted, strict=True):
+        np.testing.assert_allclose(own, np.einsum("nck,nck->ck", w, w), rtol=1e-11)
+    sums = bench.reduced(*sets, lambda _, r: np.array([r.sum(axis=(0, 1)), np.abs(r).max(axis=(0, 1))]))
+    for own, w in zip(sums, wanted, strict=True):
+        np.testing.assert_allclose(own, [w.sum(axis=(0, 1)), np.abs(w).max(axis=(0, 1))], rtol=1e-10, atol=1e-9)
+
+
+def test_a_filtered_force_is_compared_after_its_filter() -> None:
+    time = np.arange(400) / 100.0
+    drive = Drive(np.array([0.0, 4.0]), np.array([[0.5], [-0.8], [0.3], [0.1]]), np.empty(0))
+    output = np.random.default_rng(0).standard_normal((400, 1))
+    recording = Recording("f", time, drive.evaluate(time)[0], output, ("output",), ("N",), np.ones(1), "", "")
+    columns = Columns(TimeColumn("t"), InputColumn("q", "m", "spline"), OutputColumn("f", "N", None, "position", 0, 2))
+    rig = Rig("d", kind="drive", columns=columns, view=ForceView(50.0, 10.0))
+    bench = Bench("inverse_dynamics", ("viscous_damping",), [Experiment(recording, drive, rig)], 0.02)
+    parameters = 1.0 + np.random.default_rng(1).random((len(bench.names), 40))
+    sets = parameters, np.zeros((1, 2, 40))
+    (wanted,) = expected(bench, *sets)
+    np.testing.assert_allclose(bench.residuals(*sets), wanted[:, 0], rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(bench.chi2(*sets)[0], (wanted**2).sum(axis=(0, 1)), rtol=1e-12)
+
+
+def test_a_trial_that_blows_up_is_infinite_in_every_experiment() -> None:
+    # The second recording ends before the motion grows.
+    experiments = (arm("a", ("tip_angle",), 150), arm("bb", ("tip_angle",), 90).first(20))
+    bench = Bench("constant_radius", EFFECTS, experiments, 0.02)
+    parameters, initial = scattered(bench, 40)
+    calm = bench.chi2(parameters, initial)
+    parameters[bench.names.index("beta"), 7] = -1e4
+    parameters[bench.names.index("xi"), 33] = -12.0
+    for found in (
+        bench.chi2(parameters, initial),
+        bench.reduced(parameters, initial, lambda _, r: np.einsum("nck,nck->k", r, r)[None]),
+        bench.residuals(parameters, initial)[None],
+    ):
+        for each in found:
+            assert np.isinf(np.atleast_2d(each)[:, [7, 33]]).all()
+    others = np.delete(np.arange(40), [7, 33])
+    np.testing.assert_array_equal(bench.chi2(parameters, initial)[:, others], calm[:, others])
+
+
+def test_the_number_of_threads_changes_no_digit(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench("constant_radius", EFFECTS, [arm("a", ("tip_x", "tip_y"), 150)], 0.02)
+    sets = scattered(bench, 333, late=True)
+    found = []
+    for threads in (1, 2, 5):
+        monkeypatch.setattr(simulate, "THREADS", threads)
+        (sums,) = bench.reduced(*sets, lambda _, r: r.sum(axis=(0, 1))[None])
+        found.append((bench.residuals(*sets), bench.chi2(*sets), sums))
+    for other in found[1:]:
+        for a, b in zip(found[0], other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_memory_does_not_grow_with_samples_times_sets() -> None:
+    bench = Bench("constant_radius", EFFECTS, [arm("a", ("tip_x", "tip_y"), 4000)], 0.05)
+
+    def peak(k: int, work) -> int:
+        sets = scattered(bench, k)
+        work(*sets)
+        tracemalloc.start()
+        work(*sets)
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    # Numbers that a set needs anyway: its parameters, its start, its sums.
+    own = 50 * 8 * len(bench.names)
+    for work in (bench.chi2, lambda *s: bench.reduced(*s, lambda _, r: np.einsum("nck,nck->k", r, r)[None])):
+        assert peak(1280, work) - peak(128, work) < 1152 * own < 0.1 * 1152 * 8000 * 8
+
+
+def test_what_fails_in_a_thread_fails() -> None:
+    def work(waiting) -> None:
+        for part in waiting:
+            if 5 in part:
+                raise ValueError("block five")
+
+    with pytest.raises(ValueError, match="block five"):
+        in_threads(work, 12, threads=3)
+
+
+def test_threads_share_all_blocks() -> None:
+    done: list[int] = []
+    in_threads(lambda waiting: [done.extend(part) for part in waiting], 23, threads=3, together=4)
+    assert sorted(done) == list(range(23))
+
+
+def test_leaps_give_the_same_residuals() -> None:
+    experiment = arm("a", ("tip_x", "tip_y"), 150)
+    fine = Bench("constant_radius", EFFECTS[:4], [experiment], 0.002)
+    leaping = Bench("constant_radius", EFFECTS[:4], [experiment], 0.02, leap=0.12)
+    sets = scattered(fine, 5)
+    assert leaping.simulators[0].grid.steps.size < 0.2 * 2.0 / 0.02
+    np.testing.assert_allclose(leaping.residuals(*sets), fine.residuals(*sets), rtol=0, atol=1e-4)
+    halved = Bench.like(leaping, 0.01)
+    assert halved.leap == pytest.approx(0.06)
+    # Dry friction has a kink: no method of high order.
+    rough = Bench("constant_radius", (*EFFECTS[:2], "coulomb_friction"), [experiment], 0.02, leap=0.12)
+    assert rough.leap is None
+    plain = Bench(rough.base, rough.effects, rough.experiments, rough.step)
+    np.testing.assert_array_equal(rough.residuals(*scattered(rough, 5)), plain.residuals(*scattered(plain, 5)))
