@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
 from discovery.bounded_gain import bounded_gains
 from discovery.effect import ARM, Effect, Mode
@@ -25,6 +23,7 @@ from discovery.problem import NaturalUnits, Problem
 from discovery.registry import catalogue
 from discovery.responses import Grid, Responses, plan, respond
 from discovery.simulate import THREADS
+from discovery.workers import single_algebra
 
 __all__ = ["Candidate", "Direction", "candidates", "grid_of", "screen"]
 
@@ -159,17 +158,10 @@ def screen(
     reference = minimum.residual[: bench.n_rows]
     known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
     target = reference - known @ (known.T @ reference)
-    # The threads here are all there is: those of the algebra would wait for each other.
-    with _algebra().limit(limits=1, user_api="blas"), ThreadPoolExecutor(THREADS) as pool:
+    with single_algebra(), ThreadPoolExecutor(THREADS) as pool:
         responses = respond(pool, bench, problem.expand(minimum.x[:, None]), settings, reference, known)
         found = list(pool.map(lambda n: _scored(n, grids[n], responses, target, units, keep), names))
     return sorted(found, key=lambda c: -c.score)
-
-
-@cache
-def _algebra() -> ThreadpoolController:
-    """Return the control of the threads of linear algebra."""
-    return ThreadpoolController()
 
 
 def _scored(

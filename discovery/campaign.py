@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from itertools import islice
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +21,7 @@ from discovery.spread import Outcome, Work, spread
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["campaign", "collect", "rows", "watched"]
+__all__ = ["campaign", "collect", "rows", "unfinished", "watched"]
 
 #: Rows of a table held at once.
 _ROWS = 1000
@@ -30,6 +33,7 @@ def campaign(
     folder: str | os.PathLike[str],
     *,
     settings: Mapping[str, Any] | None = None,
+    origins: Mapping[str, Mapping[str, Any]] | None = None,
     seed: int = 0,
     workers: int = 2,
     scheduler: str | None = None,
@@ -37,7 +41,8 @@ def campaign(
 ) -> Iterator[Outcome]:
     """Do the cases that are not done yet, and keep every outcome on disk as it comes.
 
-    Interrupted at whatever moment, the next call goes on where this one was; cases that failed are tried again.
+    Interrupted at whatever moment, the next call goes on where this one was; cases that failed or whose origin has
+    changed are done again.
 
     Parameters
     ----------
@@ -46,12 +51,14 @@ def campaign(
     folder : path
         Every outcome is written to ``cases/<name>.json`` in it, whole or not at all.
     settings : mapping, optional
-        What else the outcomes depend on; JSON-ready.
+        What else all outcomes depend on; JSON-ready.
+    origins : mapping of str to mapping, optional
+        By name of a case, what its outcome is made from, such as hashes of files; JSON-ready, kept with the outcome.
 
-    Yields
-    ------
-    Outcome
-        Of the cases that were done now.
+    Returns
+    -------
+    iterator of Outcome
+        Of the cases that are done now.
 
     Raises
     ------
@@ -60,10 +67,53 @@ def campaign(
     """
     folder = Path(folder)
     _claim(folder / "campaign.json", {"seed": seed, "settings": plain(settings or {})})
-    waiting = ((name, case) for name, case in cases if not _finished(_file(folder, name)))
-    for outcome in spread(work, waiting, seed=seed, workers=workers, scheduler=scheduler, limit=limit):
-        write_json(_file(folder, outcome.name), asdict(outcome))
-        yield outcome
+    known = origins or {}
+    waiting = ((name, case) for name, case, _ in unfinished(cases, folder, known))
+
+    def outcomes() -> Iterator[Outcome]:
+        if (first := next(waiting, None)) is None:
+            return
+        left = chain([first], waiting)
+        for outcome in spread(work, left, seed=seed, workers=workers, scheduler=scheduler, limit=limit):
+            origin = {"origin": known[outcome.name]} if outcome.name in known else {}
+            write_json(_file(folder, outcome.name), asdict(outcome) | origin)
+            yield outcome
+
+    return outcomes()
+
+
+def unfinished(
+    cases: Iterable[tuple[str, Any]],
+    folder: str | os.PathLike[str],
+    origins: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Iterator[tuple[str, Any, str]]:
+    """Yield the cases that a campaign still has to do, with the reason why one is done again, empty for a new one.
+
+    Parameters
+    ----------
+    cases, folder, origins
+        See `campaign`.
+    """
+    for name, case in cases:
+        path = _file(Path(folder), name)
+        if not path.exists():
+            yield name, case, ""
+        elif (reason := _outdated(path, (origins or {}).get(name))) is not None:
+            yield name, case, reason
+
+
+def _outdated(path: Path, origin: Mapping[str, Any] | None) -> str | None:
+    """Return why a case is done again, None where its outcome stands."""
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    if kept["error"]:
+        return "it failed before"
+    if origin is None:
+        return None
+    if "origin" not in kept:
+        return "what it was made from is not known"
+    now = json.loads(json.dumps(plain(origin)))
+    changed = [key for key in {**now, **kept["origin"]} if now.get(key) != kept["origin"].get(key)]
+    return f"changed since: {', '.join(changed).replace('_', ' ')}" if changed else None
 
 
 def _claim(path: Path, content: dict[str, Any]) -> None:
@@ -81,48 +131,72 @@ def _file(folder: Path, name: str) -> Path:
     return folder / "cases" / f"{name.replace('/', '_')}.json"
 
 
-def _finished(path: Path) -> bool:
-    return path.exists() and not json.loads(path.read_text(encoding="utf-8"))["error"]
-
-
-def collect(folder: str | os.PathLike[str]) -> Path:
+def collect(folder: str | os.PathLike[str], names: Iterable[str] | None = None, *, apart: Sequence[str] = ()) -> Path:
     """Write the outcomes of a campaign as one table, sorted by name, and return its path.
 
     Parameters
     ----------
     folder : path
         That of `campaign`.
+    names : iterable of str, optional
+        The cases that the table is of; by default all that the folder holds.
+    apart : sequence of str
+        Keys of the results that hold a list of mappings. Each becomes a table of its own, ``<key>.parquet``: the name
+        of the case, and a column for every key of the mappings.
 
     Returns
     -------
     Path
-        ``results.parquet`` in it: columns ``name``, ``seconds``, ``error`` and one for every key of the results.
+        ``results.parquet`` in it: columns ``name``, ``seconds``, ``error`` and one for every key of the results. Beside
+        every table lies the same as CSV; what is no single value is JSON there.
 
     Raises
     ------
     InputError
         If there are no outcomes.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     folder = Path(folder)
-    if next(rows(folder), None) is None:
+    found = partial(rows, folder, None if names is None else tuple(names))
+    if next(found(), None) is None:
         raise InputError(f"{folder} holds no outcomes of a campaign.")
-    # Once over all outcomes for the columns, once more to write them: memory holds a part of them at a time.
-    schema = pa.unify_schemas([_table(part).schema for part in _parts(folder)], promote_options="permissive")
+    for key in apart:
+        _write(folder / f"{key}.parquet", partial(_entries, found, key))
     out = folder / "results.parquet"
-    with atomic_write(out) as draft, pq.ParquetWriter(draft, schema) as writer:
-        for part in _parts(folder):
-            writer.write_table(pa.Table.from_pylist(part, schema=schema))
+    _write(out, lambda: ({k: v for k, v in row.items() if k not in apart} for row in found()))
     return out
 
 
-def rows(folder: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
-    """Yield the outcomes of a campaign, sorted by name, as `collect` writes them."""
+def _entries(found: Callable[[], Iterator[dict[str, Any]]], key: str) -> Iterator[dict[str, Any]]:
+    for row in found():
+        for entry in row.get(key) or ():
+            yield {"name": row["name"], **entry}
+
+
+def _write(out: Path, found: Callable[[], Iterator[dict[str, Any]]]) -> None:
+    """Write rows as Parquet and, beside it, as CSV."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    # Once over all rows for the columns, once more to write them: memory holds a part of them at a time.
+    schemas = [_table(part).schema for part in _parts(found())]
+    schema = pa.unify_schemas([pa.schema([("name", pa.string())]), *schemas], promote_options="permissive")
+    with atomic_write(out) as draft, pq.ParquetWriter(draft, schema) as writer:
+        for part in _parts(found()):
+            writer.write_table(pa.Table.from_pylist(part, schema=schema))
+    with atomic_write(out.with_suffix(".csv")) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        lines = csv.DictWriter(file, schema.names)
+        lines.writeheader()
+        for row in found():
+            lines.writerow({k: json.dumps(v) if isinstance(v, (dict, list)) else v for k, v in row.items()})
+
+
+def rows(folder: str | os.PathLike[str], names: Iterable[str] | None = None) -> Iterator[dict[str, Any]]:
+    """Yield the outcomes of a campaign, or of some of its cases, sorted by name, as `collect` writes them."""
+    chosen = None if names is None else {_file(Path(folder), name) for name in names}
     for path in sorted((Path(folder) / "cases").glob("*.json")):
-        outcome = json.loads(path.read_text(encoding="utf-8"))
-        yield {**{k: outcome[k] for k in ("name", "seconds", "error")}, **(outcome["result"] or {})}
+        if chosen is None or path in chosen:
+            outcome = json.loads(path.read_text(encoding="utf-8"))
+            yield {**{k: outcome[k] for k in ("name", "seconds", "error")}, **(outcome["result"] or {})}
 
 
 def _table(part: list[dict[str, Any]]) -> pa.Table:
@@ -133,8 +207,7 @@ def _table(part: list[dict[str, Any]]) -> pa.Table:
     return pa.table({name: [row.get(name) for row in part] for name in names})
 
 
-def _parts(folder: Path) -> Iterator[list[dict[str, Any]]]:
-    found = rows(folder)
+def _parts(found: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
     while part := list(islice(found, _ROWS)):
         yield part
 
@@ -162,9 +235,15 @@ def watched(outcomes: Iterable[Outcome], total: int | None, title: str) -> Itera
     )
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[failed]}"))
-    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+    clock = (TimeElapsedColumn(), TimeRemainingColumn())
+    # Standard output that goes to a file stays there.
+    with Progress(*columns, *clock, console=Console(stderr=True), redirect_stdout=sys.stdout.isatty()) as bar:
         task, failed = bar.add_task(title, total=total, failed=""), 0
-        for outcome in outcomes:
-            failed += bool(outcome.error)
-            bar.update(task, advance=1, failed=f"{failed} failed" * bool(failed))
-            yield outcome
+        try:
+            for outcome in outcomes:
+                failed += bool(outcome.error)
+                bar.update(task, advance=1, failed=f"{failed} failed" * bool(failed))
+                yield outcome
+        except InputError:  # no bar above a refusal
+            bar.live.transient = True
+            raise

@@ -16,6 +16,7 @@ from discovery.errors import InputError
 from discovery.inference_data import by_ensemble, by_walker, readings, walkers
 from discovery.io import atomic_write
 from discovery.model import Model
+from discovery.noise import is_independent, words_of
 from discovery.problem import NaturalUnits
 
 if TYPE_CHECKING:
@@ -28,8 +29,8 @@ __all__ = ["INTERVAL", "Posterior"]
 
 FloatArray = NDArray[np.float64]
 
-#: What the intervals of a summary are.
-INTERVAL = "equal-tailed 90 % credible interval, errors of the readings taken as independent"
+#: What the intervals of a summary are; `Posterior.interval` adds the noise.
+INTERVAL = "equal-tailed 90 % credible interval"
 _QUANTILES = (0.05, 0.5, 0.95)
 _DIAGNOSTICS = ("r_hat", "tau", "ess", "ess_tail")
 
@@ -60,6 +61,8 @@ class Posterior:
         Estimate and standard deviation of the fit from which sampling started; NaN where it has none.
     stated_noise : mapping of str to float
         Noise that the rig states, by name of the noise parameter.
+    meanings : mapping of str to str
+        What every quantity of the noise means.
     model : Model
         The model.
     natural : NaturalUnits
@@ -85,6 +88,7 @@ class Posterior:
     prior: Mapping[str, FloatArray]
     reference: Mapping[str, tuple[float, float]]
     stated_noise: Mapping[str, float]
+    meanings: Mapping[str, str]
     model: Model
     natural: NaturalUnits
     gaussian: Mapping[str, tuple[float, float]]
@@ -96,23 +100,38 @@ class Posterior:
         return {name: self.draws[..., i].ravel() for i, name in enumerate(self.names)}
 
     @property
+    def noise(self) -> str:
+        """Name of the noise model that was sampled."""
+        return str(self.provenance["noise"])
+
+    @property
+    def interval(self) -> str:
+        """What the intervals of the summary are, and under which noise."""
+        return f"{INTERVAL}, errors of the readings taken as {words_of(self.noise)}"
+
+    @property
     def status(self) -> str:
         """One sentence on what the intervals mean; it warns where the noise had to absorb misfit."""
         flat = self.flat()
         for name, stated in self.stated_noise.items():
             low, middle = np.quantile(flat[name] / stated, _QUANTILES[:2])
             if low > 1.0 and middle > 1.1:
+                meant = (
+                    "so the intervals are naive and may be far too wide or too narrow."
+                    if is_independent(self.noise)
+                    else "so the intervals are as honest as that is."
+                )
                 return (
                     f"{name} is {middle:.3g} times the stated noise: the model leaves a systematic residual, which is "
-                    "counted as independent noise, so the intervals are naive and may be far too wide or too narrow."
+                    f"taken as noise that is {words_of(self.noise)}, {meant}"
                 )
-        return "The residuals are no larger than the stated noise; the intervals take them as independent."
+        return f"The residuals are no larger than the stated noise; the intervals take them as {words_of(self.noise)}."
 
     def summary(self) -> list[dict[str, Any]]:
         """Return one JSON-ready row a quantity, in its unit.
 
         Mean, its Monte Carlo standard error, sd, quantiles; R-hat between the ensembles, effective samples of the bulk
-        and of the tails; and the fit's value and sd.
+        and of the tails; the fit's value and sd; and what a quantity of the noise means.
         """
         rows = []
         for name, values in self.flat().items():
@@ -128,12 +147,13 @@ class Posterior:
                     "q05": float(low),
                     "q50": float(middle),
                     "q95": float(high),
-                    "interval": INTERVAL,
+                    "interval": self.interval,
                     "r_hat": self.r_hat[name],
                     "ess": self.ess[name],
                     "ess_tail": self.ess_tail[name],
                     "fit_value": value,
                     "fit_sd": sd if math.isfinite(sd) else None,
+                    **({"meaning": self.meanings[name]} if name in self.meanings else {}),
                 }
             )
         return rows
@@ -187,12 +207,13 @@ class Posterior:
         value, sd = self.reference[name]
         attributes = {key: getattr(self, key)[name] for key in _DIAGNOSTICS}
         attributes |= {"units": self.units[name], "fit_value": value, "fit_sd": sd}
-        return attributes | ({"stated_noise": self.stated_noise[name]} if name in self.stated_noise else {})
+        attributes |= {"stated_noise": self.stated_noise[name]} if name in self.stated_noise else {}
+        return attributes | ({"long_name": self.meanings[name]} if name in self.meanings else {})
 
     def _attributes(self) -> dict[str, Any]:
         return {
             "quantities": json.dumps(self.names),
-            "interval": INTERVAL,
+            "interval": self.interval,
             "status": self.status,
             "model": json.dumps(self.model.to_dict()),
             "natural_units": json.dumps(asdict(self.natural)),
@@ -243,6 +264,7 @@ class Posterior:
             acceptance=json.loads(dataset.attrs["acceptance"]),
             reference={name: (value[name], sd[name]) for name in names},
             stated_noise=attribute("stated_noise"),
+            meanings={name: str(v.attrs["long_name"]) for name, v in variables.items() if "long_name" in v.attrs},
             model=Model.from_dict(json.loads(dataset.attrs["model"])),
             natural=NaturalUnits(**json.loads(dataset.attrs["natural_units"])),
             gaussian={name: (float(m), float(s)) for name, (m, s) in gaussian.items()},

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from discovery.errors import ComputationError
 from discovery.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch
 from discovery.student_mixture import StudentMixture
+from discovery.workers import single_algebra
 
 __all__ = ["Ensemble", "check_walkers", "grow", "start_ensembles"]
 
@@ -202,9 +203,9 @@ def grow(ensembles: Sequence[Ensemble], max_steps: int) -> Iterator[int]:
     while done < max_steps:
         ahead = [steps for steps in _STOPS if steps > done]
         block = min(ahead[0] - done if ahead else int(_GROWTH * done), max_steps - done)
-        with ThreadPoolExecutor(_THREADS) as pool:
+        with single_algebra(), ThreadPoolExecutor(_THREADS) as pool:
             list(pool.map(lambda ensemble: ensemble.advance(block), ensembles))  # noqa: B023
+            for ensemble in ensembles:
+                ensemble.adapt()
         done += block
-        for ensemble in ensembles:
-            ensemble.adapt()
         yield done

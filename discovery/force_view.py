@@ -67,8 +67,11 @@ def noise_gain(rate: float, cutoff: float) -> float:
 
 
 def force_samples(view: ForceView, time: FloatArray, rate: float) -> npt.NDArray[np.bool_]:
-    """Mark the samples of the force that are used: thinned as `view` says, without those that the ends disturb."""
-    every = view.decimation or max(1, int(rate / (_SAMPLES_A_PERIOD * view.cutoff)))
+    """Mark the samples of the force that are used, without those that the ends disturb.
+
+    They are thinned as `view` says, and at least until their noise is white.
+    """
+    every = max(view.decimation or 1, int(rate / (_SAMPLES_A_PERIOD * view.cutoff)))
     used = np.zeros(time.size, bool)
     used[::every] = True
     settling = _SETTLING / view.cutoff

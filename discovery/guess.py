@@ -38,7 +38,8 @@ def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[
         trajectory = smooth(r.time[part], r.output[part, 0], float(r.noise[0]))
         # An acceleration obeys the same equation under the second derivative of the input.
         push = e.drive.evaluate(r.time[part])[2] if e.reads_acceleration and e.drive is not None else r.input[part]
-        rows.append(np.column_stack([push, -trajectory.q_dot, -trajectory.q]))
+        finite = np.isfinite(r.output[part, 0])
+        rows.append(np.column_stack([push[finite], -trajectory.q_dot, -trajectory.q]))
         targets.append(trajectory.q_ddot)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
     size = np.linalg.norm(matrix, axis=0)

@@ -97,6 +97,13 @@ class LogPosterior:
         noise = [*(part.unit for part in self.instruments), *(p.unit for _, p in self._extra)]
         return (*physical, *initial, *noise)
 
+    @property
+    def meanings(self) -> dict[str, str]:
+        """What every quantity of the noise means, by name."""
+        sizes = [model.size for model in self.models] or [Noise.size] * len(self.instruments)
+        named = zip((part.name for part in self.instruments), sizes, strict=True)
+        return {**dict(named), **{name: parameter.meaning for name, parameter in self._extra}}
+
     def vectors(self, z: FloatArray) -> FloatArray:
         """Return the sampled vectors (..., d) of whitened coordinates (..., d)."""
         # Not a matrix product: BLAS would wake its threads for these few numbers.

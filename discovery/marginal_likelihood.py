@@ -132,12 +132,15 @@ def _log_mass(prior: Prior, lower: float, upper: float) -> float:
     """Return the logarithm of the integral of a prior between bounds."""
     from scipy.integrate import quad
 
-    width = prior.width
+    width, centre = prior.width, float(getattr(prior, "mean", 0.0))
     # Over a scale on which the prior is about one wide, also where the bounds are at infinity.
-    ends = math.asinh(lower / width), math.asinh(upper / width)
+    ends = math.asinh((lower - centre) / width), math.asinh((upper - centre) / width)
     a, b = (math.copysign(min(abs(end), 25.0), end) for end in ends)
     mass, _ = quad(
-        lambda s: float(np.exp(prior.log_density(width * math.sinh(s)))) * width * math.cosh(s), a, b, limit=200
+        lambda s: float(np.exp(prior.log_density(centre + width * math.sinh(s)))) * width * math.cosh(s),
+        a,
+        b,
+        limit=200,
     )
     if not 0.0 < mass < 1e6:
         raise InputError("The evidence needs priors that are densities; one is flat without bounds.")

@@ -127,6 +127,6 @@ def compare_models(
 def _fit_of(candidate: Fit | Refit) -> Fit:
     """Return a candidate as a fit on a kernel of its own effects, which is faster."""
     if isinstance(candidate, Fit):
-        return candidate
+        return candidate.specialised()
     found = covariance_of(candidate.problem, candidate.minimum)
     return Fit(candidate.problem, candidate.minimum, *found, float("nan")).specialised()

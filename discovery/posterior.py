@@ -118,8 +118,8 @@ def sample(
 
     Notes
     -----
-    The errors of the readings are taken as independent. Where the model leaves a systematic residual, the noise
-    factors absorb it, and `Posterior.status` says so.
+    The errors of the readings are taken as the noise model has them, the Gaussian one as independent. Where the model
+    leaves a systematic residual, the noise absorbs it, and `Posterior.status` says so.
     """
     if ensembles < FEWEST_ENSEMBLES:
         raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
@@ -137,14 +137,16 @@ def sample(
         if backend_path is not None:
             save(backend_path, group, run)
         burn_in = max(int(_BURN_IN * steps), *(ensemble.adapted for ensemble in group))
-        if steps - burn_in < _FEWEST_STEPS:
+        short = steps - burn_in < _FEWEST_STEPS
+        if short and steps < max_steps:
             continue
-        draws = target.values(np.stack([ensemble.chain[burn_in:] for ensemble in group]))
+        # Given up while the moves still adapt, a run is refused with what its second half says.
+        draws = target.values(np.stack([ensemble.chain[steps // 2 if short else burn_in :] for ensemble in group]))
         found = convergence(draws)
         if progress is not None:
             worst = float(found.ess.min()), float(found.r_hat.max()), float(found.tau.max())
             progress(Progress(steps, max_steps, worst[0], min_effective, worst[1], worst[2]))
-        if found.meets(min_effective, r_hat_max):
+        if not short and found.meets(min_effective, r_hat_max):
             return _posterior(fit, target, group, found, draws, rng_seed)
     raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
 
@@ -219,6 +221,7 @@ def _posterior(
             **target.noise_reference,
         },
         stated_noise={part.name: part.noise for part in target.instruments},
+        meanings=target.meanings,
         model=problem.model,
         natural=problem.units,
         gaussian=dict(problem.gaussian),

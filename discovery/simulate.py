@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.compile import Kernel, compile_kernel
-from discovery.errors import SimulationFailure
+from discovery.errors import InputError, SimulationFailure
 from discovery.grid import DriveLike, Grid
 from discovery.mechanics import get_base
 from discovery.runge_kutta import CLASSICAL, Method
@@ -19,8 +19,20 @@ from discovery.workers import in_threads
 __all__ = ["THREADS", "Batch", "DriveLike", "Grid", "Misses", "Simulator", "check_finite"]
 
 FloatArray = NDArray[np.float64]
+
+
+def _threads() -> int:
+    """Return the number of threads that DISCOVERY_THREADS asks for; up to eight by default."""
+    asked = os.environ.get("DISCOVERY_THREADS")
+    if not asked:
+        return min(8, os.cpu_count() or 1)
+    if not asked.isdecimal() or int(asked) < 1:
+        raise InputError(f"The environment variable DISCOVERY_THREADS is {asked!r}; give a whole number from 1 on.")
+    return int(asked)
+
+
 #: Blocks of lanes run in so many threads; the kernel releases the interpreter's lock.
-THREADS = int(os.environ.get("DISCOVERY_THREADS") or min(8, os.cpu_count() or 1))
+THREADS = _threads()
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
 

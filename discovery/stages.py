@@ -21,6 +21,7 @@ from discovery.kinds import KINDS, LINEAR_MODEL
 from discovery.loop import LoopResult, close_loop
 from discovery.missing_force import MissingForce, missing_force
 from discovery.model import Model
+from discovery.noise import GAUSSIAN, words_of
 from discovery.problem import natural_units
 from discovery.residual import errors
 from discovery.rig import Rig
@@ -28,6 +29,7 @@ from discovery.step import TOLERANCE
 
 if TYPE_CHECKING:
     from discovery.draws import Posterior
+    from discovery.noise_choice import NoiseChoice
     from discovery.posterior_study import PosteriorStudy
 
 __all__ = [
@@ -46,6 +48,7 @@ __all__ = [
     "stage_seed",
     "studied",
     "unexplained",
+    "weighed",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -213,16 +216,26 @@ def _fit_errors(train, predictions) -> dict[str, Any]:
     return found
 
 
-def sampled(fitted: Fit, *, seed: int, tell: Tell, backend=None):
-    """Sample the posterior of a fitted model."""
+def weighed(fitted: Fit, *, seed: int, tell: Tell) -> NoiseChoice:
+    """Weigh the noise models that apply to the recordings of a fit by their evidence."""
+    from discovery.noise_choice import choose_noise
+
+    tell("weighing noise models by their evidence")
+    return choose_noise(fitted, rng_seed=stage_seed(seed, "evidence"))
+
+
+def sampled(fitted: Fit, *, seed: int, tell: Tell, backend=None, noise: str = GAUSSIAN) -> Posterior:
+    """Sample the posterior of a fitted model under a noise model."""
     from discovery.posterior import sample
 
-    tell("sampling the posterior")
+    tell(f"sampling the posterior, errors {words_of(noise)}")
 
     def on_progress(p) -> None:
         tell(f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}")
 
-    return sample(fitted, rng_seed=stage_seed(seed, "posterior"), progress=on_progress, backend_path=backend)
+    return sample(
+        fitted, rng_seed=stage_seed(seed, "posterior"), noise=noise, progress=on_progress, backend_path=backend
+    )
 
 
 def studied(posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int, tell: Tell) -> PosteriorStudy:
@@ -237,18 +250,15 @@ def studied(posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int, t
 def compared(fitted: Fit, loop: LoopResult, *, seed: int, tell: Tell) -> dict[str, Any]:
     """Weigh noise models of a fit, and the models before and after the loop, by their evidence."""
     from discovery.model_comparison import compare_models
-    from discovery.noise_choice import choose_noise
 
-    tell("weighing noise models by their evidence")
-    seed = stage_seed(seed, "evidence")
-    noise = choose_noise(fitted, rng_seed=seed).summary()
+    noise = weighed(fitted, seed=seed, tell=tell).summary()
     models = {"before": loop.before.specialised(), "after": loop.after.specialised()}
     if loop.before.model == loop.after.model or any(f.null_directions for f in models.values()):
         return {"noise": noise, "evidence": None}
     tell("weighing the models before and after by their evidence")
     held = {label: loop.errors[label]["holdout"]["rms"] for label in models}
     # What the smaller model lacks is correlated: white noise would count every sample of it.
-    compared = compare_models(models, rng_seed=seed, noise="correlated", held_out=held)
+    compared = compare_models(models, rng_seed=stage_seed(seed, "evidence"), noise="correlated", held_out=held)
     return {"noise": noise, "evidence": compared.summary()}
 
 

@@ -6,16 +6,16 @@ with the widths of the priors: it is finite also where a parameter lies on a bou
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.batch import fit_problems
 from discovery.noise import Noise
 from discovery.parameters import Prior
+from discovery.robust_start import joint_mode, noise_density
 
 if TYPE_CHECKING:
     from discovery.fit import Fit
@@ -68,17 +68,16 @@ def refined_start(
     covariance : ndarray, shape (d, d)
         Noise and free numbers uncorrelated.
     """
-    x = fit.minimum.x
-    blocks = [
-        (rows, fit.minimum.residual[rows].reshape(*seen.shape, 1), fit.minimum.jacobian[rows].reshape(*seen.shape, -1))
-        for rows, seen in fit.problem.bench.blocks()
-    ]
+    mode = joint_mode(fit, models, size_prior)
+    x = mode.x
+    # The Jacobian there, of the plain residuals.
+    (plain,) = fit_problems([fit.problem], [x], iterations=0)
+    jacobians = [plain.jacobian[rows].reshape(*seen.shape, -1) for rows, seen in fit.problem.bench.blocks()]
     found, whitened = [], []
-    for model in models:
-        noise, spread = _noise_start(model, [blocks[i][1] for i in model.part.experiments], x, size_prior)
-        found.append((noise, spread))
+    for model, noise in zip(models, mode.noises, strict=True):
+        found.append((noise, _noise_covariance(model, mode.residuals, x, noise, size_prior)))
         for i in model.part.experiments:
-            whitened.append(model.whitened(i, blocks[i][2], x, noise).reshape(-1, x.size))
+            whitened.append(model.whitened(i, jacobians[i], x, noise).reshape(-1, x.size))
     centre = [x, *(noise[:1] for noise, _ in found), *(noise[1:] for noise, _ in found)]
     p, d = x.size, sum(part.size for part in centre)
     covariance = np.zeros((d, d))
@@ -91,30 +90,12 @@ def refined_start(
     return np.concatenate(centre), covariance
 
 
-def _noise_start(
-    model: Noise, residuals: Sequence[FloatArray], x: FloatArray, size_prior: Prior
-) -> tuple[FloatArray, FloatArray]:
-    """Return the most probable noise of fixed residuals and its covariance."""
-    from scipy.optimize import minimize
-
+def _noise_covariance(
+    model: Noise, residuals: Sequence[FloatArray], x: FloatArray, best: FloatArray, size_prior: Prior
+) -> FloatArray:
+    """Return the covariance of the most probable noise of fixed residuals."""
     priors = [size_prior, *(p.prior for p in model.parameters)]
-
-    def density(noise: FloatArray) -> FloatArray:
-        k = noise.shape[1]
-        total = sum(prior.log_density(row) for prior, row in zip(priors, noise, strict=True))
-        for i, residual in zip(model.part.experiments, residuals, strict=True):
-            spread = np.broadcast_to(residual, (*residual.shape[:2], k))
-            total = total + model.log_likelihood(i, spread, np.repeat(x[:, None], k, axis=1), noise)
-        return np.where(np.isfinite(total), total, -1e300)
-
-    def cost(noise: FloatArray) -> float:
-        return -float(density(noise[:, None])[0])
-
-    chi2 = sum(float(np.sum(r**2)) for r in residuals)
-    size = 0.5 * math.log(max(chi2, np.finfo(float).tiny) / model.part.n)
-    grid = np.array(list(product((size, size - 1.0), *(p.starts for p in model.parameters)))).T
-    best = grid[:, int(np.argmax(density(grid)))]
-    best = minimize(cost, best, method="Nelder-Mead", tol=1e-3).x
+    density = noise_density(model, residuals, x, size_prior)
     m = best.size
     steps = _STEP * np.eye(m)
     pairs = [(i, j) for i in range(m) for j in range(i + 1)]
@@ -127,7 +108,7 @@ def _noise_start(
     least = np.array([prior.width**-2 for prior in priors])
     curvature, axes = np.linalg.eigh(hessian / np.sqrt(np.outer(least, least)))
     inverse = (axes / np.maximum(curvature, 1.0)) @ axes.T
-    return best, inverse / np.sqrt(np.outer(least, least))
+    return np.asarray(inverse / np.sqrt(np.outer(least, least)))
 
 
 def settled(
@@ -153,10 +134,12 @@ def settled(
     for _ in range(_ROUNDS):
         log_density = density(centre, factor)
         here, up, down = np.split(log_density(points), [1, d + 1])
-        inside = np.isfinite(up) & np.isfinite(down)
+        # Where a step along an axis leaves the support, nothing is known of it.
+        inside = np.isfinite(here) & np.isfinite(up) & np.isfinite(down)
+        up, down = up[inside], down[inside]
         slope, bend = np.zeros(d), np.ones(d)
-        slope[inside] = (up - down)[inside] / (2 * _WHITE_STEP)
-        bend[inside] = (2 * here - up - down)[inside] / _WHITE_STEP**2
+        slope[inside] = (up - down) / (2 * _WHITE_STEP)
+        bend[inside] = (2 * here - up - down) / _WHITE_STEP**2
         bend = np.clip(bend, 0.1, 10.0)
         step = slope / bend
         trials = _STRETCHES[:, None] * step

@@ -5,9 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from functools import lru_cache
 
-__all__ = ["in_threads"]
+from threadpoolctl import ThreadpoolController
+
+__all__ = ["in_threads", "single_algebra"]
+
+
+@lru_cache(maxsize=1)
+def _algebra() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def single_algebra() -> AbstractContextManager[object]:
+    """Keep linear algebra in the thread that asks for it: its own threads would spin beside those here."""
+    return _algebra().limit(limits=1, user_api="blas")
 
 
 @lru_cache(maxsize=1)

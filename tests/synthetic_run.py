@@ -139,9 +139,15 @@ def _write_groups(path: Path, groups: dict[str, xr.Dataset]) -> None:
 
 def _write_posterior(folder: Path, rows: list[dict[str, Any]]) -> None:
     rng = np.random.default_rng(5)
-    draws = {r["name"]: (("chain", "draw"), r["mean"] + r["sd"] * rng.standard_normal((64, 40))) for r in rows}
+    draws = {
+        r["name"]: (("chain", "draw"), r["mean"] + r["sd"] * rng.standard_normal((64, 40)), {"tau": 1.5 + 0.1 * i})
+        for i, r in enumerate(rows)
+    }
     ensemble = {"ensemble": ("chain", np.arange(64) // 16)}
-    _write_groups(folder / "posterior.nc", {"posterior": xr.Dataset(draws, ensemble)})
+    provenance = {"noise": "gaussian", "steps": 160, "burn_in": 40, "walkers": 16, "thin": 3}
+    said = {"provenance": provenance, "acceptance": {"independence": 0.8765, "snooker": 0.4567}}
+    attributes = {key: json.dumps(value) for key, value in said.items()}
+    _write_groups(folder / "posterior.nc", {"posterior": xr.Dataset(draws, ensemble, attributes)})
 
 
 def _study(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -196,7 +202,7 @@ def _study(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _evidence(name: str, behind: float, pareto_k: float, rows: list[dict[str, Any]], wide: float) -> dict[str, Any]:
     return {
-        "noise": name, "name": name, "effects": ["viscous_damping"], "free": 4, "held_out": 1.25 + behind,
+        "noise": name, "name": name, "effects": ["viscous_damping"], "free": 4, "held_out": 1.25e-3 + 1e-4 * behind,
         "log_evidence": 4321.0 - behind, "behind": behind, "error": 0.02, "pareto_k": pareto_k,
         "reliable": pareto_k <= 0.7,
         "intervals": {r["name"]: [r["mean"] - wide * r["sd"], r["mean"], r["mean"] + wide * r["sd"]] for r in rows},
@@ -426,7 +432,10 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
             "held_out_prefers": "both",
             "same_order": 1.0,
             "reliable": True,
-            "models": [_evidence("both", 0.0, 0.1, rows, 1.0), _evidence("neither", 55.5, 0.2, rows, 1.0)],
+            "models": [
+                {**_evidence(name, behind, 0.1, rows, 1.0), "noise": "correlated"}
+                for name, behind in (("both", 0.0), ("neither", 55.5))
+            ],
         },
         "elastica": {"prediction": [], "comparison": comparison, "delta_max": 0.83},
         "loop": {

@@ -109,6 +109,21 @@ def test_the_page_does_not_scroll_sideways(opened: Any) -> None:
     assert outside == []
 
 
+def test_parameters_are_seen_without_scrolling(opened: Any) -> None:
+    found = opened.execute_script(
+        """
+        return [...document.querySelectorAll('.stacked')].map(t => [t.parentElement.scrollWidth,
+          t.parentElement.clientWidth, t.rows[1].cells[0].getBoundingClientRect().top,
+          t.rows[1].cells[3].getBoundingClientRect().top, t.rows[1].cells[3].getBoundingClientRect().right]);
+        """
+    )
+    assert found
+    for wide, shown, symbol, value, right in found:
+        assert wide <= shown
+        assert abs(value - symbol) < 12
+        assert right <= opened.execute_script("return document.documentElement.clientWidth")
+
+
 def test_mathematics_is_drawn(opened: Any, page: Path) -> None:
     boxes = opened.execute_script(
         """

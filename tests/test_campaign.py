@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from discovery.campaign import campaign, collect, rows, watched
-from discovery.cli import campaigns
+from discovery.campaign import campaign, collect, rows, unfinished, watched
+from discovery.cli import campaign_cases, campaigns
 from discovery.errors import ComputationError, InputError
 from discovery.spread import SCHEDULER, case_seed, spread
 
@@ -203,73 +203,348 @@ def test_what_is_watched_is_shown_and_passed_on(capsys):
     assert "1 failed" in shown
 
 
+def test_a_case_whose_origin_has_changed_is_done_again(tmp_path):
+    cases, before = CASES[:3], {name: {"file": name, "version": "1"} for name, _ in CASES}
+    assert len(list(campaign(drawn, cases, tmp_path, origins=before, workers=1))) == 3
+    assert list(campaign(drawn, cases, tmp_path, origins=before, workers=1)) == []
+    now = {**before, "case_1": {"file": "another", "version": "1"}}
+    assert list(unfinished(cases, tmp_path, now)) == [("case_1", 1, "changed since: file")]
+    assert [o.name for o in campaign(drawn, cases, tmp_path, origins=now, workers=1)] == ["case_1"]
+    assert json.loads((tmp_path / "cases" / "case_1.json").read_text())["origin"] == now["case_1"]
+    newer = {name: {**origin, "version": "2"} for name, origin in now.items()}
+    assert [reason for *_, reason in unfinished(CASES[:4], tmp_path, newer)] == ["changed since: version"] * 3 + [""]
+
+
+def test_an_outcome_of_unknown_origin_is_not_believed(tmp_path):
+    list(campaign(drawn, CASES[:1], tmp_path, workers=1))
+    assert list(unfinished(CASES[:1], tmp_path)) == []
+    ((_, _, reason),) = unfinished(CASES[:1], tmp_path, {"case_0": {"version": "1"}})
+    assert "not known" in reason
+
+
+def test_a_table_holds_the_cases_that_are_asked_for(tmp_path):
+    list(campaign(drawn, CASES, tmp_path, workers=1))
+    table = pd.read_parquet(collect(tmp_path, ["case_7", "case_2"]))
+    assert list(table["name"]) == ["case_2", "case_7"]
+    with pytest.raises(InputError, match="no outcomes"):
+        collect(tmp_path, ["another"])
+
+
+def test_lists_become_tables_of_their_own_and_all_is_csv_too(tmp_path):
+    def work(case, seed):
+        return {"case": case, "whole": {"a": [case]}, "parts": [{"part": i, "size": 0.5 * i} for i in range(case)]}
+
+    list(campaign(work, CASES[:4], tmp_path, workers=1))
+    table = pd.read_csv(collect(tmp_path, apart=["parts"]).with_suffix(".csv"))
+    assert list(table.columns) == ["name", "seconds", "error", "case", "whole"]
+    assert json.loads(table["whole"][3]) == {"a": [3]}
+    for parts in (pd.read_parquet(tmp_path / "parts.parquet"), pd.read_csv(tmp_path / "parts.csv")):
+        assert list(parts.columns) == ["name", "part", "size"]
+        assert [tuple(row) for row in parts.itertuples(index=False)] == [
+            (f"case_{n}", i, 0.5 * i) for n in range(4) for i in range(n)
+        ]
+    # Of cases without any, nothing of the cases before is left.
+    collect(tmp_path, ["case_0"], apart=["parts"])
+    assert len(pd.read_parquet(tmp_path / "parts.parquet")) == len(pd.read_csv(tmp_path / "parts.csv")) == 0
+
+
+def test_no_bar_stands_above_a_refusal(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("discovery.spread._PATIENCE", 0.3)
+    outcomes = campaign(drawn, CASES, tmp_path, scheduler="tcp://127.0.0.1:1")
+    with pytest.raises(InputError, match="No Dask scheduler"):
+        list(watched(outcomes, len(CASES), "cases"))
+    assert capsys.readouterr().err.strip() == ""
+
+
 # --- the command
 
+RIG = """
+name = "pendulum"
+kind = "pendulum"
+[columns]
+time = { name = "time", unit = "s" }
+output = { name = "theta", unit = "rad", noise = 0.003 }
+"""
 
-def place(folder, *names):
-    """Put a rig file and empty recordings in a folder."""
+
+def place(folder, *names, records=""):
+    """Put rig files and recordings of few letters in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
-        (folder / name).write_text("")
+        (folder / name).write_text(RIG + records if name.endswith(".toml") else name)
 
 
-def test_cases_are_rig_files_with_the_recordings_beside_them(tmp_path):
+def found(where, out, **options):
+    rigs, _ = campaign_cases.rig_files(where)
+    return dict(campaign_cases.found_cases(rigs, where if where.is_dir() else where.parent, out, **options))
+
+
+def names(paths):
+    return [path.name for path in paths]
+
+
+def invoke(*arguments):
+    (command,) = campaigns.COMMANDS
+    return CliRunner().invoke(command, [*map(str, arguments), "--workers", "1"])
+
+
+def test_recordings_of_a_rig_without_records_lie_beside_it(tmp_path):
     place(tmp_path / "a", "rig.toml", "train_1.csv", "train_2.csv", "holdout.csv", "holdout_clean.csv", "notes.csv")
     place(tmp_path / "b" / "c", "rig.toml", "rig_closed.toml")
-    found = dict(campaigns.found_cases(tmp_path, tmp_path / "out", seed=5))
-    assert set(found) == {"a", "b_c", "b_c_rig_closed"}
-    rig, train, holdout, out, seed = found["a"]
-    assert (rig, out, seed) == (tmp_path / "a" / "rig.toml", tmp_path / "out" / "a", 5)
-    assert [p.name for p in train] == ["train_1.csv", "train_2.csv"]
-    assert [p.name for p in holdout] == ["holdout.csv"]
-    assert found["b_c"][1:3] == ((), ())
-    each = dict(campaigns.found_cases(tmp_path / "a" / "rig.toml", tmp_path, each=True))
-    assert {name: [p.name for p in case[1]] for name, case in each.items()} == {
+    cases = found(tmp_path, tmp_path / "out", seed=5)
+    assert set(cases) == {"a", "b_c", "b_c_rig_closed"}
+    case = cases["a"]
+    assert (case.rig, case.out, case.seed) == (tmp_path / "a" / "rig.toml", tmp_path / "out" / "a", 5)
+    assert (names(case.train), names(case.holdout)) == (["train_1.csv", "train_2.csv"], ["holdout.csv"])
+    assert not case.own
+    assert cases["b_c"].train == cases["b_c"].holdout == ()
+    each = found(tmp_path / "a" / "rig.toml", tmp_path, each=True)
+    assert {name: names(case.train) for name, case in each.items()} == {
         "rig_train_1": ["train_1.csv"],
         "rig_train_2": ["train_2.csv"],
     }
-    with pytest.raises(InputError, match="no rig file"):
-        campaigns.found_cases(tmp_path / "nothing", tmp_path)
+
+
+RECORDS = """
+[records]
+train = [{ file = "big.csv" }, { file = "small.csv" }, { file = "big.csv", samples = [0, 100] }]
+holdout = [{ file = "mid.csv" }]
+"""
+
+
+def test_records_of_a_rig_win_over_files_beside_it_and_are_split_too(tmp_path):
+    place(tmp_path, "rig.toml", "big.csv", "small.csv", "mid.csv", "train_old.csv", "holdout_old.csv", records=RECORDS)
+    (case,) = found(tmp_path, tmp_path).values()
+    assert case.own
+    assert names(case.train) == ["big.csv", "small.csv", "big.csv"]
+    assert names(case.holdout) == ["mid.csv"]
+    each = found(tmp_path, tmp_path, each=True)
+    assert {name: (names(c.train), c.only, names(c.holdout)) for name, c in each.items()} == {
+        "rig_big": (["big.csv"], 0, ["mid.csv"]),
+        "rig_small": (["small.csv"], 1, ["mid.csv"]),
+        "rig_big_2": (["big.csv"], 2, ["mid.csv"]),
+    }
+
+
+def test_every_toml_that_describes_a_rig_is_one(tmp_path):
+    place(tmp_path, "pendulum.toml", "rig.toml")
+    place(tmp_path / "cases", "rig.toml")
+    (tmp_path / "known.toml").write_text('[rig]\nunit = "rad"\n')
+    (tmp_path / "project.toml").write_text('name = "something"\n')
+    (tmp_path / "broken.toml").write_text("name = ")
+    (tmp_path / "rig_broken.toml").write_text("name = ")
+    place(tmp_path / ".hidden", "rig.toml")
+    place(tmp_path / "pendulum", "rig.toml")
+    rigs, skipped = campaign_cases.rig_files(tmp_path)
+    assert names(skipped) == ["broken.toml", "known.toml", "project.toml"]
+    # Names of cases are unique, and none is that of the folder of the outcomes.
+    assert set(dict(campaign_cases.found_cases(rigs, tmp_path, tmp_path))) == {
+        "cases_2",
+        "pendulum",
+        "pendulum_2",
+        "rig",
+        "rig_broken",
+    }
+
+
+def test_datasets_are_rigs_but_what_is_known_of_them_is_not():
+    rigs, skipped = campaign_cases.rig_files(DATASETS)
+    assert all(path.name.startswith("rig") for path in rigs)
+    assert {path.name for path in skipped} == {"known.toml", "measured.toml"}
+
+
+def test_a_folder_without_rigs_and_a_file_that_is_none_are_refused(tmp_path):
+    (tmp_path / "known.toml").write_text('[rig]\nunit = "rad"\n')
+    with pytest.raises(InputError, match=r"no rig file below .*skipped, no rig files: .*known\.toml"):
+        campaign_cases.rig_files(tmp_path)
+    for name in ("known.toml", "nothing.toml"):
+        with pytest.raises(InputError, match=name):
+            campaign_cases.rig_files(tmp_path / name)
+
+
+def counted(monkeypatch):
+    """Replace the loop by one that notes which cases it was run for."""
+    ran = []
+
+    def close(case, _seed):
+        ran.append(case.out.name)
+        if case.out.name == "bad":
+            raise InputError("there is nothing to fit")
+        value = {"parameter": "xi", "value": 0.5, "sd": 0.1}
+        return {"verdict": "explained", "effects": "sensor_delay", "test": "0 of 1", "parameters": [value]}
+
+    monkeypatch.setattr(campaigns, "close", close)
+    return ran
 
 
 def test_the_command_runs_every_case_and_tells_what_failed(tmp_path, monkeypatch):
+    counted(monkeypatch)
     for name in ("good", "bad"):
         place(tmp_path / "rigs" / name, "rig.toml")
-
-    def close(case, _seed):
-        if case[3].name == "bad":
-            raise InputError("there is nothing to fit")
-        return {"verdict": "explained", "effects": "sensor_delay"}
-
-    monkeypatch.setattr(campaigns, "close", close)
-    (command,) = campaigns.COMMANDS
     out = tmp_path / "out"
-    arguments = [str(tmp_path / "rigs"), "--out", str(out), "--workers", "1", "--quiet"]
-    result = CliRunner().invoke(command, arguments)
+    result = invoke(tmp_path / "rigs", "--out", out, "--quiet")
     assert isinstance(result.exception, ComputationError)
     assert "1 of 2 cases failed" in str(result.exception)
-    assert "good: explained: sensor_delay" in result.output
-    assert "bad: InputError: there is nothing to fit" in result.output
+    assert result.output.splitlines() == [
+        "bad: InputError: there is nothing to fit",
+        "good: explained: sensor_delay",
+        str(out / "results.parquet"),
+    ]
     table = pd.read_parquet(out / "results.parquet").set_index("name")
     assert table.loc["good", "verdict"] == "explained"
+    assert pd.read_csv(out / "results.csv", index_col="name").loc["bad", "error"].startswith("InputError")
+    assert "is done again: it failed before" in invoke(tmp_path / "rigs", "--out", out).stderr
 
 
-def test_one_case_writes_its_loop(tmp_path, monkeypatch):
+def test_a_finished_campaign_says_so_and_what_changed_is_done_again(tmp_path, monkeypatch):
+    ran = counted(monkeypatch)
+    rigs, out = tmp_path / "rigs", tmp_path / "out"
+    for name in "abc":
+        place(rigs / name, "rig.toml", "train_1.csv", "holdout_1.csv")
+    assert "3/3" in invoke(rigs, "--out", out).stderr
+    assert ran == ["a", "b", "c"]
+    again = invoke(rigs, "--out", out)
+    assert "3 of 3 cases were done before" in again.stderr
+    assert "━" not in again.stderr
+    assert again.stdout == f"{out / 'results.parquet'}\n"
+    changes = {
+        "rig file": lambda: (rigs / "a" / "rig.toml").write_text(RIG + "# another\n"),
+        "training recordings": lambda: (rigs / "a" / "train_1.csv").write_text("another"),
+        "hold outs": lambda: (rigs / "a" / "holdout_2.csv").write_text("another"),
+    }
+    for what, change in changes.items():
+        ran.clear()
+        change()
+        result = invoke(rigs, "--out", out)
+        assert ran == ["a"]
+        assert f"a is done again: changed since: {what}" in result.stderr
+        assert "2 of 3 cases were done before" in result.stderr
+        assert "1/1" in result.stderr
+    ran.clear()
+    monkeypatch.setattr("importlib.metadata.version", lambda _: "99")
+    assert "b is done again: changed since: version" in invoke(rigs, "--out", out).stderr
+    assert ran == ["a", "b", "c"]
+
+
+def test_tables_hold_the_cases_of_this_call_only(tmp_path, monkeypatch):
+    counted(monkeypatch)
+    rigs, out = tmp_path / "rigs", tmp_path / "out"
+    for name in "abc":
+        place(rigs / name, "rig.toml", "train_1.csv", "train_2.csv")
+    invoke(rigs, "--out", out, "--quiet")
+    invoke(rigs, "--out", out, "--quiet", "--each")
+    for table in ("results", "parameters"):
+        assert list(pd.read_parquet(out / f"{table}.parquet")["name"]) == [
+            f"{n}_train_{i}" for n in "abc" for i in (1, 2)
+        ]
+    invoke(rigs / "a" / "rig.toml", "--out", out, "--quiet")
+    assert list(pd.read_csv(out / "parameters.csv")["name"]) == ["rig"]
+
+
+def test_the_command_says_what_it_found_and_which_recordings_it_uses(tmp_path, monkeypatch):
+    counted(monkeypatch)
+    place(tmp_path / "a", "rig.toml", "big.csv", "small.csv", "mid.csv", "train_old.csv", records=RECORDS)
+    place(tmp_path / "b", "rig.toml", "train.csv")
+    for i in range(7):
+        (tmp_path / f"known_{i}.toml").write_text("")
+    said = invoke(tmp_path, "--out", tmp_path / "out").stderr
+    assert f"2 rigs found at {tmp_path}, 2 cases; skipped, no rig files: {tmp_path / 'known_0.toml'}" in said
+    assert "and 2 more" in said
+    assert "recordings of 1 rig: the rig file's own [records]" in said
+    assert "recordings of 1 rig: train*.csv and holdout*.csv beside the rig file" in said
+    assert f"{tmp_path / 'a' / 'rig.toml'}: not in its [records], not used: train_old.csv" in said
+
+
+def test_no_bar_stands_above_a_usage_error(tmp_path, monkeypatch):
+    counted(monkeypatch)
+    place(tmp_path / "rigs", "rig.toml", "train.csv")
+    out = tmp_path / "out"
+    invoke(tmp_path / "rigs", "--out", out)
+    result = invoke(tmp_path / "rigs", "--out", out, "--seed", "2")
+    assert isinstance(result.exception, InputError)
+    assert result.stderr == ""
+    assert "--limit" in invoke(tmp_path / "rigs", "--out", out, "--limit", "0").stderr
+
+
+def test_the_help_tells_what_a_user_must_know():
+    from discovery.cli import cli
+
+    listed = CliRunner().invoke(cli, ["--help"]).output
+    assert "Run the loop on every rig file below a folder." in listed
+    told = " ".join(CliRunner().invoke(cli, ["campaign", "--help"]).output.split())
+    for what in (
+        "rig*.toml",
+        "[records]",
+        "train*.csv",
+        "results",
+        "parameters",
+        "interruption",
+        SCHEDULER,
+        "same paths",
+    ):
+        assert what in told
+
+
+@pytest.fixture
+def looped(monkeypatch):
+    """What the loop was called with, the loop itself left out."""
     from discovery import pipeline, stages
 
     seen = {}
     content = {
-        "verdict": "nothing_missing",
-        "effects": [],
+        "verdict": "explained",
+        "test": "0.1 of at most 0.35",
+        "effects": [{"id": "quadratic_drag", "parameters": {"c_2": {}}}],
         "errors": {"unit": "m", **{w: {r: {"rms": 1e-3} for r in ("train", "holdout")} for w in ("before", "after")}},
+        "model": {
+            "after": {
+                "parameters": {
+                    "xi": {"value": 0.2, "sd": None, "unit": "s^-1", "reason": "at its bound"},
+                    "c_2": {"value": 0.1, "sd": 0.01, "unit": "m^-1"},
+                }
+            }
+        },
     }
     monkeypatch.setattr(stages, "loop", lambda dataset, **options: seen.update(dataset=dataset, **options))
     monkeypatch.setattr(stages, "unexplained", lambda *_, **__: None)
     monkeypatch.setattr(pipeline, "write_loop", lambda out, result, **_: content)
+    return seen
+
+
+def test_one_case_returns_verdict_errors_and_parameters(tmp_path, looped):
     arm = DATASETS / "arm"
-    case = (arm / "rig.toml", (arm / "train_paper.csv",), (arm / "holdout_inside.csv",), tmp_path, 7)
-    found = campaigns.close(case, case_seed(0, "arm"))
-    assert found["verdict"] == "nothing_missing"
-    assert found["holdout_rms_after"] == 1e-3
-    assert seen["seed"] == 7
-    assert [e.recording.name for e in seen["dataset"].holdout] == ["holdout_inside"]
+    case = campaign_cases.Case(
+        arm / "rig.toml", (arm / "train_paper.csv",), (arm / "holdout_inside.csv",), False, None, tmp_path, 7
+    )
+    (tmp_path / "loop.json").write_text("of before")
+    result = campaigns.close(case, case_seed(0, "arm"))
+    assert not (tmp_path / "loop.json").exists()
+    assert (result["verdict"], result["test"]) == ("explained", "0.1 of at most 0.35")
+    assert [result[f"{r}_rms_{w}"] for r in ("train", "holdout") for w in ("before", "after")] == [1e-3] * 4
+    assert result["parameters"] == [
+        {"parameter": "xi", "effect": "", "value": 0.2, "sd": None, "unit": "s^-1", "reason": "at its bound"},
+        {"parameter": "c_2", "effect": "quadratic_drag", "value": 0.1, "sd": 0.01, "unit": "m^-1", "reason": ""},
+    ]
+    assert looped["seed"] == 7
+    assert [e.recording.name for e in looped["dataset"].holdout] == ["holdout_inside"]
+
+
+def test_one_of_the_records_is_fitted_alone(tmp_path, looped):
+    time = np.arange(300) / 50
+    place(tmp_path, "rig.toml", records=RECORDS)
+    for i, name in enumerate(("big", "small", "mid")):
+        pd.DataFrame({"time": time, "theta": (i + 1) * np.cos(3 * time)}).to_csv(tmp_path / f"{name}.csv", index=False)
+    cases = found(tmp_path, tmp_path / "out", each=True)
+    fitted = []
+    for name, case in cases.items():
+        campaigns.close(case, case_seed(0, name))
+        fitted.append([(e.recording.time.size, e.recording.output[0, 0]) for e in looped["dataset"].train])
+        assert [e.recording.name for e in looped["dataset"].holdout] == ["mid"]
+    assert fitted == [[(300, 1.0)], [(300, 2.0)], [(100, 1.0)]]
+
+
+def test_a_rig_without_recordings_says_what_it_needs(tmp_path):
+    place(tmp_path, "rig.toml")
+    ((name, case),) = found(tmp_path, tmp_path / "out").items()
+    with pytest.raises(InputError, match=r"nothing to fit.*\[records\].*train\*\.csv"):
+        campaigns.close(case, case_seed(0, name))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +19,9 @@ import pytest
 from discovery_datasets import recordings, registry
 
 from discovery.cli import cli, main
+from discovery.cli.stages import NOISES
 from discovery.cli.stages import _say_loop as say_loop
+from discovery.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.provenance import surroundings
 from discovery.registry import catalogue
 
@@ -287,6 +290,36 @@ def test_posterior(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert sorted(p.name for p in tmp_path.iterdir()) == ["posterior.json", "posterior.nc"]
     assert [line.partition(":")[0] for line in said.out.splitlines()][:4] == ["xi", "alpha", "beta", "gamma"]
     assert len(Posterior.from_netcdf(tmp_path / "posterior.nc").flat()["alpha"]) >= 4000
+
+
+def test_posterior_under_the_noise_of_largest_evidence(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from discovery.posterior import sample
+
+    monkeypatch.setattr("discovery.posterior.sample", partial(sample, min_effective=400, r_hat_max=1.2))
+    said = call(capsys, "posterior", case.rig, "--train", case.train, "--out", tmp_path, "--noise", "auto")
+    assert said.status == 0, said.err
+    content = json.loads((tmp_path / "posterior.json").read_text())
+    noise = content["noise"]
+    assert noise["chosen"] == max(noise["models"], key=lambda m: m["log_evidence"])["noise"] != "gaussian"
+    assert f"noise: {noise['chosen']}, by its evidence" in said.out
+    words = words_of(noise["chosen"])
+    assert f"sampling the posterior, errors {words}" in said.err
+    assert all(row["interval"].endswith(words) for row in content["rows"])
+    assert {row["name"] for row in content["rows"] if "meaning" in row} > {"sigma"}
+
+
+def test_noise_must_be_known_and_apply(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert set(NOISES) == {"auto", GAUSSIAN, *NOISE_MODELS}
+    common = ("posterior", case.rig, "--train", case.train, "--out", tmp_path, "--quiet", "--noise")
+    unknown = call(capsys, *common, "pink")
+    assert unknown.status == 2
+    assert "student_t" in unknown.err
+    other = call(capsys, *common, "quantised")
+    assert other.status == 2
+    assert "readings in steps" in other.err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_effects(capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,7 +29,7 @@ from discovery.errors import ComputationError, InputError
 from discovery.fit import declared_model, fit
 from discovery.importance import LARGEST_K, importance_sample
 from discovery.likelihood import NOISE_PRIOR, log_posterior
-from discovery.marginal_likelihood import log_evidence, log_prior_mass
+from discovery.marginal_likelihood import _log_mass, log_evidence, log_prior_mass
 from discovery.model import Model
 from discovery.model_comparison import compare_models
 from discovery.noise_choice import choose_noise
@@ -153,6 +153,13 @@ def test_evidence_of_the_papers_model_is_that_of_bridge_sampling():
     assert evidence.reliable
     expected = estimate - log_prior_mass(target)
     assert evidence.log_evidence == pytest.approx(expected, abs=4 * evidence.drawn.error + 0.1)
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.1, 12.26])
+def test_a_narrow_prior_counts_wherever_it_lies(mean):
+    prior = Normal(mean, 0.08)
+    assert _log_mass(prior, -math.inf, math.inf) == pytest.approx(0, abs=1e-9)
+    assert _log_mass(prior, 0.0, 100.0) == pytest.approx(math.log(stats.norm.sf(0.0, mean, 0.08)), abs=1e-9)
 
 
 def test_priors_count_within_their_bounds_only(linear):

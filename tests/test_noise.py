@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from driven_oscillator import (
     ALPHA,
+    EFFECTS,
     GAIN,
     NOISE,
     START,
@@ -21,17 +22,19 @@ from driven_oscillator import (
     oscillating_covariance,
     responses,
 )
-from scipy import integrate, signal, special, stats
+from scipy import integrate, optimize, signal, special, stats
 
 from discovery.errors import InputError
 from discovery.fit import fit
 from discovery.instrument import instruments
 from discovery.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
 from discovery.marginal_likelihood import log_evidence
-from discovery.noise import GAUSSIAN, NOISE_MODELS, applicable, noise_of
+from discovery.model import Model
+from discovery.noise import GAUSSIAN, NOISE_MODELS, applicable, is_independent, noise_of, words_of
 from discovery.noise.filters import exponential, oscillating
 from discovery.noise.model import Logistic
 from discovery.noise.tails import rounded, scattered
+from discovery.whitening import settled
 
 
 @pytest.fixture
@@ -338,3 +341,91 @@ def test_start_is_what_made_the_readings(gapped):
     target = log_posterior(gapped, "correlated")
     sd = np.linalg.norm(target.factor[:3], axis=1)
     assert np.abs(target.centre[:3] - [GAIN, *START]) / sd == pytest.approx(0, abs=3.5)
+
+
+@pytest.mark.parametrize("noise", ["student_t", "correlated", "input"])
+def test_scaled_residuals_are_the_likelihood(gapped, noise):
+    (model,) = noise_of(noise, gapped.problem, instruments(gapped.problem.bench.experiments))
+    residual, at = np.random.default_rng(11).standard_normal((TIME.size, 1, 3)), np.array([0.3, 1.0, -0.5])
+    residual = np.where(gapped.problem.bench.experiments[0].weights()[..., None] > 0, residual, 0.0)
+    noises = at[: 1 + len(model.parameters)]
+    spread = [np.repeat(v[:, None], 3, axis=1) for v in (gapped.minimum.x, noises)]
+    found = model.scaled(0, 3 * residual, gapped.minimum.x, noises)
+    expected = model.log_likelihood(0, 3 * residual, *spread)
+    assert np.diff(-0.5 * np.sum(found**2, axis=(0, 1))) == pytest.approx(np.diff(expected), rel=1e-9)
+
+
+def mode_by_scipy(errors):
+    """The most probable (gain, deflection, rate) and noise of Student's t, from the truth, priors left out."""
+    readings = clean() + errors
+
+    def cost(v):
+        return -stats.t(np.exp(v[4]), 0, NOISE * np.exp(v[3])).logpdf(readings - responses() @ v[:3]).sum()
+
+    start = [GAIN, *START, 0.0, 0.0]
+    return optimize.minimize(cost, start, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-5}).x
+
+
+@pytest.mark.parametrize("nu", [0.5, 0.76])
+def test_start_bears_outliers_that_least_squares_does_not(nu):
+    """Of such errors neither the variance nor the mean exists: the largest of these is ten thousands of scales."""
+    errors = NOISE * np.random.default_rng(107).standard_t(nu, TIME.size)
+    fitted = fit(linear_model(), [experiment(errors)])
+    target = log_posterior(fitted, "student_t")
+    away = np.linalg.solve(target.factor, mode_by_scipy(errors) - target.centre)
+    assert np.abs(away) == pytest.approx(0, abs=0.35)
+    # Least squares itself is many standard deviations off.
+    sd = np.linalg.norm(target.factor[:3], axis=1)
+    assert np.abs((fitted.minimum.x - target.centre[:3]) / sd).max() > 10
+    assert log_evidence(target, np.random.default_rng(1), 1000).reliable
+
+
+@pytest.mark.parametrize("seed", [7, 1001, 1005])
+def test_start_returns_from_another_frequency(seed):
+    """With damping and stiffness free, outliers send least squares to a stiffness of twenty times the true one."""
+    errors = NOISE * np.random.default_rng(seed).standard_t(0.76, TIME.size)
+    fitted = fit(Model("oscillator", EFFECTS), [experiment(errors)])
+    target = log_posterior(fitted, "student_t")
+    sd = np.linalg.norm(target.factor, axis=1)
+    truth = {"g": GAIN, "xi": XI, "alpha": ALPHA, "sigma": 0.0, "nu": math.log(0.76)}
+    for i, name in enumerate(target.names):
+        if name in truth:
+            assert abs(target.centre[i] - truth[name]) < 4 * sd[i], name
+    assert abs(fitted.values["alpha"] - ALPHA) > 5.0
+    assert log_evidence(target, np.random.default_rng(1), 1000).reliable
+
+
+def test_settling_is_silent_where_both_steps_leave_the_support():
+    """Nothing is known along the first axis, and nothing is said about it; the second one finds its mode."""
+
+    def density(centre, factor):
+        def at(z):
+            first, second = (centre + z @ factor.T).T
+            return np.where(np.abs(first) < 0.1, -0.5 * (second - 2.0) ** 2, -np.inf)
+
+        return at
+
+    centre, factor = settled(density, np.zeros(2), np.eye(2))
+    assert centre == pytest.approx([0.0, 2.0], abs=0.1)
+    assert factor == pytest.approx(np.eye(2))
+    # The centre itself outside: it stays, as does its width.
+    centre, factor = settled(density, np.array([5.0, 0.0]), np.eye(2))
+    assert np.array_equal(centre, [5.0, 0.0])
+    assert np.array_equal(factor, np.eye(2))
+
+
+def test_words_say_what_errors_are_taken_as(gapped):
+    assert words_of(GAUSSIAN) == "independent and Gaussian"
+    assert {name: is_independent(name) for name in (GAUSSIAN, *NOISE_MODELS)} == {
+        GAUSSIAN: True,
+        "student_t": True,
+        "correlated": False,
+        "input": False,
+        "quantised": True,
+    }
+    with pytest.raises(InputError, match="Did you mean 'student_t'"):
+        words_of("studentt")
+    for noise in applicable(gapped.problem, instruments(gapped.problem.bench.experiments)):
+        target = log_posterior(gapped, noise)
+        assert list(target.meanings) == list(target.names[3:])
+        assert all(target.meanings.values())

@@ -153,6 +153,31 @@ def test_stated_noise_that_is_too_small_is_reported():
         assert b.std() == pytest.approx(a.std(), rel=0.1)
 
 
+def test_what_was_sampled_is_said(tmp_path):
+    """Readings that are noisier than stated, under noise that is independent and noise that is not."""
+    timid = fit(linear_model(), [experiment(np.random.default_rng(5), stated=NOISE / 4)])
+    heavy = sample(timid, rng_seed=1, noise="student_t", min_effective=1000, r_hat_max=1.1)
+    heavy.to_netcdf(tmp_path / "posterior.nc")
+    back = Posterior.from_netcdf(tmp_path / "posterior.nc")
+    assert (back.status, back.interval, back.meanings) == (heavy.status, heavy.interval, heavy.meanings)
+    assert {row["interval"] for row in heavy.summary()} == {heavy.interval}
+    assert {row["name"]: row["meaning"] for row in heavy.summary() if "meaning" in row} == {
+        "sigma": "noise, scale of Student t",
+        "nu": "degrees of freedom: few for many outliers",
+    }
+    said = [
+        (found.interval, found.status)
+        for noise in ("gaussian", "student_t", "correlated")
+        for found in [dataclasses.replace(heavy, provenance={**heavy.provenance, "noise": noise})]
+    ]
+    words = ("independent and Gaussian", "independent, with outliers (Student t)", "white and exponentially correlated")
+    for (interval, status), taken_as in zip(said, words, strict=True):
+        assert interval.endswith(taken_as)
+        assert "times the stated noise" in status
+        assert f"taken as noise that is {taken_as}, so" in status
+    assert ["naive" in status for _, status in said] == [True, True, False]
+
+
 def test_same_seed_same_draws_and_other_seed_other_draws(linear, drawn):
     np.random.seed(0)  # noqa: NPY002 - the global generator must not matter
     again = sample(linear, rng_seed=11)

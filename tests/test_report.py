@@ -21,16 +21,22 @@ from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.registry import catalogue, get_effect
 from discovery.report import build_report, posterior, story
+from discovery.report.convergence import convergence_sentence
+from discovery.report.drive import drive_symbols
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import model_formulas
-from discovery.report.figures import motion
+from discovery.report.estimates import posterior_table
+from discovery.report.figures import motion, ranking
 from discovery.report.formula import formula
 from discovery.report.mathml import block
+from discovery.report.noise import noise_differs
 from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.style import decimate
 from discovery.report.words import headline
 
+#: Thin spaces as plain ones.
+_PLAIN = str.maketrans("\N{NARROW NO-BREAK SPACE}\N{NO-BREAK SPACE}", "  ")
 Made = tuple[Path, dict[str, Any], str]
 
 
@@ -327,18 +333,100 @@ def _cells(page: str, table: str) -> list[list[str]]:
     found = re.search(rf'aria-labelledby="table-{table}"><thead>.*?<tbody>(.*?)</tbody>', page, re.DOTALL)
     assert found, table
     rows = re.findall("<tr>(.*?)</tr>", found[1])
-    plain = str.maketrans("\N{NARROW NO-BREAK SPACE}\N{NO-BREAK SPACE}", "  ")
-    return [[_Reader(c).text.translate(plain) for c in re.findall("<td[^>]*>(.*?)</td>", row)] for row in rows]
+    return [[_Reader(c).text.translate(_PLAIN) for c in re.findall("<td[^>]*>(.*?)</td>", row)] for row in rows]
 
 
 def test_the_posterior_stands_beside_prior_fit_and_paper(arm: Made) -> None:
     rows = _cells(arm[2], "posterior")
     assert rows[1] == [
         "α", "linear stiffness", "s⁻²", "8.10097 ± 0.00033", "8.10043", "8.10097", "8.10151", "8.10097 ± 0.00033",
-        "8.791", "1.0012", "5123", "4.7 × 10⁻⁶", "normal, 8.1010 ± 0.0033",
+        "8.791",
     ]  # fmt: skip
-    assert rows[4][8] == rows[4][12] == "–"  # the noise has no such prior, and the paper none at all
+    assert rows[4][8] == "–"  # the paper has no noise
     assert "paper, least squares" in arm[2]
+    caption = re.search('id="table-posterior">(.*?)</p>', arm[2])
+    assert caption
+    assert "counts residuals as correlated as they are; that of the posterior (gaussian noise) does not." in caption[1]
+    assert "Standard deviations of the posterior are those under gaussian noise." in arm[2]
+    assert _cells(arm[2], "diagnostics")[1] == ["α", "1.0012", "5123", "4.7 × 10⁻⁶", "3.25"]
+
+
+def test_a_narrow_screen_shows_values_before_words(arm: Made) -> None:
+    found = re.search('<table class="stacked" aria-labelledby="table-posterior">.*?<tbody><tr>(.*?)</tr>', arm[2])
+    assert found
+    cells = re.findall(r'<td[^>]*style="order:(\d+)"(?: data-label="(.*?)")?>(.*?)</td>', found[1])
+    shown = [(label, _Reader(text).text) for _, label, text in sorted(cells, key=lambda c: int(c[0]))]
+    assert [text for _, text in shown[:3]] == ["ξ", "0.045827 ± 0.000024", "s⁻¹"]
+    assert [label for label, _ in shown[3:6]] == ["5 %", "50 %", "95 %"]
+    assert shown[-1] == ("", "viscous damping")
+
+
+def test_the_noise_of_the_posterior_is_told_where_another_is_preferred(arm: Made) -> None:
+    folder, results, page = arm
+    told = page.index("The evidence prefers correlated noise.")
+    assert page.index("<h2>The declared model") < told < page.index('id="table-posterior"')
+    assert '<a href="#noise">which noise</a>' in page
+    assert '<h3 id="noise">' in page
+    differs = " ".join(noise_differs(Run(folder, results)))
+    assert "independent and Gaussian (gaussian noise)" in differs
+    assert "the profiles and the check against the elastica" in differs
+    assert "Under correlated noise the 90 % intervals overlap those shown here." in differs
+    assert "only one manoeuvre was fitted: a parameter of an incomplete model depends on the manoeuvre" in differs
+    changed = json.loads(json.dumps(results))
+    intervals = changed["noise"]["models"][0]["intervals"]
+    intervals["alpha"] = [8.2, 8.3, 8.4]
+    assert "the 90 % interval of α does not overlap" in " ".join(noise_differs(Run(folder, changed)))
+    intervals["xi"] = [0.01, 0.02, 0.03]
+    assert "the 90 % intervals of ξ and α do not overlap" in " ".join(noise_differs(Run(folder, changed)))
+    same = {**results, "posterior": {**results["posterior"], "noise": "correlated"}}
+    assert noise_differs(Run(folder, same)) == []
+    many = {**results, "recordings": [{"role": "train"}] * 3}
+    assert "manoeuvre" not in " ".join(noise_differs(Run(folder, many)))
+
+
+def test_whether_the_sampler_converged_is_told(arm: Made) -> None:
+    folder, results, page = arm
+    plain = _Reader(page).text.translate(_PLAIN)
+    assert (
+        "Yes: 4 independent ensembles of 16 walkers each; the worst R-hat is 1.0012 (ξ; limit 1.01); the fewest "
+        "effective samples are 5120 (ξ); 120 steps after burn-in are 60 times the longest autocorrelation time, 2.00 "
+        "steps (limit 50 times); accepted proposals by move: independence 88 % and snooker 46 %."
+    ) in plain
+    rows = [{**results["posterior"]["rows"][0], "r_hat": 1.02}]
+    apart = Run(folder, {**results, "posterior": {"rows": rows}})
+    assert convergence_sentence(apart).startswith("Not yet: ")
+    short = Run(folder, results)
+    short.__dict__["sampling"] = {**short.sampling, "steps": 100}
+    assert convergence_sentence(short).startswith("Not yet: ")
+
+
+def test_what_is_removed_is_never_more_than_there_is(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    here, held = "excess chi-square in training", "on the held-out ones"
+    told = {
+        f"it removes 15082 of 15017 {here} (by chance 40); it removes 2083 of 2098 {held}": (
+            f"it removes all 15017 {here} (required: at least 40); it removes 2083 of 2098 {held}"
+        ),
+        f"it removes 12 of -30 {here} (by chance 40)": (
+            "it removes 12, where chi-square is no more than noise, in training (required: at least 40)"
+        ),
+    }
+    results["loop"]["steps"] = [_step("add", e, r) for e, r in zip(("wind", "table_tilt"), told, strict=True)]
+    assert [s["reason"] for s in story.steps(Run(tmp_path, results))] == list(told.values())
+
+
+@pytest.mark.parametrize(("before", "after"), [(3.8, 1.02), (63.4, 1.01), (1.3, 1.2), (150.0, 1.0), (2e4, 0.97)])
+def test_every_misfit_before_lies_between_two_of_three_ticks(arm: Made, before: float, after: float) -> None:
+    numbers = {"mean_chi2_holdout_before": before, "mean_chi2_holdout_after": after}
+    loop = {**arm[1]["loop"], "steps": [_step("add", "table_tilt", "", numbers=numbers)]}
+    picture = ranking.draw_steps(Run(arm[0], {**arm[1], "loop": loop}))
+    assert picture is not None
+    (axes,) = picture.figure.axes
+    low, high = axes.get_xlim()
+    ticks = [t for t in axes.get_xticks() if 0.999 * low <= t <= 1.001 * high]
+    assert len(ticks) >= 3
+    assert low < after
+    assert min(ticks) < before < max(ticks)
 
 
 def test_what_leans_on_its_prior_is_told(arm: Made) -> None:
@@ -373,13 +461,17 @@ def test_how_many_readings_the_bands_hold(arm: Made) -> None:
 def test_the_noise_is_chosen_by_evidence(arm: Made) -> None:
     rows = _cells(arm[2], "noise")
     assert [row[:3] for row in rows] == [
-        ["correlated (chosen)", "0 ± 0.02", "0.12"],
-        ["gaussian", "−321.0 ± 0.02", "0.91, unreliable"],
+        ["correlated (preferred)", "0 ± 0.02", "0.12"],
+        ["gaussian (sampled)", "−321.0 ± 0.02", "0.91, unreliable"],
     ]
     assert [len(row) for row in rows] == [7, 7]  # one column for each parameter of the model
     assert rows[1][4] == "8.1004 to 8.1015"
     assert "The evidence prefers correlated noise: intervals are 7.5 times as wide" in arm[2]
-    assert [row[3] for row in _cells(arm[2], "model_evidence")] == ["0 ± 0.02", "−55.50 ± 0.02"]
+    candidates = _cells(arm[2], "model_evidence")
+    assert [(row[3], row[5]) for row in candidates] == [("0 ± 0.02", "1.25"), ("−55.50 ± 0.02", "6.80")]
+    assert "held out, rms [mm]" in arm[2]
+    assert "correlated noise for all, because what the smaller model lacks is correlated" in arm[2]
+    assert "Not asked, because it does not apply: input (no recorded input" in arm[2]
 
 
 def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:
@@ -638,6 +730,42 @@ def test_an_oscillator_is_written_in_its_own_coordinate() -> None:
     assert _text(block(line.body)) == "q..+ξq.+αq+βq3+c2q.|q.|=gu"
 
 
+def test_what_nothing_drives_equals_zero() -> None:
+    effects = ["viscous_damping", "gravity_torque"]
+    free = {"base": "oscillator", "effects": effects, "known": {"g": 0.0, "g_0": 9.8}}
+    (line,) = model_formulas(free, "oscillator")
+    assert _text(block(line.body)) == "q..+ξq.+gcsin(q)−gscos(q)=0"
+    assert drive_symbols(free) == {}
+    assert drive_symbols({**free, "known": {}}) == {"g": "acceleration per unit of input", "u": "recorded input"}
+    assert set(drive_symbols({"base": "base_excited", "effects": effects})) == {"p", "u"}
+    assert drive_symbols({"base": "falling_body", "effects": []}) == {}
+    assert drive_symbols({"base": "constant_radius", "effects": ["linear_stiffness"]}) == {}
+
+
+def test_the_input_is_defined_beside_its_equation(oscillator: Made) -> None:
+    assert "Here g is the acceleration per unit of input, u is the recorded input." in _Reader(oscillator[2]).text
+
+
+def test_the_posterior_of_the_final_model_stands_below_its_equation(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    rows = synthetic_run._posterior_rows({"xi": (14.0, 0.1, "s^-1")})
+    results["posterior"] = {"subject": "after", "status": "", "rows": rows}
+    results["rig"]["kind"] = "pendulum"
+    models, check = results["loop"]["model"], {
+        "parameter": "k_g", "unit": "s^-2", "value": 9.81, "sd": 0.01, "predicted": 9.8, "predicted_sd": 0.1,
+        "z": 0.1, "p": 0.9, "source": "g / L of the rig", "contradicts": False,
+    }  # fmt: skip
+    final = {**models["after"]["model"], "effects": [*models["after"]["model"]["effects"], "quadratic_drag"]}
+    models["after"] = {**models["after"], "model": final}
+    results["loop"]["contradiction"] = {"checks": [check], "contradictions": []}
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    told = _Reader(build_report(tmp_path).read_text(encoding="utf-8")).text.partition("The final model and its")[2]
+    assert told.index("q..+ξq.+αq+βq3+c2q.|q.|=gu") < told.index("What was declared:") < told.index("Parameters. 5 to")
+    assert "No fitted value contradicts what the rig predicts." in told
+    assert "k_g = √(g_c² + g_s²)" in told
+    assert "the rig and the elastica" not in told
+
+
 def test_what_effects_change_together_is_one_law() -> None:
     """Two offsets of the camera, two delays, two gains of the drive: what is read is what all of them leave."""
     effects = ["angle_offset", "sensor_delay", "input_gain", "position_scale", "time_base_error", "input_offset"]
@@ -674,3 +802,16 @@ def test_a_discovered_equation_of_an_arm(arm: Made) -> None:
     found = re.search('<div class="formula scroll" tabindex="0">(.*?)</div>', arm[2])
     assert found
     assert _text(found[1]) == "θ..t+8.12δ+0.0456θ.t−0.432δ3=0"
+
+
+def test_quantities_of_the_noise_say_what_they_mean(arm: Made) -> None:
+    folder, results, _ = arm
+    rows = results["posterior"]["rows"]
+    sampled = [{**rows[0], "name": n, "unit": "1", "meaning": f"meaning of {n}"} for n in ("nu", "share[output]")]
+    run = Run(folder, {**results, "posterior": {**results["posterior"], "rows": [*rows, *sampled]}})
+    table = posterior_table(run)
+    cells = {raw[0]: row[1] for raw, row in zip(table.raw_rows, table.rows, strict=True)}
+    assert cells["nu"] == "meaning of nu"
+    assert cells["share[output]"] == "meaning of share[output]"
+    assert cells["sigma"] == "noise, sd"
+    assert "noise" not in cells["alpha"]

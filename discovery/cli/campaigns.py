@@ -7,102 +7,139 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from discovery.cli.campaign_cases import Case, beside, found_cases, listed, origins, rig_files
 from discovery.cli.options import PATH, options, results_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.random import SeedSequence
 
-__all__ = ["COMMANDS", "close", "found_cases"]
-
-#: A rig file, its training recordings, its hold-outs, where the results go, the seed.
-Case = tuple[Path, tuple[Path, ...], tuple[Path, ...], Path, int]
-
-
-def found_cases(where: Path, out: Path, *, seed: int = 1, each: bool = False) -> list[tuple[str, Case]]:
-    """Return the cases below a folder, or that of one rig file.
-
-    Parameters
-    ----------
-    where : Path
-        A rig file, or a folder: every ``rig*.toml`` in it, at any depth, is one. Its recordings are the files
-        ``train*.csv`` and ``holdout*.csv`` beside it, and where there are none, those that it names itself.
-    out : Path
-        Folder of the campaign.
-    seed : int
-        Seed of every loop.
-    each : bool
-        Every training recording is a case of its own.
-
-    Raises
-    ------
-    InputError
-        If there is no rig file.
-    """
-    from discovery.errors import InputError
-
-    rigs = sorted(where.rglob("rig*.toml")) if where.is_dir() else [where]
-    if not rigs or not rigs[0].exists():
-        raise InputError(f"There is no rig file at {where}: give one, or a folder with files rig*.toml at any depth.")
-    root = where if where.is_dir() else where.parent
-    cases = []
-    for rig in rigs:
-        beside = [p for p in sorted(rig.parent.glob("*.csv")) if not p.stem.endswith("_clean")]
-        train = tuple(p.resolve() for p in beside if p.name.startswith("train"))
-        holdout = tuple(p.resolve() for p in beside if p.name.startswith("holdout"))
-        named = (rig.parent if rig.name == "rig.toml" else rig.with_suffix("")).resolve().relative_to(root.resolve())
-        name = "_".join(named.parts) or rig.stem
-        for part in [(p,) for p in train] if each and train else [train]:
-            case = name if part == train else f"{name}_{part[0].stem}"
-            cases.append((case, (rig.resolve(), part, holdout, out.resolve() / case, seed)))
-    return cases
+__all__ = ["COMMANDS", "close"]
 
 
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
-    """Run the loop of one case, write its loop.json, and return what the table of the campaign holds."""
+    """Run the loop of one case, write its loop.json, and return what the tables of the campaign hold."""
+    from dataclasses import replace
+
     from discovery.dataset import load_dataset
+    from discovery.errors import InputError
+    from discovery.input_choice import choose_interpolation
     from discovery.pipeline import write_loop
+    from discovery.rig_file import read_rig
     from discovery.stages import loop, unexplained
 
-    rig, train, holdout, out, seed = case
-    dataset = load_dataset(rig, train, holdout)
-    result = loop(dataset, seed=seed, tell=lambda _: None)
-    content = write_loop(out, result, missing=unexplained(result, dataset, tell=lambda _: None))
+    # A case that is done again and fails leaves nothing of before.
+    for stale in (case.out / "loop.json", *case.out.glob("manoeuvre_*.csv")):
+        stale.unlink(missing_ok=True)
+    if not case.train:
+        read_rig(case.rig)
+        raise InputError(
+            f"{case.rig}: there is nothing to fit. Give the rig file a train list under [records], or put a recording "
+            "train*.csv beside it."
+        )
+    dataset = load_dataset(case.rig) if case.own else load_dataset(case.rig, case.train, case.holdout)
+    if case.only is not None:
+        dataset = replace(dataset, train=(dataset.train[case.only],))
+    dataset = choose_interpolation(dataset)
+    result = loop(dataset, seed=case.seed, tell=lambda _: None)
+    content = write_loop(case.out, result, missing=unexplained(result, dataset, tell=lambda _: None))
     errors = {
         f"{role}_rms_{when}": content["errors"][when][role]["rms"]
         for when in ("before", "after")
         for role in ("train", "holdout")
     }
-    added = ", ".join(effect["id"] for effect in content["effects"])
-    return {"verdict": content["verdict"], "effects": added, "unit": content["errors"]["unit"], **errors}
+    of = {name: effect["id"] for effect in content["effects"] for name in effect["parameters"]}
+    return {
+        "verdict": content["verdict"],
+        "effects": ", ".join(effect["id"] for effect in content["effects"]),
+        "test": content["test"],
+        "unit": content["errors"]["unit"],
+        **errors,
+        "rig": dataset.rig.name,
+        "recordings": "[records]" if case.own else "beside the rig file",
+        "parameters": [
+            {"parameter": name, "effect": of.get(name, ""), **entry, "reason": entry.get("reason", "")}
+            for name, entry in content["model"]["after"]["parameters"].items()
+        ],
+    }
 
 
-@click.command()
+def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases: Sequence[tuple[str, Case]]) -> None:
+    """Say which rigs were found, and which recordings are used."""
+    found = f"{_count(len(rigs), 'rig')} found at {where}, {_count(len(cases), 'case')}"
+    click.echo(found + listed(skipped), err=True)
+    own = {case.rig: case.own for _, case in cases if case.train}
+    told = {True: "the rig file's own [records]", False: "train*.csv and holdout*.csv beside the rig file"}
+    for kind in sorted(set(own.values()), reverse=True):
+        click.echo(f"recordings of {_count(list(own.values()).count(kind), 'rig')}: {told[kind]}", err=True)
+    used = {path for _, case in cases for path in (*case.train, *case.holdout)}
+    for rig in (rig for rig, named in own.items() if named):
+        unused = [path.name for role in ("train", "holdout") for path in beside(rig, role) if path not in used]
+        if unused:
+            click.echo(f"{rig}: not in its [records], not used: {', '.join(unused)}", err=True)
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'s' * (number != 1)}"
+
+
+@click.command(short_help="Run the loop on every rig file below a folder.")
 @click.argument("where", metavar="RIG_OR_FOLDER", type=PATH)
 @options("out", "seed", "quiet")
 @click.option("--each", is_flag=True, help="Every training recording is a case of its own.")
-@click.option("--workers", default=2, show_default=True, help="Processes on this machine.")
-@click.option("--scheduler", help="Address of a Dask scheduler whose workers are used instead.")
-@click.option("--limit", type=float, help="Seconds that one case may take.")
+@click.option("--workers", default=2, show_default=True, type=click.IntRange(1), help="Processes on this machine.")
+@click.option(
+    "--scheduler",
+    envvar="DISCOVERY_SCHEDULER",
+    show_envvar=True,
+    help="Address of a Dask scheduler whose workers are used instead, for example tcp://host:8786.",
+)
+@click.option("--limit", type=click.FloatRange(0, min_open=True), help="Seconds that one case may take.")
 def campaign(
     where: Path, out: Path, seed: int, quiet: bool, each: bool, workers: int, scheduler: str | None, limit: float | None
 ) -> None:
-    """Find what the declared model lacks in every rig below a folder; finished cases are kept."""
+    """Run the loop on every rig file below a folder, or on one: find what the declared model lacks.
+
+    A rig file is rig*.toml, at any depth, or any other TOML file that describes a rig. Its recordings are those of its
+    [records]; where it names none to train on, the files train*.csv and holdout*.csv beside it are taken, but not
+    *_clean.csv. With --each every training recording is a case of its own, with the same hold-outs.
+
+    Into the folder of --out go CASE/loop.json for every case, cases/CASE.json with its outcome or its error, and two
+    tables of the cases of this call, as Parquet and as CSV: results (verdict, its test, effects added, errors before
+    and after) and parameters (a row for every parameter of every final model: value, sd, unit, effect).
+
+    The same command again does what is left after an interruption, what failed, and every case whose rig file,
+    recordings or version of discovery have changed.
+
+    With --scheduler, or the address in DISCOVERY_SCHEDULER, a Dask cluster works instead of this machine. Its workers
+    must have this package installed and see rig files, recordings and --out under the same paths.
+    """
     from discovery.campaign import campaign as run
-    from discovery.campaign import collect, watched
+    from discovery.campaign import collect, unfinished, watched
     from discovery.errors import ComputationError
 
-    cases = found_cases(where, out, seed=seed, each=each)
+    rigs, skipped = rig_files(where)
+    cases = found_cases(rigs, where if where.is_dir() else where.parent, out, seed=seed, each=each)
+    made = origins(cases)
     folder = results_folder(out)
-    settings = {"each": each, "seed": seed}
-    outcomes = run(close, cases, folder, settings=settings, workers=workers, scheduler=scheduler, limit=limit)
+    outcomes = run(
+        close, cases, folder, settings={"seed": seed}, origins=made, workers=workers, scheduler=scheduler, limit=limit
+    )
+    left = list(unfinished(cases, folder, made))
+    if not quiet:
+        _say_found(where, rigs, skipped, cases)
+        if len(left) < len(cases):
+            click.echo(f"{len(cases) - len(left)} of {_count(len(cases), 'case')} were done before", err=True)
+        for name, _, reason in left:
+            if reason:
+                click.echo(f"{name} is done again: {reason}", err=True)
     failed = 0
-    for outcome in outcomes if quiet else watched(outcomes, None, "cases"):
+    for outcome in watched(outcomes, len(left), "cases") if left and not quiet else outcomes:
         failed += outcome.result is None
         said = outcome.error if outcome.result is None else f"{outcome.result['verdict']}: {outcome.result['effects']}"
         click.echo(f"{outcome.name}: {said.rstrip(': ')}")
-    click.echo(f"{collect(folder)}")
+    click.echo(f"{collect(folder, [name for name, _ in cases], apart=['parameters'])}")
     if failed:
         raise ComputationError(f"{failed} of {len(cases)} cases failed; their errors are in {folder / 'cases'}.")
 

@@ -26,7 +26,9 @@ def options(*names: str) -> Callable[[Any], Any]:
             "--holdout", multiple=True, type=PATH, help="Recording that is never fitted; repeat for several."
         ),
         "out": click.option("--out", required=True, type=PATH, help="Folder for the results."),
-        "seed": click.option("--seed", default=1, show_default=True, help="Seed of everything random."),
+        "seed": click.option(
+            "--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of everything random."
+        ),
         "quiet": click.option("--quiet", is_flag=True, help="No progress and no notes on standard error."),
     }
 

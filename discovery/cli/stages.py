@@ -9,7 +9,10 @@ import click
 
 from discovery.cli.options import PATH, load, options, progress, results_folder
 
-__all__ = ["COMMANDS"]
+__all__ = ["COMMANDS", "NOISES"]
+
+#: Noise models, named here so that the help is there at once; "auto" is the one of largest evidence.
+NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
 
 
 @click.command()
@@ -154,7 +157,14 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
 @click.command()
 @click.argument("rig", type=PATH)
 @options("train", "out", "seed", "quiet")
-def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
+@click.option(
+    "--noise",
+    type=click.Choice(NOISES),
+    default="gaussian",
+    show_default=True,
+    help="What the errors of the readings are like; auto: what the evidence prefers.",
+)
+def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, noise: str) -> None:
     """Sample the posterior of the declared model; an interrupted run is resumed."""
     from discovery import stages
     from discovery.provenance import provenance, write_json
@@ -165,13 +175,20 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     checkpoint = folder / "posterior_chains.h5"
     with progress(quiet) as tell:
         fitted = stages.estimate(dataset, tell=tell).models["declared"]
-        found = stages.sampled(fitted, seed=seed, tell=tell, backend=checkpoint)
+        choice = stages.weighed(fitted, seed=seed, tell=tell) if noise == "auto" else None
+        chosen = noise if choice is None else choice.noise
+        found = stages.sampled(fitted, seed=seed, tell=tell, backend=checkpoint, noise=chosen)
     found.to_netcdf(folder / "posterior.nc")
     rows = found.summary()
-    write_json(
-        folder / "posterior.json", {"provenance": provenance(dataset, seed=seed), "rows": rows, "status": found.status}
-    )
+    summary = {
+        "rows": rows,
+        "status": found.status,
+        "noise": {"chosen": chosen} if choice is None else choice.summary(),
+    }
+    write_json(folder / "posterior.json", {"provenance": provenance(dataset, seed=seed), **summary})
     checkpoint.unlink(missing_ok=True)
+    if choice is not None:
+        click.echo(f"noise: {chosen}, by its evidence{'' if choice.chosen.reliable else ', which cannot be trusted'}")
     for row in rows:
         click.echo(f"{row['name']}: {row['mean']:.6g} +- {row['sd']:.2g} {row['unit']}")
 

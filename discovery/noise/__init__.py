@@ -20,11 +20,37 @@ if TYPE_CHECKING:
     from discovery.instrument import Instrument
     from discovery.problem import Problem
 
-__all__ = ["GAUSSIAN", "NOISE_MODELS", "Noise", "NoiseParameter", "applicable", "noise_of"]
+__all__ = [
+    "GAUSSIAN",
+    "NOISE_MODELS",
+    "Noise",
+    "NoiseParameter",
+    "applicable",
+    "is_independent",
+    "noise_of",
+    "words_of",
+]
 
 #: Independent Gaussian errors, whose likelihood needs chi-square alone.
 GAUSSIAN = "gaussian"
 NOISE_MODELS: dict[str, type[Noise]] = {model.name: model for model in (StudentT, Correlated, InputNoise, Quantised)}
+
+
+def words_of(name: str) -> str:
+    """Return what the noise model of a name takes errors as."""
+    return "independent and Gaussian" if name == GAUSSIAN else _model(name).words
+
+
+def is_independent(name: str) -> bool:
+    """Return whether errors of different readings are independent under the noise model of a name."""
+    return name == GAUSSIAN or _model(name).independent
+
+
+def _model(name: str) -> type[Noise]:
+    if name not in NOISE_MODELS:
+        known = [GAUSSIAN, *NOISE_MODELS]
+        raise InputError(f"There is no noise model {name!r}; there are {', '.join(known)}.{suggestion(name, known)}")
+    return NOISE_MODELS[name]
 
 
 def noise_of(name: str, problem: Problem, parts: Sequence[Instrument]) -> tuple[Noise, ...]:
@@ -37,10 +63,7 @@ def noise_of(name: str, problem: Problem, parts: Sequence[Instrument]) -> tuple[
     """
     if name == GAUSSIAN:
         return ()
-    if name not in NOISE_MODELS:
-        known = [GAUSSIAN, *NOISE_MODELS]
-        raise InputError(f"There is no noise model {name!r}; there are {', '.join(known)}.{suggestion(name, known)}")
-    found = [NOISE_MODELS[name].of(problem, part) for part in parts]
+    found = [_model(name).of(problem, part) for part in parts]
     models = tuple(model for model in found if model is not None)
     if len(models) < len(found):
         raise InputError(

@@ -39,6 +39,7 @@ class Correlated(Noise):
 
     name: ClassVar[str] = "correlated"
     words: ClassVar[str] = "white and exponentially correlated"
+    independent: ClassVar[bool] = False
 
     readings: dict[int, tuple[FloatArray, NDArray[np.bool_]]]
 

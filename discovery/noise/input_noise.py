@@ -45,6 +45,7 @@ class InputNoise(Noise):
 
     name: ClassVar[str] = "input"
     words: ClassVar[str] = "white, and input noise that passed through the system"
+    independent: ClassVar[bool] = False
 
     readings: dict[int, tuple[FloatArray, NDArray[np.bool_], FloatArray]]
     alpha: int | float

@@ -81,9 +81,13 @@ class Noise(ABC):
         Parameters beside the size.
     """
 
-    #: What it is called, and in words.
+    #: What it is called, what it takes errors as in words, and what its size is.
     name: ClassVar[str]
     words: ClassVar[str]
+    size: ClassVar[str] = "noise, sd"
+    #: Whether errors of different readings are independent, and whether there are some that least squares cannot bear.
+    independent: ClassVar[bool] = True
+    outliers: ClassVar[bool] = False
 
     part: Instrument
     parameters: tuple[NoiseParameter, ...]
@@ -116,6 +120,13 @@ class Noise(ABC):
     @abstractmethod
     def whitened(self, i: int, columns: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
         """Return columns (n, c, k) of a Jacobian such that the information is their product; x (p,), noise (1 + m,)."""
+
+    def scaled(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return residuals (n, c, k) of which half the sum of squares is minus the log likelihood but for a constant.
+
+        Of rounded readings it is so where the cells are no wider than the noise.
+        """
+        return self.whitened(i, residual, x, noise)
 
 
 def seen_by(experiment: Experiment) -> NDArray[np.bool_]:

@@ -37,6 +37,7 @@ class Quantised(Noise):
 
     name: ClassVar[str] = "quantised"
     words: ClassVar[str] = "white, then rounded"
+    size: ClassVar[str] = "noise before rounding, sd"
 
     cells: dict[int, tuple[NDArray[np.bool_], FloatArray]]
 

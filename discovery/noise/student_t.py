@@ -37,6 +37,8 @@ class StudentT(Noise):
 
     name: ClassVar[str] = "student_t"
     words: ClassVar[str] = "independent, with outliers (Student t)"
+    size: ClassVar[str] = "noise, scale of Student t"
+    outliers: ClassVar[bool] = True
 
     counts: dict[int, int]
 
@@ -64,3 +66,9 @@ class StudentT(Noise):
         """Return the columns over what a reading tells of its mean, sqrt((nu + 1)/(nu + 3))/sigma."""
         nu = math.exp(noise[1])
         return columns * (math.sqrt((nu + 1) / (nu + 3)) * math.exp(-noise[0]))
+
+    def scaled(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return residuals (n, c, k) of which half the sum of squares is minus the log likelihood, bar a constant."""
+        nu = math.exp(noise[1])
+        size = np.sqrt((nu + 1) * np.log1p((residual * math.exp(-noise[0])) ** 2 / nu))
+        return np.asarray(np.copysign(size, residual))

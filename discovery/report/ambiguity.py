@@ -12,6 +12,7 @@ __all__ = [
     "contradictions",
     "contradictions_table",
     "moves_table",
+    "predictor",
     "reconciliations_table",
     "separation_table",
     "undecided",
@@ -132,6 +133,11 @@ def moves_table(run: Run) -> Table | None:
     return Table("moves", "Moves of the designed manoeuvres, with a trapezoidal speed.", head, cells, keys, raw)
 
 
+def predictor(run: Run) -> str:
+    """Return who predicts the fitted values, and that they do."""
+    return "the rig and the elastica predict" if run.is_arm else "the rig predicts"
+
+
 def contradictions_table(run: Run) -> Table | None:
     """Return every fitted value that was tested against the rig and the elastica."""
     tested = run.loop.get("contradiction")
@@ -159,7 +165,9 @@ def contradictions_table(run: Run) -> Table | None:
     head = ("parameter", "fitted ± sd", "predicted ± sd", "unit", "difference [sds]", "p value", "reconciled by")
     raw_head = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "p", "reconciled_by")
     caption = (
-        "Fitted values against what the rig and the elastica predict; p values two-sided, corrected for the number of "
-        "tests. An effect that free parameters absorb leaves no residual, but contradicts a prediction."
+        f"Fitted values against what {predictor(run)}; p values two-sided, corrected for the number of tests. An "
+        "effect that free parameters absorb leaves no residual, but contradicts a prediction."
     )
+    if any(c["parameter"] == "k_g" for c in tested["checks"]):
+        caption += " k_g = √(g_c² + g_s²): the pull of gravity, gravity over length of a simple pendulum."
     return Table("contradictions", caption, head, cells, raw_head, raw, (0, 3, 6))

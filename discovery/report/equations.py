@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from discovery.effect import Effect
     from discovery.mechanics.base import Mechanics
 
-__all__ = ["Formula", "discovered_equation", "model_formulas"]
+__all__ = ["Formula", "discovered_equation", "model_formulas", "undriven"]
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,11 @@ def _scalar_equation(model: Mapping) -> str:
     return equal(row(*parts), "<mn>0</mn>")
 
 
+def undriven(model: Mapping) -> bool:
+    """Return whether the recordings of a model have no input."""
+    return bool(model.get("known", {}).get("g") == 0)
+
+
 def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
     """Return the equation of motion of a system with one coordinate on a line, its modes, and what is read of it.
 
@@ -133,9 +138,10 @@ def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
         left.insert(0, row("<mo>(</mo>", expression(terms.inertia, "q"), "<mo>)</mo>"))
     for _, term in terms.terms:
         left += [signed(expression(part, "q")) for part in _rounded(term.xreplace(plain)).as_ordered_terms()]
-    found = [Formula("Equation of motion", equal(row(*left), expression(terms.drive, "q")))]
+    drive = terms.drive.subs(sp.Symbol("g", real=True), 0) if undriven(model) else terms.drive
+    found = [Formula("Equation of motion", equal(row(*left), expression(drive, "q")))]
     told: list[Effect] = [e for e in described.terms if isinstance(e, Mode)]
-    found += [Formula(mode.title(), mode_formula(mode, terms.drive)) for mode in told]
+    found += [Formula(mode.title(), mode_formula(mode, drive)) for mode in told]
     read = terms.output
     if read is not None and read != motion_symbols(base.system)[0]:
         sensors = [e for e in described.terms if isinstance(e, Sensor) and e.lateness() == 0]

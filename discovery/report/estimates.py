@@ -13,7 +13,7 @@ from discovery.report.numbers import MISSING, interval, rounded, significant, un
 from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table, name_cell
-from discovery.report.words import LAWS, MASSES
+from discovery.report.words import LAWS, MASSES, effect_name
 
 __all__ = [
     "elastica_table",
@@ -25,9 +25,11 @@ __all__ = [
     "symbol_of",
 ]
 
-#: Diagnostics that a summary may have.
-_OPTIONAL = {"mcse": "error of the mean", "ess_tail": "samples of the tails"}
+#: Columns of a summary that tell how well the mean and the quantiles are known from the draws.
+_DIAGNOSTICS = ("r_hat", "ess", "mcse", "ess_tail")
 _ORDER = ("alpha", "beta", "beta/alpha", "gamma")
+#: Columns of the final model on a narrow screen: values before words.
+_NARROW = (0, 3, 2, 4, 1, 5)
 
 
 def published(run: Run) -> Mapping[str, Any]:
@@ -46,10 +48,8 @@ def _declarations(model: Mapping[str, Any]) -> dict[str, Any]:
     return {p.name: p for owner in owners for p in owner.parameters()}
 
 
-def _meaning(name: str, declared: Mapping[str, Any]) -> str:
-    if name in declared:
-        return str(declared[name].meaning)
-    return "noise, sd" if name.startswith("sigma") else "of the noise"
+def _meaning(name: str, declared: Mapping[str, Any], otherwise: str = "noise, sd") -> str:
+    return str(declared[name].meaning) if name in declared else otherwise
 
 
 def _symbol(name: str, declared: Mapping[str, Any]) -> Markup | str:
@@ -69,43 +69,39 @@ def _subject(run: Run) -> Mapping[str, Any]:
 
 
 def posterior_table(run: Run) -> Table:
-    """Return the sampled parameters and noise beside their priors, the fit and, on the paper's rig, the paper."""
-    posterior, rows = run.results["posterior"], run.quantities_sampled
+    """Return the sampled parameters and noise beside the fit and, on the paper's rig, the paper."""
+    from discovery.noise import is_independent
+
+    rows = run.quantities_sampled
     declared, paper = _declarations(_subject(run)), published(run).get("parameters", {})
-    priors = {p["name"]: p for p in posterior.get("priors", ())}
-    optional = [(k, words) for k, words in _OPTIONAL.items() if any(k in r for r in rows)]
     cells = []
     for r in rows:
         sd = r["sd"]
         cells.append(
             [
                 _symbol(r["name"], declared),
-                _meaning(r["name"], declared),
+                _meaning(r["name"], declared, r.get("meaning", "noise, sd")),
                 unit_text(r["unit"], run.coordinate_unit),
                 uncertain(r["mean"], sd),
                 *(rounded(r[q], sd) for q in ("q05", "q50", "q95")),
                 uncertain(r["fit_value"], r["fit_sd"]),
                 *([significant(paper.get(r["name"]), 4)] if paper else []),
-                significant(r["r_hat"], 5),
-                significant(r["ess"], 4),
-                *(significant(r.get(k), 2 if k == "mcse" else 4) for k, _ in optional),
-                *([prior_words(priors.get(r["name"]))] if priors else []),
             ]
         )
+    known = [k for k in _DIAGNOSTICS if any(k in r for r in rows)]
     head = (
         "", "meaning", "unit", "mean ± sd", "5 %", "50 %", "95 %", "fit ± sd",
-        *(["paper, least squares"] if paper else []), "R-hat", "samples", *(words for _, words in optional),
-        *(["prior"] if priors else []),
+        *(["paper, least squares"] if paper else []),
     )  # fmt: skip
-    keys = (
-        "name", "unit", "mean", "sd", "q05", "q50", "q95", "fit_value", "fit_sd", "r_hat", "ess",
-        *(k for k, _ in optional),
-    )  # fmt: skip
+    keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95", "fit_value", "fit_sd", *known)
     kind = rows[0]["interval"] if rows else "90 % interval"
     raw = [[r.get(k) for k in keys] for r in rows]
-    caption = f"Parameters. 5 to 95 %: {kind}. R-hat: between independent ensembles. Samples: effective number."
-    text = (0, 1, 2, *([len(head) - 1] if priors else []))
-    return Table("posterior", caption, head, cells, keys, raw, text)
+    caption = f"Parameters. 5 to 95 %: {kind}. Fit: least squares, with a standard deviation that counts residuals as "
+    caption += f"correlated as they are; that of the posterior ({effect_name(run.noise_sampled)} noise) " + (
+        "does not." if is_independent(run.noise_sampled) else "is that of its own noise."
+    )
+    order = (0, 3, 2, 4, 5, 6, 7, *([8] if paper else []), 1)
+    return Table("posterior", caption, head, cells, keys, raw, (0, 1, 2), order)
 
 
 def prior_words(prior: Mapping[str, Any] | None) -> str:
@@ -168,7 +164,9 @@ def final_table(run: Run) -> Table:
         raw.append([name, p["unit"], p["value"], p["sd"], p.get("reason", "")])
     head = ("", "meaning", "unit", "final ± sd", "before ± sd", "why no interval")
     caption = "Parameters of the final model, least squares, one standard deviation; initial states are not listed."
-    return Table("final_model", caption, head, cells, ("name", "unit", "value", "sd", "reason"), raw, (0, 1, 2, 5))
+    return Table(
+        "final_model", caption, head, cells, ("name", "unit", "value", "sd", "reason"), raw, (0, 1, 2, 5), _NARROW
+    )
 
 
 def elastica_table(run: Run) -> Table:
@@ -212,6 +210,7 @@ def elastica_table(run: Run) -> Table:
     raw = [[r.get(k) for k in keys] for r in comparison]
     caption = (
         "Posterior against what the elastica predicts from the rig file; the difference is in standard deviations of "
-        "both together. Massless and counted: the rod’s own mass left out, or added to the tip as 33/140 of it."
+        "both together. Massless and counted: the rod’s own mass left out, or added to the tip as 33/140 of it. "
+        f"Standard deviations of the posterior are those under {effect_name(run.noise_sampled)} noise."
     )
     return Table("elastica", caption, head, cells, keys, raw, (0, 1, 2, 3))

@@ -214,6 +214,8 @@ def effects_table(run: Run) -> Table | None:
     def printed(key: str, value: float | None) -> str:
         if key == "p_value" and value is not None and value * (REPLICATES + 1) < 1.5:
             return f"under {significant(1 / REPLICATES, 1)}"
+        if key == "share_of_excess" and value is not None and value >= 1:
+            return "all"
         if key.startswith("share") and value is not None:
             return f"{100 * value:.1f} %"
         return significant(value and value * scale.factor if key == "effect_rms" else value)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from discovery.io import atomic_write
-from discovery.report import ambiguity, evidence, latent, measures, posterior, story
+from discovery.report import ambiguity, convergence, evidence, latent, measures, noise, posterior, story
+from discovery.report.drive import drive_words
 from discovery.report.equations import Formula, discovered_equation, model_formulas
 from discovery.report.estimates import (
     elastica_table,
@@ -126,7 +127,8 @@ def _tables(run: Run) -> dict[str, Table]:
         posterior.profiles_table(run),
         posterior.priors_table(run),
         posterior.coverage_table(run),
-        posterior.noise_table(run),
+        convergence.diagnostics_table(run),
+        noise.noise_table(run),
         posterior.models_table(run),
         elastica_table(run) if r.get("elastica") and r["elastica"]["comparison"] else None,
         evidence.residual_table(run),
@@ -233,19 +235,23 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "radius_gamma": significant(radius["gamma"], 4) if radius else "",
         "multisine": r.get("multisine"),
         "declared_formulas": _lines(model_formulas(model["before"]["model"], system)),
+        "drive": drive_words(run),
         "final_formulas": _lines(model_formulas(model["after"]["model"], system)),
         "same_model": model["before"]["model"] == model["after"]["model"],
         "final": model["after"],
         "reduced_chi2": significant(model["after"]["reduced_chi2"], 4),
         "solver_shift": significant(model["after"]["solver_shift_sd"], 2),
         "posterior": r.get("posterior"),
-        "noise": posterior.noise_sentence(run),
+        "noise_differs": noise.noise_differs(run),
+        "noise": noise.noise_sentence(run),
+        "converged": convergence.convergence_sentence(run),
         "leans": posterior.prior_sentence(run),
         "correlated": posterior.correlation_sentences(run),
         "elastica": r.get("elastica") if "elastica" in tables else None,
         "paper": published(run).get("source", ""),
         "steps": story.steps(run),
         "undecided": ambiguity.undecided(run),
+        "predictor": ambiguity.predictor(run),
         "contradictions": ambiguity.contradictions(run),
         "unexplained": latent.sentences(run),
         "is_arm": run.is_arm,

@@ -1,24 +1,20 @@
-"""Tables and sentences of the posterior: its priors, what its parameters share, how well it predicts, which noise."""
+"""Tables and sentences of the posterior: its priors, what its parameters share, how well it predicts, its rivals."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from discovery.mechanics import base_names, get_base
-from discovery.registry import catalogue
 from discovery.report.estimates import prior_words, symbol_of
 from discovery.report.numbers import MISSING, fixed, interval, near_one, scale_for, significant
 from discovery.report.results import Run
 from discovery.report.tables import Cell, Table
-from discovery.report.words import effect_name, listed, prose
+from discovery.report.words import effect_name, error_scale, listed, prose
 
 __all__ = [
     "correlation_sentences",
     "coverage_table",
     "models_table",
-    "noise_sentence",
-    "noise_table",
     "prior_sentence",
     "priors_table",
     "profiles_table",
@@ -134,33 +130,14 @@ def coverage_table(run: Run) -> Table | None:
     return Table("coverage", caption, head, cells, keys, raw, (0, 1, 2))
 
 
-def _physical(names: Iterable[str]) -> list[str]:
-    """Return the names that are parameters of some effect or base, not of the noise nor of a start."""
-    owners: list[Any] = [*catalogue().values(), *(get_base(b) for b in base_names())]
-    declared = {p.name for owner in owners for p in owner.parameters()}
-    return [n for n in names if n in declared]
-
-
-def noise_sentence(run: Run) -> str:
-    """Return in one sentence which noise is chosen, and what it does to the intervals; empty where it was not asked."""
-    noise = run.results.get("noise")
-    if not noise:
-        return ""
-    wider = [noise["widening"][n] for n in _physical(noise.get("widening", ()))]
-    chosen = f"The evidence prefers {effect_name(noise['chosen'])} noise"
-    if noise["chosen"] == "gaussian" or not wider:
-        return f"{chosen}."
-    span = " to ".join(dict.fromkeys(significant(w, 2) for w in (min(wider), max(wider))))
-    return f"{chosen}: intervals are {span} times as wide as where errors count as independent and Gaussian."
-
-
 def models_table(run: Run) -> Table | None:
     """Return candidate sets of effects by evidence, beside their errors on what was held out."""
     found = run.results.get("evidence")
     if not found:
         return None
+    scale = error_scale(run)
     cells: list[list[Cell]] = []
-    keys = ("name", "behind", "error", "pareto_k", "free", "held_out")
+    keys = ("name", "noise", "behind", "error", "pareto_k", "free", "held_out")
     for m in found["models"]:
         unsure = "" if m["reliable"] else ", unreliable"
         cells.append(
@@ -170,47 +147,19 @@ def models_table(run: Run) -> Table | None:
                 f"{m['free']}",
                 f"{significant(-m['behind'], 4)} ± {significant(m['error'], 1)}",
                 significant(m["pareto_k"], 2) + unsure,
-                significant(m["held_out"], 4),
+                significant(m["held_out"] and m["held_out"] * scale.factor),
             ]
         )
-    head = ("candidate", "effects", "free", "log evidence − best", "Pareto k", "held out")
+    head = ("candidate", "effects", "free", "log evidence − best", "Pareto k", f"held out, rms [{scale.symbol}]")
+    noise = listed(dict.fromkeys(effect_name(m["noise"]) for m in found["models"]))
     caption = (
-        "Candidates by evidence, which counts priors and noise, beside their errors on what was held out, smaller is "
-        f"better; held out, {effect_name(found['held_out_prefers'])} is best."
-        if found.get("held_out_prefers")
-        else "Candidates by evidence."
+        f"Candidates by evidence, which counts priors and noise: {noise} noise for all, because what the smaller model "
+        "lacks is correlated."
     )
+    if found.get("held_out_prefers"):
+        caption += (
+            " Beside it their free-run errors on what was held out, smaller is better; held out, "
+            f"{effect_name(found['held_out_prefers'])} is best."
+        )
     raw = [[m[k] for k in keys] for m in found["models"]]
     return Table("model_evidence", caption, head, cells, keys, raw, (0, 1))
-
-
-def noise_table(run: Run) -> Table | None:
-    """Return the noise models side by side: evidence, and the interval of every parameter under each."""
-    noise = run.results.get("noise")
-    if not noise or not noise.get("models"):
-        return None
-    models = noise["models"]
-    names = _physical(models[0]["intervals"])
-    best = max(m["log_evidence"] for m in models)
-    cells: list[list[Cell]] = []
-    raw: list[list[Any]] = []
-    for m in models:
-        name = effect_name(m["noise"]) + (" (chosen)" if m["noise"] == noise["chosen"] else "")
-        unsure = "" if m["reliable"] else ", unreliable"
-        cells.append(
-            [
-                name,
-                f"{significant(m['log_evidence'] - best, 4)} ± {significant(m['error'], 1)}",
-                significant(m["pareto_k"], 2) + unsure,
-                *(interval(*(m["intervals"].get(n) or (None, None, None))[::2]) for n in names),
-            ]
-        )
-        ends = [x for n in names for x in (m["intervals"].get(n) or (None,) * 3)]
-        raw.append([m["noise"], m["log_evidence"], m["error"], m["pareto_k"], *ends])
-    head = ("noise", "log evidence − best", "Pareto k", *(symbol_of(n) for n in names))
-    keys = ("noise", "log_evidence", "error", "pareto_k", *(f"{n}_{q}" for n in names for q in ("q05", "q50", "q95")))
-    caption = (
-        "Models of the noise: log of the evidence against the best, with its error; Pareto k above 0.7 means that "
-        "it cannot be trusted; then the 90 % interval of every parameter under that noise."
-    )
-    return Table("noise", caption, head, cells, keys, raw)

@@ -156,9 +156,31 @@ class Run:
             raise InputError(f"{path} cannot be read as netCDF: {error}. Run the pipeline again.") from error
 
     @cached_property
+    def _sampled(self) -> xr.Dataset | None:
+        return self.open("posterior.nc", "posterior")
+
+    @cached_property
+    def sampling(self) -> Mapping[str, Any]:
+        """How the posterior was sampled: its provenance, with `acceptance` by move and `tau` by quantity [steps]."""
+        dataset = self._sampled
+        if dataset is None or "provenance" not in dataset.attrs:
+            return {}
+        return {
+            **json.loads(dataset.attrs["provenance"]),
+            "acceptance": json.loads(dataset.attrs["acceptance"]),
+            "tau": {str(name): float(x.attrs["tau"]) for name, x in dataset.data_vars.items()},
+        }
+
+    @property
+    def noise_sampled(self) -> str:
+        """Name of the noise model of the posterior."""
+        stated = (self.results.get("posterior") or {}).get("noise")
+        return str(stated or self.sampling.get("noise", "gaussian"))
+
+    @cached_property
     def draws(self) -> Mapping[str, FloatArray]:
         """Posterior draws by quantity, each (ensembles, draws, walkers); empty where no posterior was sampled."""
-        dataset = self.open("posterior.nc", "posterior")
+        dataset = self._sampled
         if dataset is None:
             return {}
         # Every walker is a chain, those of one ensemble side by side.

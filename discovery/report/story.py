@@ -14,6 +14,9 @@ from discovery.report.words import effect_name, effect_title, listed
 
 __all__ = ["Search", "decisions", "in_the_end", "searches", "steps"]
 
+#: What a step removed of how much, and by how much chance alone could.
+_REMOVED = re.compile(r"removes (-?\d+) of (-?\d+)( excess chi-square)?")
+_CHANCE = re.compile(r"\(by chance (\d+)\)")
 #: Head of a step and its outcome, accepted or not.
 _WORDS = {
     "upgrade": ("Compared the mechanics", "kept", "not kept"),
@@ -104,6 +107,7 @@ def steps(run: Run) -> list[dict[str, str]]:
             reason = re.sub(r"\bit removes\b", "they remove", reason)
         elif action == "remove" and first["accepted"]:
             reason = f"beside the others it explains too little: {reason.removeprefix('not enough: ')}"
+        reason = _CHANCE.sub(r"(required: at least \1)", _REMOVED.sub(_removed, reason))
         titles = [effect_title(e) for e in effects] if action in ("upgrade", "add") else []
         found.append(
             {
@@ -114,6 +118,14 @@ def steps(run: Run) -> list[dict[str, str]]:
             }
         )
     return found
+
+
+def _removed(found: re.Match[str]) -> str:
+    """Return how much of the excess a step removed; a model may also fit some of the noise, and so beat the excess."""
+    gain, excess, what = int(found[1]), int(found[2]), found[3] or ""
+    if excess <= 0:
+        return f"removes {gain}, where chi-square is no more than noise,"
+    return f"removes all {excess}{what}" if gain >= excess else found[0]
 
 
 def _mechanics(numbers: Mapping[str, float], reason: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLUE", "GREEN", "GREY", "LINES", "ORANGE", "PURPLE", "RED", "SKY", "Picture", "decimate", "label", "new_figure",
-    "plain_log", "quantity_label", "render", "series", "styled",
+    "plain_log", "quantity_label", "render", "series",
+    "side_label", "styled",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +43,11 @@ _DOTS = 90
 _DENSE = 4000
 #: Width of a figure [inches]. A phone shows it at three quarters of its size, a wide screen at five quarters.
 WIDTH = 4.6
+#: Ticks of a decade, coarse to fine, and how many there are at least.
+_LOG_STEPS = ((1.0,), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0))
+_FEWEST_TICKS = 3
+#: Characters of an axis label beyond which it takes another line.
+_LABEL = 16
 _STYLE: Any = {
     "axes.edgecolor": GREY,
     "axes.formatter.useoffset": False,
@@ -163,11 +170,13 @@ def series(axes: Axes, model: str, time: FloatArray, values: FloatArray, **chang
 
 def plain_log(axis: Axis) -> None:
     """Label a logarithmic axis with plain numbers, more of them where it spans little."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     low, high = axis.get_view_interval()
-    narrow = high < 40 * low
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
+    locators = [LogLocator(subs=steps) for steps in _LOG_STEPS[int(high < 40 * low) :]]
+    counts = [sum(low <= tick <= high for tick in locator.tick_values(low, high)) for locator in locators]
+    enough = (locator for locator, count in zip(locators, counts, strict=True) if count >= _FEWEST_TICKS)
+    axis.set_major_locator(next(enough, MaxNLocator(4)))
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}" if 1e-4 < x < 1e5 else f"{x:.0e}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -175,6 +184,11 @@ def plain_log(axis: Axis) -> None:
 def label(quantity: str, unit: str) -> str:
     """Return an axis label with its unit."""
     return f"{quantity} [{unit}]" if unit else quantity
+
+
+def side_label(quantity: str, unit: str) -> str:
+    """Return the label of the vertical axis of a low panel, in lines that it can hold."""
+    return fill(label(quantity, unit), _LABEL, break_long_words=False)
 
 
 def quantity_label(name: str, unit: str = "") -> str:

@@ -42,6 +42,9 @@ class Table:
         The same numbers unrounded, as the result file has them.
     text : tuple of int
         Columns of words, set to the left; the others hold numbers.
+    narrow : tuple of int
+        All columns in the order in which a narrow screen shows them, each row a paragraph; empty for a table that
+        scrolls there.
     """
 
     name: str
@@ -51,18 +54,23 @@ class Table:
     raw_header: tuple[str, ...]
     raw_rows: Sequence[Sequence[Any]]
     text: tuple[int, ...] = field(default=(0,))
+    narrow: tuple[int, ...] = ()
 
     def html(self) -> Markup:
         """Return the table in a box that scrolls sideways where the screen is narrow."""
 
         def cells(tag: str, values: Iterable[Cell]) -> str:
-            return "".join(f"<{tag}{self._look(i, v)}>{escape(v)}</{tag.split()[0]}>" for i, v in enumerate(values))
+            return "".join(
+                f"<{tag}{self._look(i, v)}{self._place(i) if tag == 'td' else ''}>{escape(v)}</{tag.split()[0]}>"
+                for i, v in enumerate(values)
+            )
 
         body = "".join(f"<tr>{cells('td', row)}</tr>" for row in self.rows)
-        name = f"table-{self.name}"
+        name, stacked = f"table-{self.name}", ' class="stacked"' if self.narrow else ""
         return Markup(
             f'<p class="caption" id="{name}">{escape(self.caption)}</p>'
-            f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{name}"><table aria-labelledby="{name}">'
+            f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{name}">'
+            f'<table{stacked} aria-labelledby="{name}">'
             f"<thead><tr>{cells(_HEAD, self.header)}</tr></thead><tbody>{body}</tbody></table></div>"
         )
 
@@ -72,6 +80,13 @@ class Table:
             return ""
         long = value.count("<math") > 2 if isinstance(value, Markup) else len(value) > _LONG
         return ' class="t long"' if long else ' class="t"'
+
+    def _place(self, column: int) -> str:
+        """Return where a narrow screen shows a cell, and what it calls a number there."""
+        if not self.narrow:
+            return ""
+        called = "" if column in self.text else f' data-label="{escape(self.header[column])}"'
+        return f' style="order:{self.narrow.index(column)}"{called}'
 
     def csv(self) -> str:
         """Return the content of the CSV file."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from discovery.report.numbers import unit_text
@@ -13,6 +15,13 @@ __all__ = ["draw"]
 
 _MOST = 8
 _DRAWS = 20_000
+#: Share of a panel at each end that bears no tick.
+_EDGE = 0.1
+
+
+def _inner(ticks: Iterable[float], low: float, high: float) -> list[float]:
+    """Return the ticks whose labels neither meet those of the next panel nor leave the figure."""
+    return [tick for tick in ticks if low + _EDGE * (high - low) < tick < high - _EDGE * (high - low)]
 
 
 def draw(run: Run) -> Picture | None:
@@ -44,6 +53,8 @@ def draw(run: Run) -> Picture | None:
     for axis in figure.axes:
         axis.grid(visible=False)
         axis.tick_params(labelsize=7.5, colors=GREY)
+        for one in (axis.xaxis, axis.yaxis):
+            one.set_ticks(_inner(one.get_majorticklocs(), *one.get_view_interval()))
     priors = {p["name"]: p for p in (run.results["posterior"] or {}).get("profiles", ())}
     for i, r in enumerate(shown):
         if r["name"] in priors:

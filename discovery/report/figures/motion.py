@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.report.results import Run, Trajectory
-from discovery.report.style import BLUE, GREY, RED, Picture, decimate, label, new_figure
+from discovery.report.style import BLUE, GREY, RED, Picture, decimate, new_figure, side_label
 
 __all__ = ["channel_name", "draw", "draw_deflections"]
 
@@ -28,14 +28,14 @@ def draw(run: Run) -> Picture | None:
         return None
     shown = max(train, key=_largest)
     rows = len(shown.channels) + (shown.input is not None)
-    figure = new_figure(1.15 * rows + 0.6)
+    figure = new_figure(1.25 * rows + 0.6)
     axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
     for axis, channel, unit, values in zip(axes, shown.channels, shown.units, shown.measured.T, strict=False):
         axis.plot(*decimate(shown.time, values), color="black", linewidth=0.8)
-        axis.set_ylabel(label(channel_name(run, channel), unit))
+        axis.set_ylabel(side_label(channel_name(run, channel), unit))
     if shown.input is not None:
         axes[-1].plot(*decimate(shown.time, shown.input), color=BLUE, linewidth=0.9)
-        axes[-1].set_ylabel(label("motor angle" if run.is_arm else run.input_name, run.input_unit))
+        axes[-1].set_ylabel(side_label("motor angle" if run.is_arm else run.input_name, run.input_unit))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
     driven = f" and {run.input_name}" if shown.input is not None else ""

@@ -20,6 +20,8 @@ _MOST = 10
 _SEARCHES = 4
 #: Characters of a step's name beyond which it takes another line.
 _LABEL = 32
+#: Factor by which an axis reaches beyond its values at least.
+_MARGIN = 1.1
 #: Mean squared residual from which the axis is logarithmic.
 _WIDE = 3.0
 
@@ -79,6 +81,16 @@ def _held(numbers: Mapping[str, float]) -> tuple[float, float] | None:
     return None
 
 
+def _round_limits(values: Sequence[float]) -> tuple[float, float]:
+    """Return limits of a logarithmic axis beyond all values, the upper one with a tick."""
+    low, high = min(values) / _MARGIN, max(values) * _MARGIN
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    marks = np.outer(decades, (1.0, 2.0, 5.0)).ravel()
+    left = marks[marks <= low].max()
+    above = marks if high < 20 * left else decades
+    return float(left), float(above[above >= high].min())
+
+
 def draw_steps(run: Run) -> Picture | None:
     """Return the held-out misfit after every proposal of the loop; a set that was tried together is one."""
     found = []
@@ -100,6 +112,7 @@ def draw_steps(run: Run) -> Picture | None:
         axes.plot(end, row, "o" if step["accepted"] else "X", color=colour, markersize=7)
     axes.axvline(1.0, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0)
     axes.set_xscale("log")
+    axes.set_xlim(*_round_limits([1.0, *(value for *_, both in found for value in both)]))
     plain_log(axes.xaxis)
     axes.set_yticks(range(len(found)), [name for _, name, _ in found])
     axes.set_ylim(len(found) - 0.5, -0.5)

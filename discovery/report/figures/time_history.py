@@ -10,7 +10,7 @@ from discovery.report.figures.motion import channel_name
 from discovery.report.figures.phase import _period
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
-from discovery.report.style import BLUE, LINES, Picture, label, new_figure, plain_log, series
+from discovery.report.style import BLUE, LINES, Picture, label, new_figure, plain_log, series, side_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +63,7 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
         start.set_title("start")
         end.set_title("end")
         for axis in (whole, start):
-            axis.set_ylabel(label(channel_name(run, channel), unit))
+            axis.set_ylabel(side_label(channel_name(run, channel), unit))
     _distances(figure.add_subplot(grid[2 * count, :]), trajectory)
     handles, names = whole.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper left", ncols=2)

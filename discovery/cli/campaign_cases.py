@@ -1,0 +1,178 @@
+"""The cases of a campaign: rig files below a folder, their recordings, and what their outcomes are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+__all__ = ["Case", "beside", "found_cases", "listed", "origins", "rig_files"]
+
+#: Files that are named before the rest is counted.
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class Case:
+    """One loop of a campaign.
+
+    Parameters
+    ----------
+    rig : Path
+        The rig file.
+    train, holdout : tuple of Path
+        Files of its recordings.
+    own : bool
+        They are those of the rig file's [records], not the ones found beside it.
+    only : int or None
+        Of the [records], the one training recording that is fitted; None for all.
+    out : Path
+        Where loop.json goes.
+    seed : int
+        Seed of the loop.
+    """
+
+    rig: Path
+    train: tuple[Path, ...]
+    holdout: tuple[Path, ...]
+    own: bool
+    only: int | None
+    out: Path
+    seed: int
+
+
+def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
+    """Return the rig files below a folder, at any depth, and the other TOML files there; or the one that is named.
+
+    A file ``rig*.toml`` is a rig file even where it cannot be read, so that its mistake is told.
+
+    Raises
+    ------
+    InputError
+        If there is none, or the one that is named cannot be read.
+    """
+    from discovery.errors import InputError
+    from discovery.rig_file import read_rig
+
+    if not where.is_dir():
+        read_rig(where)
+        return [where], []
+    found = sorted(p for p in where.rglob("*.toml") if not any(n.startswith(".") for n in p.relative_to(where).parts))
+    rigs = [path for path in found if path.name.startswith("rig") or _is_rig(path)]
+    if not rigs:
+        raise InputError(
+            f"There is no rig file below {where}{listed(found)}. Give a rig file, or a folder that holds some."
+        )
+    return rigs, [path for path in found if path not in set(rigs)]
+
+
+def _is_rig(path: Path) -> bool:
+    """Whether a TOML file describes a system, rightly or not."""
+    import tomllib
+
+    from discovery.kinds import KINDS
+    from discovery.rig_schema import QUANTITIES
+    from discovery.units import split_suffix
+
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    described = str(content.get("kind")) in KINDS or isinstance(content.get("columns"), dict)
+    return isinstance(content.get("name"), str) and (
+        described or any(split_suffix(key, QUANTITIES) is not None for key in content)
+    )
+
+
+def found_cases(
+    rigs: Sequence[Path], root: Path, out: Path, *, seed: int = 1, each: bool = False
+) -> list[tuple[str, Case]]:
+    """Return the cases of rig files, named by where they are.
+
+    Parameters
+    ----------
+    rigs : sequence of Path
+        From `rig_files`. The recordings of a rig are those of its [records]; where it names none to train on, the files
+        ``train*.csv`` and ``holdout*.csv`` beside it, but for ``*_clean.csv``.
+    root : Path
+        Folder that all of them are below.
+    out : Path
+        Folder of the campaign.
+    seed : int
+        Seed of every loop.
+    each : bool
+        Every training recording is a case of its own.
+    """
+    cases: dict[str, Case] = {}
+    for rig in rigs:
+        place = (rig.parent if rig.name == "rig.toml" else rig.with_suffix("")).relative_to(root)
+        base = "_".join(place.parts) or rig.stem
+        train, holdout, own = _recordings(rig.resolve())
+        parts: list[tuple[str, tuple[Path, ...], int | None]] = [(base, tuple(path for _, path in train), None)]
+        if each and len(train) > 1:
+            parts = [(f"{base}_{word}", (path,), i if own else None) for i, (word, path) in enumerate(train)]
+        for wanted, files, only in parts:
+            name, count = wanted, 1
+            # The outcomes of all lie in the folder cases.
+            while name in cases or name == "cases":
+                count += 1
+                name = f"{wanted}_{count}"
+            cases[name] = Case(rig.resolve(), files, holdout, own, only, out.resolve() / name, seed)
+    return list(cases.items())
+
+
+def _recordings(rig: Path) -> tuple[list[tuple[str, Path]], tuple[Path, ...], bool]:
+    """Return the training recordings of a rig with their names, the hold-outs, and whether its [records] name them."""
+    from discovery.errors import InputError
+    from discovery.rig_file import read_rig
+
+    try:
+        records = read_rig(rig).records
+    except InputError:  # told as the outcome of the case
+        return [], (), False
+    if train := records.get("train"):
+        holdout = tuple(part.file for part in records.get("holdout", ()))
+        return [(part.name or part.file.stem, part.file) for part in train], holdout, True
+    return [(path.stem, path) for path in beside(rig, "train")], tuple(beside(rig, "holdout")), False
+
+
+def beside(rig: Path, role: str) -> list[Path]:
+    """Return the recordings beside a rig file that are named after a role, without those free of noise."""
+    return [path for path in sorted(rig.parent.glob(f"{role}*.csv")) if not path.stem.endswith("_clean")]
+
+
+def origins(cases: Sequence[tuple[str, Case]]) -> dict[str, dict[str, Any]]:
+    """Return what every case is made from: version of the package, SHA-256 of the rig file and of its recordings."""
+    from functools import cache
+    from hashlib import file_digest
+    from importlib.metadata import version
+
+    @cache
+    def sha256(path: Path) -> str | None:
+        if path.exists():
+            with path.open("rb") as file:
+                return file_digest(file, "sha256").hexdigest()
+        # Public measured data lie in the user's data folder, and are used only as they were registered.
+        from discovery_datasets.registry import FILES
+
+        return next((entry.sha256 for name, entry in FILES.items() if Path(name).name == path.name), None)
+
+    package = version("discovery")
+    return {
+        name: {
+            "version": package,
+            "rig_file": sha256(case.rig),
+            "training_recordings": [[path.name, sha256(path)] for path in case.train],
+            "hold_outs": [[path.name, sha256(path)] for path in case.holdout],
+        }
+        for name, case in cases
+    }
+
+
+def listed(paths: Sequence[Path]) -> str:
+    """Name files that were skipped because they are no rig files."""
+    if not paths:
+        return ""
+    more = f" and {len(paths) - _NAMED} more" if len(paths) > _NAMED else ""
+    return f"; skipped, no rig files: {', '.join(map(str, paths[:_NAMED]))}{more}"

@@ -1,0 +1,112 @@
+"""Which noise the readings have: that of the posterior on the page, and that which the evidence prefers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from discovery.mechanics import base_names, get_base
+from discovery.registry import catalogue
+from discovery.report.estimates import symbol_of
+from discovery.report.numbers import interval, significant
+from discovery.report.results import Run
+from discovery.report.tables import Cell, Table
+from discovery.report.words import effect_name, listed, prose
+
+__all__ = ["noise_differs", "noise_sentence", "noise_table"]
+
+#: Noise models that do not apply to every recording, and why not.
+_NEEDS = {"input": "no recorded input moves what is read", "quantised": "readings do not come in steps"}
+#: Manoeuvres up to which even intervals under correlated noise are not safe.
+_FEW = {1: "one manoeuvre was", 2: "two manoeuvres were"}
+
+
+def _physical(names: Iterable[str]) -> list[str]:
+    """Return the names that are parameters of some effect or base, not of the noise nor of a start."""
+    owners: list[Any] = [*catalogue().values(), *(get_base(b) for b in base_names())]
+    declared = {p.name for owner in owners for p in owner.parameters()}
+    return [n for n in names if n in declared]
+
+
+def noise_differs(run: Run) -> list[str]:
+    """Return what to know where the noise of the posterior is not the preferred one, in sentences; else nothing."""
+    from discovery.noise import words_of
+
+    noise, posterior = run.results.get("noise"), run.results.get("posterior")
+    if not noise or not posterior or noise["chosen"] == run.noise_sampled:
+        return []
+    sampled, preferred = effect_name(run.noise_sampled), effect_name(noise["chosen"])
+    others: dict[str, Any] = next((m["intervals"] for m in noise["models"] if m["noise"] == noise["chosen"]), {})
+    rows = {r["name"]: r for r in run.quantities_sampled}
+    apart = [
+        prose(n)
+        for n in _physical(rows)
+        if n in others and (others[n][0] > rows[n]["q95"] or others[n][2] < rows[n]["q05"])
+    ]
+    elastica = " and the check against the elastica" if run.results.get("elastica") else ""
+    found = [
+        f"The posterior on this page takes errors of the readings as {words_of(run.noise_sampled)} ({sampled} noise): "
+        f"so do the table, the corner plot, the profiles{elastica}. The evidence prefers {preferred} noise.",
+        f"Under {preferred} noise the 90 % interval{'s' * (len(apart) > 1)} of {listed(apart)} "
+        f"{'do' if len(apart) > 1 else 'does'} not overlap what is shown here."
+        if apart
+        else f"Under {preferred} noise the 90 % intervals overlap those shown here.",
+    ]
+    few = _FEW.get(sum(r["role"] == "train" for r in run.results["recordings"]))
+    if few:
+        found.append(
+            f"Nor are intervals under {preferred} noise safe where, as here, only {few} fitted: a parameter of an "
+            "incomplete model depends on the manoeuvre."
+        )
+    return found
+
+
+def noise_sentence(run: Run) -> str:
+    """Return in one sentence which noise is chosen, and what it does to the intervals; empty where it was not asked."""
+    noise = run.results.get("noise")
+    if not noise:
+        return ""
+    wider = [noise["widening"][n] for n in _physical(noise.get("widening", ()))]
+    chosen = f"The evidence prefers {effect_name(noise['chosen'])} noise"
+    if noise["chosen"] == "gaussian" or not wider:
+        return f"{chosen}."
+    span = " to ".join(dict.fromkeys(significant(w, 2) for w in (min(wider), max(wider))))
+    return f"{chosen}: intervals are {span} times as wide as where errors count as independent and Gaussian."
+
+
+def noise_table(run: Run) -> Table | None:
+    """Return the noise models side by side: evidence, and the interval of every parameter under each."""
+    noise = run.results.get("noise")
+    if not noise or not noise.get("models"):
+        return None
+    models = noise["models"]
+    sampled = run.noise_sampled if run.results.get("posterior") else None
+    names = _physical(models[0]["intervals"])
+    best = max(m["log_evidence"] for m in models)
+    cells: list[list[Cell]] = []
+    raw: list[list[Any]] = []
+    for m in models:
+        marks = [w for w, n in (("preferred", noise["chosen"]), ("sampled", sampled)) if n == m["noise"]]
+        name = effect_name(m["noise"]) + (f" ({', '.join(marks)})" if marks else "")
+        unsure = "" if m["reliable"] else ", unreliable"
+        cells.append(
+            [
+                name,
+                f"{significant(m['log_evidence'] - best, 4)} ± {significant(m['error'], 1)}",
+                significant(m["pareto_k"], 2) + unsure,
+                *(interval(*(m["intervals"].get(n) or (None, None, None))[::2]) for n in names),
+            ]
+        )
+        ends = [x for n in names for x in (m["intervals"].get(n) or (None,) * 3)]
+        raw.append([m["noise"], m["log_evidence"], m["error"], m["pareto_k"], *ends])
+    head = ("noise", "log evidence − best", "Pareto k", *(symbol_of(n) for n in names))
+    keys = ("noise", "log_evidence", "error", "pareto_k", *(f"{n}_{q}" for n in names for q in ("q05", "q50", "q95")))
+    caption = (
+        "Models of the noise: log of the evidence against the best, with its error; Pareto k above 0.7 means that "
+        "it cannot be trusted; then the 90 % interval of every parameter under that noise. Sampled: the noise of the "
+        "posterior on this page."
+    )
+    absent = [f"{n} ({why})" for n, why in _NEEDS.items() if n not in {m["noise"] for m in models}]
+    if absent:
+        caption += f" Not asked, because it does not apply: {listed(absent)}."
+    return Table("noise", caption, head, cells, keys, raw)
