@@ -58,6 +58,18 @@ def test_the_new_effect_fulfils_the_contract(package: Path) -> None:
     assert int(passed[1]) > 10
 
 
+def test_the_posterior_page_runs(tmp_path: Path) -> None:
+    (code,) = BLOCK.findall((DOCS / "POSTERIOR.md").read_text(encoding="utf-8"))
+    (tmp_path / "datasets").symlink_to(ROOT / "datasets")
+    result = run(tmp_path, "-c", code)
+    assert result.returncode == 0, result.stderr
+    noise, status, ranking = result.stdout.splitlines()
+    assert noise == "correlated"
+    assert "systematic residual" in status
+    assert "'declared'" in ranking
+    assert (tmp_path / "posterior.nc").stat().st_size > 1e5
+
+
 def test_the_session_of_the_page_is_true(package: Path, blocks: list[str]) -> None:
     session = "\n".join(b for b in blocks if b.startswith(">>>"))
     assert "recover" in session

@@ -61,6 +61,12 @@ def loop(
         from discovery.recording import blind, read_recording
 
         wanted = make_experiment(blind(read_recording(target, dataset.rig, require_output=False)), dataset.rig)
+        if initial is None and wanted.drive is None:
+            click.echo(
+                f"{target}: without --initial-state the prediction starts at rest, and nothing drives this system: it "
+                "stays there. Give the state at the first time with --initial-state ANGLE,RATE.",
+                err=True,
+            )
     folder = results_folder(out)
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, tell=tell)
