@@ -103,6 +103,7 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         and e not in base.provides
         and (base.system == ARM or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
+        and (base.anchored or not effect.anchored)
     )
 
 

@@ -58,6 +58,8 @@ class Effect(ABC):
     pliable: ClassVar[bool] = False
     #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
     angular: ClassVar[bool] = False
+    #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
+    anchored: ClassVar[bool] = False
 
     @classmethod
     def id(cls) -> str:
@@ -104,6 +106,7 @@ class Potential(Expressed):
     """A potential energy V of channel positions (and time), per unit inertia [q^2 s^-2]."""
 
     kind = "potential"
+    anchored = True
 
 
 class Dissipation(Expressed):
@@ -140,6 +143,7 @@ class Memory(Expressed):
     """
 
     kind = "memory"
+    anchored = True
     local: ClassVar[bool] = False
 
     @abstractmethod

@@ -207,6 +207,13 @@ def test_responses_are_those_of_each_amplitude_alone_with_its_shapes(effect: str
             assert moved[:, grid.rows[i, k]] == pytest.approx(alone, abs=1e-9 * max(1.0, np.abs(alone).max()))
 
 
+def test_a_body_that_falls_is_tied_to_nothing() -> None:
+    names = candidates(Model("falling_body", ()), "m")
+    assert {"viscous_damping", "quadratic_drag", "position_scale"} <= set(names)
+    assert not {"linear_stiffness", "hysteresis", "amplitude_dependent_damping", "coulomb_friction"} & set(names)
+    assert "cubic_stiffness" in candidates(Model("oscillator", ()), "m")
+
+
 def test_what_does_not_depend_on_a_shape_is_simulated_once() -> None:
     every = grid_of(catalogue()["time_base_error"], "oscillator", UNITS)
     grids, settings = plan({"time_base_error": every}, "oscillator")

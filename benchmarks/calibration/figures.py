@@ -17,6 +17,7 @@ from benchmarks.calibration.ranks import BINS
 from discovery.io import atomic_write
 
 WIDTH = 4.06  # inches: 390 px
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 INK, BAND, BAR, WARN = "#20303a", "#cfd8dc", "#4f7f9b", "#b5533c"
 STYLE = {
     "font.size": 8,
@@ -105,8 +106,8 @@ def manoeuvres(found: Mapping[str, Any], target: str, path: Path) -> Path:
             for j, name in enumerate(names):
                 row = next(r for r in found["rows"] if r["method"] == method and r["parameter"] == name)[target]
                 y = k + 0.22 * (j - 1)
-                axis.plot([100 * row["low"], 100 * row["high"]], [y, y], color=f"C{j}", lw=1.4)
-                axis.plot(100 * row["share"], y, "o", ms=4, color=f"C{j}", label=SYMBOLS[name] if k == 0 else None)
+                axis.plot([100 * row["low"], 100 * row["high"]], [y, y], color=PALETTE[j], lw=1.4)
+                axis.plot(100 * row["share"], y, "o", ms=4, color=PALETTE[j], label=SYMBOLS[name] if k == 0 else None)
             axis.text(0, k - 0.36, METHODS[method], fontsize=7.5, va="bottom")
         axis.axvline(90, color=INK, lw=0.8)
         axis.set_xlim(-2, 102)

@@ -133,6 +133,8 @@ class Base(ABC):
     accuracy: ClassVar[float] = 0.0
     #: Whether the input is a motion, theta_m with its two derivatives, rather than a force u.
     input_moves: ClassVar[bool] = False
+    #: Whether something ties the body to a place, so that it can be deflected from it.
+    anchored: ClassVar[bool] = True
     #: Whether the coordinate moves as recorded: nothing is integrated, and there is no initial state.
     prescribed: ClassVar[bool] = False
     #: Whether the instrument reads the state itself, not an acceleration or a force that follows from it.

@@ -12,6 +12,9 @@ class FallingBody(OneCoordinate):
     r"""A body of unit inertia at the height q under gravity: q'' = -g_0 + effects."""
 
     name = "falling_body"
+    anchored = False
+    #: Nothing rubs against it.
+    provides = frozenset({"coulomb_friction", "stribeck_friction"})
 
     g_0 = Parameter(
         "s^-2 q", "gravitational acceleration", (0.0, 100.0), Normal(9.8, 0.1), default=9.80665, fixed=True, latex="g_0"

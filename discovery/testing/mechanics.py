@@ -216,9 +216,11 @@ class MechanicsContract:
         instance, n = get_effect(effect), get_base(base).n_coordinates
         if instance.kind == "drive":
             return
-        sample = sample_states(base, ("linear_stiffness", effect), static=True)
+        # A spring makes it swing, where there is a place to tie one to.
+        tied = "linear_stiffness" in every_effect(base)
+        sample = sample_states(base, ("linear_stiffness", effect) if tied else (effect,), static=True)
         acceleration = accelerations(base, sample)
-        stored, end = s.alpha * s.U, None
+        stored, end = s.alpha * s.U if tied else sp.Integer(0), None
         if instance.kind in ("kinetic", "potential") and effect != "linear_stiffness":
             end = loaded_end_of(instance, base)
             own = energy(instance, base)
