@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.attribution import candidates
+from discovery.bench import Bench
 from discovery.experiment import Experiment
 from discovery.fit import SHIFT, Fit, fit, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits
+from discovery.problem import NaturalUnits
 from discovery.refits import Refit
 from discovery.residual import roughness
 from discovery.step import choose_step

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.bench import Bench
 from discovery.compile import leaps
 from discovery.experiment import Experiment
 from discovery.least_squares import Minimum
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 from discovery.runge_kutta import CLASSICAL, dormand_prince
 
 __all__ = ["covariance_of", "longest_leap", "solver_shift"]

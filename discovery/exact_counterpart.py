@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.experiment import Experiment
 from discovery.fit import RETARDATION, Fit
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 from discovery.step import choose_step
 
 __all__ = ["ExactCounterpart", "exact_counterpart"]

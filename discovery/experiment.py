@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from discovery.effect import ARM
 from discovery.force_view import sampling_rate, zero_phase
+from discovery.grid import DriveLike
 from discovery.recording import Recording
 from discovery.rig import Rig
-from discovery.simulate import DriveLike
 from discovery.units import si_symbol
 
 __all__ = ["Experiment", "make_experiment"]

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.covariance import covariance_of, longest_leap, solver_shift
 from discovery.errors import InputError
 from discovery.experiment import Experiment
 from discovery.guess import restoring, scan
 from discovery.least_squares import Minimum
 from discovery.model import Model
-from discovery.problem import LIGHT_ROD, Bench, NaturalUnits, Problem, known_values, natural_units
+from discovery.problem import LIGHT_ROD, NaturalUnits, Problem, known_values, natural_units
 from discovery.registry import get_effect
 from discovery.simulate import check_finite
 from discovery.step import TOLERANCE, choose_step

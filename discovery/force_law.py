@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.chain_newton import close
 from discovery.errors import DiscoveryError
 from discovery.experiment import Experiment
 from discovery.fit import Fit
 from discovery.force_dependence import ForceDependence, Sites, Smooth, with_imitated
 from discovery.multiple_shooting import Chain
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 from discovery.residual import errors
 from discovery.slow_model import Law
 

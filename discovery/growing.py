@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from discovery.attribution import screen
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.effect import OSCILLATOR
 from discovery.finite import FarStart
 from discovery.least_squares import Minimum
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 from discovery.refits import refit
 
 __all__ = ["growing_starts"]

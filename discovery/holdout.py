@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.bench import Bench
 from discovery.experiment import Experiment, largest_deflection
 from discovery.model import Model
 from discovery.predict import held_out
-from discovery.problem import Bench, NaturalUnits
+from discovery.problem import NaturalUnits
 from discovery.residual import chance_variance, errors, systematic_share
 from discovery.step import choose_step
 

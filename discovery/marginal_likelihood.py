@@ -12,20 +12,13 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from discovery.errors import InputError
-from discovery.importance import LARGEST_K, Weighted, importance_sample
+from discovery.importance import Weighted, importance_sample
 from discovery.parameters import Prior
 
 if TYPE_CHECKING:
     from discovery.likelihood import LogPosterior
 
-__all__ = [
-    "LARGEST_K",
-    "Evidence",
-    "Weighted",
-    "importance_sample",
-    "log_evidence",
-    "log_prior_mass",
-]
+__all__ = ["Evidence", "log_evidence", "log_prior_mass"]
 
 FloatArray = NDArray[np.float64]
 

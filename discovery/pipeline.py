@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery import curves, stages
+from discovery.bench import Bench
 from discovery.dataset import Dataset
 from discovery.draws import Posterior
 from discovery.errors import InputError
@@ -22,7 +23,7 @@ from discovery.io import atomic_write
 from discovery.loop import LoopResult
 from discovery.missing_force import MissingForce
 from discovery.predict import held_out, predict
-from discovery.problem import Bench, natural_units
+from discovery.problem import natural_units
 from discovery.provenance import provenance, write_json
 from discovery.quantisation import quantum
 from discovery.residual import errors

@@ -15,18 +15,17 @@ from numpy.random import SeedSequence
 
 from discovery.checkpoint import fingerprint, restore, save
 from discovery.diagnostics import LENGTH_IN_TAU, Convergence, convergence, tail_effective
-from discovery.draws import INTERVAL, Posterior
+from discovery.draws import Posterior
 from discovery.ensembles import Ensemble, grow, start_ensembles
 from discovery.errors import InputError, NotConverged
 from discovery.likelihood import LogPosterior, log_posterior
 from discovery.noise import GAUSSIAN
-from discovery.predictive import Band, predictive
 from discovery.prior_draws import prior_draws
 
 if TYPE_CHECKING:
     from discovery.fit import Fit
 
-__all__ = ["INTERVAL", "Band", "Posterior", "Progress", "predictive", "sample"]
+__all__ = ["Progress", "sample"]
 
 FEWEST_ENSEMBLES = 4
 _FEWEST_WALKERS, _WALKERS_A_DIMENSION, _MOST_WALKERS, _LANES = 64, 4, 2048, 32

@@ -12,13 +12,14 @@ from scipy.optimize import brentq, root
 
 from discovery import symbols as s
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.compile import numpy_derivative
 from discovery.effect import ARM, Load
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment
 from discovery.fit import Fit
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 from discovery.program import Program, build_program
 from discovery.simulate import check_finite
 from discovery.step import choose_step

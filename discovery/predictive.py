@@ -11,10 +11,11 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.errors import InputError
 from discovery.instrument import noise_names
 from discovery.model import Model
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 from discovery.simulate import check_finite
 
 if TYPE_CHECKING:

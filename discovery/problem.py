@@ -16,7 +16,7 @@ from discovery.model import Model
 from discovery.parameters import Parameter, natural_scale
 from discovery.registry import get_effect
 
-__all__ = ["LIGHT_ROD", "Bench", "NaturalUnits", "Problem", "known_values", "natural_units"]
+__all__ = ["LIGHT_ROD", "NaturalUnits", "Problem", "known_values", "natural_units"]
 
 FloatArray = NDArray[np.float64]
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.

@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.instrument import instruments
 from discovery.likelihood import LogPosterior
 from discovery.model import Model
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 
 __all__ = ["CUT", "Profile", "profiles"]
 
@@ -113,18 +114,14 @@ def profiles(target: LogPosterior, points: int = _POINTS) -> list[Profile]:
 def _at_its_own_noise(problem: Problem, x: FloatArray) -> Problem:
     """Return the problem with the noise of each instrument as large as what the fit leaves."""
     bench = problem.bench
-    misfit = bench.reduced(*problem.expand(x[: len(problem.names), None]), _sum_of_squares)
+    misfit = bench.chi2(*problem.expand(x[: len(problem.names), None]))
     experiments = list(bench.experiments)
     for part in instruments(experiments):
-        size = float(np.sqrt(sum(misfit[i][0, 0] for i in part.experiments) / part.n))
+        size = float(np.sqrt(sum(misfit[i, 0] for i in part.experiments) / part.n))
         for i in part.experiments:
             recording = experiments[i].recording
             experiments[i] = replace(experiments[i], recording=replace(recording, noise=size * recording.noise))
     return replace(problem, bench=Bench(bench.base, bench.effects, experiments, bench.step))
-
-
-def _sum_of_squares(_: int, residuals: FloatArray) -> FloatArray:
-    return np.einsum("nck,nck->k", residuals, residuals)[None]
 
 
 def _refitted(problem: Problem, name: str, values: FloatArray, best: FloatArray, slope: FloatArray) -> FloatArray:

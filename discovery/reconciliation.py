@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from discovery.attribution import screen
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.covariance import covariance_of
 from discovery.fit import Fit
 from discovery.least_squares import Minimum
 from discovery.model import Model
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 from discovery.refits import Refit, refit
 from discovery.registry import catalogue
 from discovery.simplicity import simplicity

@@ -10,9 +10,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.bench import Bench
 from discovery.effect import ARM, Effect, Expressed, Joint, Memory, Sensor
 from discovery.parameters import Parameter
-from discovery.problem import Bench
 from discovery.registry import catalogue
 
 __all__ = ["Grid", "Responses", "plan", "respond"]

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.guess import restoring, scan
 from discovery.least_squares import levenberg_marquardt, minimise
 from discovery.noise import Noise
 from discovery.parameters import Prior
-from discovery.problem import Bench, Problem, natural_units
+from discovery.problem import Problem, natural_units
 
 if TYPE_CHECKING:
     from discovery.experiment import Experiment

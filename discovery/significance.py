@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.attribution import Candidate
-from discovery.problem import Bench
+from discovery.bench import Bench
 
 __all__ = ["REPLICATES", "chance_gains", "surrogates"]
 

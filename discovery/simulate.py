@@ -16,7 +16,7 @@ from discovery.mechanics import get_base
 from discovery.runge_kutta import CLASSICAL, Method
 from discovery.workers import in_threads
 
-__all__ = ["THREADS", "Batch", "DriveLike", "Grid", "Misses", "Simulator", "check_finite"]
+__all__ = ["THREADS", "Batch", "Misses", "Simulator", "check_finite"]
 
 FloatArray = NDArray[np.float64]
 

@@ -252,7 +252,7 @@ def compared(fitted: Fit, loop: LoopResult, *, seed: int, tell: Tell) -> dict[st
     from discovery.model_comparison import compare_models
 
     noise = weighed(fitted, seed=seed, tell=tell).summary()
-    models = {"before": loop.before.specialised(), "after": loop.after.specialised()}
+    models = {"before": loop.before, "after": loop.after}
     if loop.before.model == loop.after.model or any(f.null_directions for f in models.values()):
         return {"noise": noise, "evidence": None}
     tell("weighing the models before and after by their evidence")

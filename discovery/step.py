@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from discovery.bench import Bench
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 
 __all__ = ["TOLERANCE", "choose_step"]
 

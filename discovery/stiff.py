@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from discovery.attribution import Candidate
+from discovery.bench import Bench
 from discovery.least_squares import Minimum
 from discovery.model import Model
-from discovery.problem import Bench, Problem
+from discovery.problem import Problem
 from discovery.refits import Refit, refit
 
 __all__ = ["unstiffened"]

@@ -26,13 +26,13 @@ class Sine:
         return np.array([np.sin(phase), DRIVE * np.cos(phase), -(DRIVE**2) * np.sin(phase)])
 
 
-def responses(time=TIME):
-    """Responses of q'' + XI q' + ALPHA q = g u to a unit gain, deflection and rate, in closed form, shape (n, 3)."""
-    omega = np.sqrt(ALPHA - XI**2 / 4)
-    decay = np.exp(-XI * time / 2)
+def responses(time=TIME, xi=XI, alpha=ALPHA):
+    """Responses of q'' + xi q' + alpha q = g u to a unit gain, deflection and rate, in closed form, shape (n, 3)."""
+    omega = np.sqrt(alpha - xi**2 / 4)
+    decay = np.exp(-xi * time / 2)
     rate = decay * np.sin(omega * time) / omega
-    deflection = decay * np.cos(omega * time) + XI / 2 * rate
-    transfer = 1 / (ALPHA - DRIVE**2 + 1j * XI * DRIVE)
+    deflection = decay * np.cos(omega * time) + xi / 2 * rate
+    transfer = 1 / (alpha - DRIVE**2 + 1j * xi * DRIVE)
     steady = (transfer * np.exp(1j * DRIVE * time)).imag
     forced = steady - transfer.imag * deflection - DRIVE * transfer.real * rate
     return np.column_stack([forced, deflection, rate])

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from discovery.attribution import Candidate, candidates, grid_of, screen
+from discovery.bench import Bench
 from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.fit import Fit, fit
 from discovery.likeness import similarity
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 from discovery.recording import Recording
 from discovery.refits import Refit, refit
 from discovery.registry import catalogue

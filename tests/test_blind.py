@@ -459,10 +459,11 @@ def test_mapped_parameters_are_those_of_the_catalogue(effect):
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", MAPPED, ids=lambda e: e.id)
 def test_mapped_parameters_give_the_same_motion(effect, tmp_path):
+    from discovery.bench import Bench
     from discovery.dataset import load_dataset
     from discovery.fit import fit
     from discovery.model import Model
-    from discovery.problem import Bench, known_values
+    from discovery.problem import known_values
 
     rig = replace(PAPER_RIG, retardation=1e-4)
     gentle = sequence(trapezoid(0.8, 0.9), trapezoid(-0.4, 0.6, start=4.0))

@@ -22,9 +22,9 @@ from benchmarks.calibration.replicate import (
     simulated,
 )
 from discovery.experiment import Experiment
+from discovery.importance import importance_sample
 from discovery.instrument import instruments
 from discovery.likelihood import LogPosterior, log_posterior
-from discovery.marginal_likelihood import importance_sample
 from discovery.model import Model
 from discovery.noise import noise_of
 from discovery.noise.model import Logistic

@@ -18,12 +18,13 @@ from pendulum import swing
 from synthetic_run import write_arm_run
 from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
 
+from discovery.bench import Bench
 from discovery.contradiction import Check, Contradiction, ContradictionReport, _adjusted, check_contradictions
 from discovery.dataset import load_dataset
 from discovery.exact_counterpart import exact_counterpart
 from discovery.fit import Fit, declared_model, fit, rig_uncertainty
 from discovery.model import Model
-from discovery.problem import Bench, known_values, natural_units
+from discovery.problem import known_values, natural_units
 from discovery.reconciliation import Reconciliation
 from discovery.report import build_report
 from discovery.rig import PAPER_MODEL, Quantity, Rig

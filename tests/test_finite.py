@@ -5,10 +5,10 @@ import pytest
 from test_search import DECLARED, EFFECTS, TRUTH, UNITS, pushes, recorded
 
 from discovery.attribution import screen
+from discovery.bench import Bench
 from discovery.finite import finite_starts
 from discovery.fit import fit
 from discovery.model import Model
-from discovery.problem import Bench
 from discovery.refits import refit
 
 STEP = 0.02

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.drive import Drive
 from discovery.errors import InputError
 from discovery.experiment import Experiment
 from discovery.fit import SHIFT, Fit, declared_model, fit, refined
 from discovery.least_squares import levenberg_marquardt, minimise
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 from discovery.recording import Recording
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.testing.states import every_effect

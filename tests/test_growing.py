@@ -4,10 +4,10 @@ import numpy as np
 from pendulum import swing
 
 from discovery.attribution import screen
+from discovery.bench import Bench
 from discovery.dataset import load_dataset
 from discovery.fit import declared_model, fit
 from discovery.growing import growing_starts
-from discovery.problem import Bench
 from discovery.refits import refit
 
 

@@ -19,11 +19,12 @@ from discovery.drive import Drive
 from discovery.effect import Mode, Sensor
 from discovery.equation import equation_of_motion, equation_terms
 from discovery.export import to_json, to_latex, to_sympy
+from discovery.grid import DriveLike
 from discovery.model import Model
 from discovery.program import build_program
 from discovery.registry import get_effect
 from discovery.report.equations import model_formulas
-from discovery.simulate import DriveLike, Simulator
+from discovery.simulate import Simulator
 
 LINEAR = ("viscous_damping", "linear_stiffness")
 ON_A_LINE = ("oscillator", "accelerometer", "base_excited", "servo", "inverse_dynamics", "falling_body")

@@ -14,13 +14,14 @@ from discovery_datasets.quick_effects import BaseBacklash, BaseHysteresis, Hyste
 from numpy.typing import NDArray
 
 from discovery import symbols as s
+from discovery.bench import Bench
 from discovery.dataset import load_dataset
 from discovery.errors import InputError
 from discovery.export import to_numpy
 from discovery.fit import declared_model, fit, rig_uncertainty
 from discovery.loop import close_loop
 from discovery.model import Model
-from discovery.problem import Bench, natural_units
+from discovery.problem import natural_units
 from discovery.program import build_program
 from discovery.registry import get_effect
 from discovery.simulate import Simulator

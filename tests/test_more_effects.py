@@ -18,11 +18,12 @@ from discovery.errors import InputError
 from discovery.experiment import Experiment
 from discovery.export import to_numpy
 from discovery.fit import declared_model
+from discovery.grid import DriveLike
 from discovery.model import Model
 from discovery.recording import Recording
 from discovery.registry import catalogue, get_effect
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
-from discovery.simulate import DriveLike, Simulator
+from discovery.simulate import Simulator
 from discovery.symbols import v2
 from discovery.testing.states import every_effect
 

@@ -8,9 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import driven_oscillator
 import numpy as np
 import pytest
 import xarray as xr
+from driven_oscillator import ALPHA, EFFECTS, GAIN, NOISE, START, XI, Sine, linear_model
 from scipy import stats
 
 from discovery import ensembles
@@ -21,37 +23,17 @@ from discovery.fit import fit
 from discovery.instrument import instruments
 from discovery.likelihood import NOISE_PRIOR, log_posterior
 from discovery.model import Model
-from discovery.posterior import predictive, sample
+from discovery.posterior import sample
+from discovery.predictive import predictive
 from discovery.recording import Recording
 from discovery.rig import Rig
 
-XI, ALPHA, GAIN, START = 0.3, 9.0, 1.7, (0.4, -0.2)
-NOISE = 0.02
-DRIVE = 2.1  # rad/s
 TIME = np.linspace(0.0, 12.0, 151)
-EFFECTS = ("viscous_damping", "linear_stiffness")
 
 
-class Sine:
-    """The input sin(DRIVE t) and its derivatives."""
-
-    kinks = np.empty(0)
-
-    def evaluate(self, t, side="right"):
-        phase = DRIVE * np.asarray(t, float)
-        return np.array([np.sin(phase), DRIVE * np.cos(phase), -(DRIVE**2) * np.sin(phase)])
-
-
-def responses(xi=XI, alpha=ALPHA, time=TIME):
-    """Responses of q'' + xi q' + alpha q = g u to a unit gain, deflection and rate, in closed form, shape (n, 3)."""
-    omega = np.sqrt(alpha - xi**2 / 4)
-    decay = np.exp(-xi * time / 2)
-    rate = decay * np.sin(omega * time) / omega
-    deflection = decay * np.cos(omega * time) + xi / 2 * rate
-    transfer = 1 / (alpha - DRIVE**2 + 1j * xi * DRIVE)
-    steady = (transfer * np.exp(1j * DRIVE * time)).imag
-    forced = steady - transfer.imag * deflection - DRIVE * transfer.real * rate
-    return np.column_stack([forced, deflection, rate])
+def responses(xi=XI, alpha=ALPHA):
+    """Responses at the times of these recordings."""
+    return driven_oscillator.responses(TIME, xi, alpha)
 
 
 def experiment(rng, noise=NOISE, stated=NOISE, name="sine", xi=XI, alpha=ALPHA):
@@ -61,11 +43,6 @@ def experiment(rng, noise=NOISE, stated=NOISE, name="sine", xi=XI, alpha=ALPHA):
         name, TIME, Sine().evaluate(TIME)[0], output, ("output",), ("V",), np.array([stated]), name, "made here"
     )
     return Experiment(recording, Sine(), Rig("oscillator", "oscillator", declared=EFFECTS))
-
-
-def linear_model():
-    """With damping and stiffness known, readings are linear in the gain and the initial state."""
-    return Model("oscillator", EFFECTS, {"xi": XI, "alpha": ALPHA})
 
 
 @pytest.fixture(scope="module")

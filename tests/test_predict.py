@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
 
+from discovery.bench import Bench
 from discovery.compile import numpy_derivative
 from discovery.drive import Drive
 from discovery.effects.table_tilt import G
@@ -14,7 +15,7 @@ from discovery.experiment import Experiment
 from discovery.fit import Fit, fit
 from discovery.model import Model
 from discovery.predict import equilibrium, held_out, predict
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 from discovery.program import build_program
 from discovery.recording import Recording
 from discovery.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn

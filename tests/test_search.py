@@ -5,13 +5,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from discovery.bench import Bench
 from discovery.case import Case, LoopSettings
 from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.fit import fit
 from discovery.holdout import HoldOut
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits
+from discovery.problem import NaturalUnits
 from discovery.recording import Recording
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.search import Search

@@ -20,6 +20,7 @@ from discovery.compile import numpy_derivative
 from discovery.drive import Drive
 from discovery.errors import SimulationFailure
 from discovery.experiment import Experiment
+from discovery.grid import DriveLike, Grid
 from discovery.kernel_source import kernel_source
 from discovery.mechanics import get_base
 from discovery.model import Model
@@ -29,7 +30,7 @@ from discovery.recording import Recording
 from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.runge_kutta import dormand_prince
-from discovery.simulate import DriveLike, Grid, Simulator, check_finite
+from discovery.simulate import Simulator, check_finite
 from discovery.step import choose_step
 from discovery.testing.states import every_effect
 

@@ -10,10 +10,11 @@ from discovery_datasets.manoeuvres import Manoeuvre
 from discovery_datasets.quick import readings
 from discovery_datasets.twin import PAPER_RIG, ArmRig
 
+from discovery.bench import Bench
 from discovery.experiment import Experiment, make_experiment
 from discovery.fit import Fit, fit, rig_uncertainty
 from discovery.model import Model
-from discovery.problem import Bench, known_values, natural_units
+from discovery.problem import known_values, natural_units
 from discovery.recording import Recording
 from discovery.rig import Quantity, Rig
 

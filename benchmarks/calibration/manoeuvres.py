@@ -20,13 +20,14 @@ from scipy.stats import norm, t
 
 from benchmarks.calibration.pooled import pooled
 from benchmarks.calibration.studies import PAPER
+from discovery.bench import Bench
 from discovery.experiment import Experiment, make_experiment
 from discovery.fit import Fit, fit, rig_uncertainty
 from discovery.likelihood import log_posterior
 from discovery.marginal_likelihood import log_evidence
 from discovery.model import Model
 from discovery.prediction import predict
-from discovery.problem import Bench, known_values
+from discovery.problem import known_values
 from discovery.recording import Recording
 from discovery.rig import Quantity, Rig
 

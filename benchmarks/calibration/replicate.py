@@ -15,17 +15,18 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
+from discovery.bench import Bench
 from discovery.covariance import covariance_of
 from discovery.experiment import Experiment
 from discovery.fit import Fit
+from discovery.importance import LARGEST_K, Weighted, importance_sample
 from discovery.instrument import instruments
 from discovery.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
-from discovery.marginal_likelihood import LARGEST_K, Weighted, importance_sample
 from discovery.model import Model
 from discovery.noise import GAUSSIAN, noise_of
 from discovery.noise.model import Logistic, share_of
 from discovery.parameters import HalfNormal, LogNormal, Normal, Prior
-from discovery.problem import Bench, NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem
 
 FloatArray = NDArray[np.float64]
 RANKED = 99  # draws among which a truth is ranked: ranks 0 to 99

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from discovery.drivetrain.coupling import Arm, effective_inertia
 from discovery.errors import InputError, SimulationFailure
-from discovery.simulate import DriveLike
+from discovery.grid import DriveLike
 
 if TYPE_CHECKING:
     from discovery.experiment import Experiment

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from discovery.drivetrain.arm_motion import check_start, integrate
 from discovery.drivetrain.coupling import Arm
 from discovery.drivetrain.motor import Motor, PositionController
-from discovery.simulate import DriveLike
+from discovery.grid import DriveLike
 
 __all__ = ["DrivenMotion", "drive_arm"]
 

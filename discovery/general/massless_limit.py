@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from discovery.general.model import GeneralModel, GeneralMotion
 from discovery.general.simulation import simulate_general
+from discovery.grid import DriveLike
 from discovery.mechanics import get_base
-from discovery.simulate import DriveLike, Simulator, check_finite
+from discovery.simulate import Simulator, check_finite
 
 __all__ = ["ROD_SHARE", "TipDistance", "distance_to_rod", "tip_distance"]
 

@@ -9,7 +9,7 @@ from discovery.errors import InputError, SimulationFailure
 from discovery.general.model import GeneralModel, GeneralMotion
 from discovery.general.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, tip_potential
 from discovery.general.radau import STAGES, integrate_tip
-from discovery.simulate import DriveLike, Grid
+from discovery.grid import DriveLike, Grid
 
 __all__ = ["simulate_general"]
 

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from discovery.bench import Bench
 from discovery.elastica.static_law import SMALL_DEFLECTION
 from discovery.errors import NotConverged, NotIdentifiable
 from discovery.model import Model
-from discovery.problem import Bench, known_values
+from discovery.problem import known_values
 from discovery.reproduction.stand import Stand
 from discovery.rig import Rig
 from discovery.step import choose_step

@@ -14,10 +14,10 @@ from discovery import symbols as s
 from discovery.compile import compile_kernel
 from discovery.drive import Drive
 from discovery.effect import Joint, Load, Memory, Mode, Shape
+from discovery.grid import Grid
 from discovery.mechanics import get_base
 from discovery.program import RECORDED
 from discovery.registry import get_effect
-from discovery.simulate import Grid
 from discovery.testing.equations import (
     accelerations,
     bare_base,

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.bench import Bench
 from discovery.drive import Drive
 from discovery.effect import ARM
 from discovery.experiment import Experiment
 from discovery.fit import Fit, fit
 from discovery.mechanics import get_base
 from discovery.model import Model
-from discovery.problem import Bench, NaturalUnits
+from discovery.problem import NaturalUnits
 from discovery.recording import Recording
 from discovery.registry import get_effect
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
