@@ -25,7 +25,7 @@ from discovery.responses import Grid, Responses, plan, respond
 from discovery.simulate import THREADS
 from discovery.workers import single_algebra
 
-__all__ = ["Candidate", "Direction", "candidates", "grid_of", "screen"]
+__all__ = ["Candidate", "Shapes", "candidates", "grid_of", "screen"]
 
 FloatArray = NDArray[np.float64]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
@@ -44,19 +44,34 @@ _BLOCK = 32
 
 
 @dataclass(frozen=True)
-class Direction:
-    """What one shape of an effect could do to the residual.
+class Shapes:
+    """What the shapes of an effect on its grid could do to a residual, to first order.
 
     Parameters
     ----------
-    basis : ndarray of float32, shape (n, k)
-        Orthonormal directions of its amplitudes, orthogonal to what the fitted parameters absorb.
-    gain : float
-        Chi-square that it removes within its bounds.
+    responses : ndarray of float32, shape (u, n)
+        Of amplitudes, what the fitted parameters leave of them; shapes may share some.
+    rows : ndarray, shape (t, k)
+        Which of them belong to each shape.
+    transform : ndarray, shape (t, k, k)
+        Makes an orthonormal basis of these, see `discovery.bounded_gain.bounded_gains`.
+    gains : ndarray, shape (t,)
+        Chi-square that each removes within its bounds.
     """
 
-    basis: NDArray[np.float32]
-    gain: float
+    responses: NDArray[np.float32]
+    rows: NDArray[np.int64]
+    transform: FloatArray
+    gains: FloatArray
+
+    def bases(self, shapes: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return the orthonormal directions of some shapes, shape (shapes, k, n)."""
+        return self.transform[shapes].astype(np.float32) @ self.responses[self.rows[shapes]]
+
+    def powers(self, noise: NDArray[np.float32]) -> FloatArray:
+        """Return the chi-square that each shape would remove from each column of (n, r), bounds ignored, (t, r)."""
+        seen = self.responses @ noise
+        return np.square(self.transform @ seen[self.rows]).sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -72,8 +87,8 @@ class Candidate:
     starts : tuple of (values, Jacobian columns)
         Best start values of a refit, with the sensitivity of each.
     sensitivity : ndarray, shape (n, k)
-        Projected sensitivity of the best start (orthogonal to what fitted parameters absorb), normalised columns.
-    directions : tuple of Direction
+        Orthonormal directions of the best start, orthogonal to what fitted parameters absorb.
+    shapes : Shapes
         Every shape on the grid.
     """
 
@@ -81,7 +96,7 @@ class Candidate:
     score: float
     starts: tuple[tuple[FloatArray, FloatArray], ...]
     sensitivity: FloatArray
-    directions: tuple[Direction, ...] = ()
+    shapes: Shapes
 
 
 def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
@@ -159,10 +174,11 @@ def screen(
     reference = minimum.residual[: bench.n_rows]
     known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
     target = reference - known @ (known.T @ reference)
-    with single_algebra(), ThreadPoolExecutor(THREADS) as pool:
-        responses = respond(pool, bench, problem.expand(minimum.x[:, None]), settings, reference, known)
-        found = list(pool.map(lambda n: _scored(n, grids[n], responses, target, units, keep), names))
-    return sorted(found, key=lambda c: -c.score)
+    with single_algebra():
+        with ThreadPoolExecutor(THREADS) as pool:
+            responses = respond(pool, bench, problem.expand(minimum.x[:, None]), settings, reference, known)
+        scored = [_scored(name, grids[name], responses, target, units, keep) for name in names]
+    return sorted(scored, key=lambda c: -c.score)
 
 
 def _scored(
@@ -173,25 +189,26 @@ def _scored(
     parameters = [grid.fitted[i] for i in grid.sizes]
     sizes = grid.values[:, grid.sizes]
     limits = [np.array([p.bounds[end] * units.scale(p) for p in parameters]) / sizes for end in (0, 1)]
-    gain, solution = np.empty(count), np.empty((count, k))
-    basis = np.empty((count, k, target.size), dtype=np.float32)
-    for first in range(0, count, max(1, _BLOCK // k)):
-        part = slice(first, first + max(1, _BLOCK // k))
-        found = bounded_gains(responses.left[grid.rows[part]], target, *(limit[part] for limit in limits))
-        gain[part], solution[part], basis[part] = found
+    first = int(grid.rows.min())
+    own, rows = responses.left[first : int(grid.rows.max()) + 1], grid.rows - first
+    gram, push = np.empty((count, k, k)), np.empty((count, k))
+    for start in range(0, count, max(1, _BLOCK // k)):
+        part = slice(start, start + max(1, _BLOCK // k))
+        parts = own[rows[part]].astype(float)
+        gram[part], push[part] = parts @ parts.transpose(0, 2, 1), parts @ target
+    gain, solution, transform = bounded_gains(gram, push, *limits)
+    shapes = Shapes(own, rows, transform, gain)
     # Shapes that rounding alone tells apart stay in the order of the grid.
     order = np.argsort(-np.round(gain / max(_TIE * gain.max(), 1e-300)), kind="stable")
+    bases = shapes.bases(order[:_COMPARED])
     starts = []
-    for i in order[_distinct(basis[order[:_COMPARED]], keep)]:
+    for i in order[_distinct(bases, keep)]:
         vector, columns = grid.values[i].copy(), np.zeros((target.size, len(grid.fitted)))
         vector[grid.sizes] = solution[i] * sizes[i]
         # Unknown derivatives of shapes start at zero.
         columns[:, grid.sizes] = responses.moved(grid.rows[i]) / sizes[i]
         starts.append((vector, columns))
-    best = responses.left[grid.rows[order[0]]].T
-    sensitivity = best / np.maximum(np.linalg.norm(best, axis=0), 1e-300)
-    directions = tuple(Direction(basis[i].T, float(gain[i])) for i in order)
-    return Candidate(name, directions[0].gain, tuple(starts), sensitivity, directions)
+    return Candidate(name, float(gain[order[0]]), tuple(starts), bases[0].T.astype(float), shapes)
 
 
 def _distinct(bases: NDArray[np.float32], keep: int) -> list[int]:

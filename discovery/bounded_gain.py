@@ -9,21 +9,21 @@ from scipy.optimize import lsq_linear
 __all__ = ["bounded_gains"]
 
 FloatArray = NDArray[np.float64]
-#: Smallest eigenvalue of a correlation matrix whose square root is exact to eight digits; flatter ones are factored.
-_FLAT = 1e-8
+#: Eigenvalue of a correlation matrix below which a direction is rounding alone.
+_FLAT = 1e-12
 
 
 def bounded_gains(
-    parts: FloatArray, target: FloatArray, lower: FloatArray, upper: FloatArray
-) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
+    gram: FloatArray, push: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the largest fall of |target + parts x|^2 over lower <= x <= upper, for many small problems.
 
     Parameters
     ----------
-    parts : ndarray, shape (t, k, n)
-        Vectors of each problem, k of them.
-    target : ndarray, shape (n,)
-        What is to be removed.
+    gram : ndarray, shape (t, k, k)
+        Scalar products of the k vectors of each problem, its parts.
+    push : ndarray, shape (t, k)
+        Scalar products of the vectors with the target, what is to be removed.
     lower, upper : ndarray, shape (t, k)
         Bounds.
 
@@ -33,28 +33,24 @@ def bounded_gains(
         The fall.
     solution : ndarray, shape (t, k)
         Where it is reached.
-    basis : ndarray of float32, shape (t, k, n)
-        Orthonormal basis of the vectors.
+    transform : ndarray, shape (t, k, k)
+        ``transform @ parts`` is an orthonormal basis of the vectors, with rows of zeros where they span less.
     """
-    gram = parts @ parts.transpose(0, 2, 1)
     norm = np.maximum(np.sqrt(np.einsum("tkk->tk", gram)), 1e-150)
     values, vectors = np.linalg.eigh(gram / (norm[:, :, None] * norm[:, None, :]))
-    root = np.sqrt(np.maximum(values, _FLAT))
+    spanned = values > _FLAT
+    root = np.sqrt(np.where(spanned, values, 1.0))
     # The normalised vectors are basis @ factor; the inverse makes a basis of them.
-    factor = root[:, :, None] * vectors.transpose(0, 2, 1)
-    inverse = vectors / root[:, None, :]
-    basis = (inverse / norm[:, :, None]).transpose(0, 2, 1) @ parts
-    flat = values[:, 0] < _FLAT
-    for i in np.flatnonzero(flat):
-        orthonormal, factor[i] = np.linalg.qr((parts[i] / norm[i, :, None]).T)
-        basis[i] = orthonormal.T
-    wanted = -(basis @ target)
+    factor = (root * spanned)[:, :, None] * vectors.transpose(0, 2, 1)
+    inverse = vectors * (spanned / root)[:, None, :]
+    transform = (inverse / norm[:, :, None]).transpose(0, 2, 1)
+    wanted = -np.einsum("tlk,tk->tl", transform, push)
     low, high = lower * norm, upper * norm
     scaled = np.einsum("tkl,tl->tk", inverse, wanted)
-    if parts.shape[1] == 1:
+    if push.shape[1] == 1:
         scaled = np.clip(scaled, low, high)
-    for i in np.flatnonzero(flat | ((scaled < low) | (scaled > high)).any(axis=1)):
+    for i in np.flatnonzero(((scaled < low) | (scaled > high)).any(axis=1)):
         scaled[i] = lsq_linear(factor[i], wanted[i], (low[i], high[i]), method="bvls", tol=1e-10).x
-    left = np.einsum("tkl,tl->tk", factor, scaled) - wanted
+    left = np.einsum("tlk,tk->tl", factor, scaled) - wanted
     gain = np.sum(wanted**2, axis=1) - np.sum(left**2, axis=1)
-    return gain, scaled / norm, basis.astype(np.float32)
+    return gain, scaled / norm, transform

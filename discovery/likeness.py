@@ -26,7 +26,7 @@ def likely_pairs(scored: Sequence[Candidate], target: FloatArray, keep: int) -> 
     keep : int
         Number of pairs.
     """
-    bases = [np.asarray(c.directions[0].basis, float) for c in scored]
+    bases = [c.sensitivity for c in scored]
     edges = np.cumsum([0, *(b.shape[1] for b in bases)])
     everything = np.concatenate(bases, axis=1)
     gram, push = everything.T @ everything, everything.T @ target

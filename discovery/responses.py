@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dgemm
 
 from discovery.bench import Bench
 from discovery.effect import ARM, Effect, Expressed, Joint, Memory, Sensor
@@ -72,14 +73,14 @@ class Responses:
     ----------
     known : ndarray, shape (n, p)
         Orthonormal basis of what they absorb.
-    left : ndarray, shape (k, n)
+    left : ndarray of float32, shape (k, n)
         What they leave of each response.
     taken : ndarray, shape (k, p)
         What they take, in the basis.
     """
 
     known: FloatArray
-    left: FloatArray
+    left: NDArray[np.float32]
     taken: FloatArray
 
     def moved(self, rows: NDArray[np.int64]) -> FloatArray:
@@ -153,16 +154,17 @@ def respond(
         for name, value in changed.items():
             sets[at[name], column] = value
     lanes = bench.simulators[0].kernel.lanes
-    left, taken = np.empty((len(settings), reference.size)), np.empty((len(settings), known.shape[1]))
+    left = np.empty((len(settings), reference.size), dtype=np.float32)
+    taken = np.empty((len(settings), known.shape[1]))
 
     def simulate(first: int) -> None:
         part = slice(first, first + lanes)
-        starts = np.repeat(initial, sets[:, part].shape[1], axis=2)
-        moved = np.subtract(bench.residuals(sets[:, part], starts).T, reference, out=left[part])
+        moved = bench.residuals(sets[:, part], np.repeat(initial, sets[:, part].shape[1], axis=2))
+        moved -= reference[:, None]
         # A set that blows up is infinite throughout.
-        moved[~np.isfinite(moved[:, 0])] = 0.0
-        taken[part] = moved @ known
-        moved -= taken[part] @ known.T
+        moved[:, ~np.isfinite(moved[0])] = 0.0
+        taken[part] = moved.T @ known
+        left[part] = dgemm(-1.0, taken[part], known, 1.0, moved.T, trans_b=True, overwrite_c=True)
 
     list(pool.map(simulate, range(0, len(settings), lanes)))
     return Responses(known, left, taken)

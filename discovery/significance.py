@@ -76,7 +76,5 @@ def chance_gains(candidates: Sequence[Candidate], jacobian: FloatArray, noise: F
     left = (noise - known @ (known.T @ noise)).astype(np.float32)
     largest = np.zeros(noise.shape[1])
     for candidate in candidates:
-        widths = [d.basis.shape[1] for d in candidate.directions]
-        powers = np.square(np.concatenate([d.basis for d in candidate.directions], axis=1).T @ left)
-        largest = np.maximum(largest, np.add.reduceat(powers, np.cumsum([0, *widths[:-1]]), axis=0).max(axis=0))
+        largest = np.maximum(largest, candidate.shapes.powers(left).max(axis=0))
     return np.sort(largest)

@@ -181,7 +181,8 @@ def responses_of(effect: str, points: list[dict[str, float]]) -> tuple[Grid, np.
     around = found.problem.expand(found.minimum.x[:, None])
     with ThreadPoolExecutor(2) as pool:
         answer = respond(pool, found.problem.bench, around, settings, found.minimum.residual, known)
-    assert answer.left @ known == pytest.approx(0.0, abs=1e-8 * max(1.0, np.abs(answer.left).max()))
+    left = answer.left.astype(float)
+    assert left @ known == pytest.approx(0.0, abs=1e-6 * max(1.0, np.abs(left).max()))
     return grids[effect], answer.moved(np.arange(len(settings)))
 
 
@@ -205,7 +206,7 @@ def test_responses_are_those_of_each_amplitude_alone_with_its_shapes(effect: str
         for k, amplitude in enumerate(grid.fitted[j].name for j in grid.sizes):
             # All shapes are set here, also those that are said not to matter.
             alone = simulated({n: point[n] for n in (*shapes, amplitude)})
-            assert moved[:, grid.rows[i, k]] == pytest.approx(alone, abs=1e-9 * max(1.0, np.abs(alone).max()))
+            assert moved[:, grid.rows[i, k]] == pytest.approx(alone, abs=1e-7 * max(1.0, np.abs(alone).max()))
 
 
 def test_a_body_that_falls_is_tied_to_nothing() -> None:
@@ -236,7 +237,7 @@ def test_of_shapes_that_promise_the_same_the_first_comes_first() -> None:
     # Friction that is smallest at creep: the bump is best absent, at whatever Stribeck speed.
     friction = next(c for c in screened(f_k=0.03, f_b=-0.03, v_s=0.35) if c.effect == "stribeck_friction")
     grid = grid_of(catalogue()["stribeck_friction"], "oscillator", UNITS)
-    equal = [d for d in friction.directions if d.gain == pytest.approx(friction.score, rel=1e-9)]
+    equal = [g for g in friction.shapes.gains if g == pytest.approx(friction.score, rel=1e-9)]
     assert friction.score > 100
     assert len(equal) > 2
     names = [p.name for p in catalogue()["stribeck_friction"].fitted("oscillator")]

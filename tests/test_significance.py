@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from discovery.attribution import Candidate, Direction
+from discovery.attribution import Candidate, Shapes
 from discovery.significance import chance_gains, surrogates
 
 N = 400
@@ -19,8 +19,12 @@ def bench(output: np.ndarray) -> SimpleNamespace:
 
 
 def candidate(name: str, *bases: np.ndarray) -> Candidate:
-    directions = tuple(Direction(np.linalg.qr(b)[0].astype(np.float32), 0.0) for b in bases)
-    return Candidate(name, 0.0, (), bases[0], directions)
+    k = bases[0].shape[1]
+    first = np.linalg.qr(bases[0])[0]
+    responses = np.concatenate([np.linalg.qr(b)[0].T for b in bases]).astype(np.float32)
+    rows = np.arange(len(responses)).reshape(len(bases), k)
+    unbounded, transform = np.zeros(len(bases)), np.array([np.eye(k)] * len(bases))
+    return Candidate(name, 0.0, (), first, Shapes(responses, rows, transform, unbounded))
 
 
 def test_surrogates_keep_the_spectrum_of_every_channel() -> None:
@@ -50,7 +54,8 @@ def test_one_direction_gains_chi_square_of_one_degree() -> None:
 
 def test_the_whole_catalogue_counts() -> None:
     noise = RNG.standard_normal((N, 2000))
-    many = [candidate(str(k), RNG.standard_normal((N, 1)), RNG.standard_normal((N, 2))) for k in range(20)]
+    sizes = [(k, size) for k in range(10) for size in (1, 2)]
+    many = [candidate(f"{k}_{size}", *RNG.standard_normal((2, N, size))) for k, size in sizes]
     gains = chance_gains(many, np.ones((N, 1)), noise)
     # The largest of twenty with one and twenty with two degrees of freedom, all but independent.
     expected = stats.chi2(1).cdf(gains) ** 20 * stats.chi2(2).cdf(gains) ** 20
