@@ -16,11 +16,16 @@ FloatArray = NDArray[np.float64]
 
 
 def fit_problems(
-    problems: Sequence[Problem], starts: Sequence[FloatArray], *, iterations: int = 40, tolerance: float = 1e-8
+    problems: Sequence[Problem],
+    starts: Sequence[FloatArray],
+    *,
+    iterations: int = 40,
+    tolerance: float = 1e-8,
+    rough: bool = False,
 ) -> list[Minimum]:
     """Fit several problems; the other arguments are those of `discovery.least_squares.levenberg_marquardt`."""
     requests = [
-        levenberg_marquardt(x, *p.bounds, p.scale, iterations=iterations, tolerance=tolerance)
+        levenberg_marquardt(x, *p.bounds, p.scale, iterations=iterations, tolerance=tolerance, rough=rough)
         for p, x in zip(problems, starts, strict=True)
     ]
     return together(problems, requests)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 __all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
 
 FloatArray = NDArray[np.float64]
+#: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
+_KEPT = 0.5
 Request = Generator[FloatArray, FloatArray, "Minimum"]
 
 
@@ -57,20 +59,29 @@ def _cost(residuals: FloatArray) -> FloatArray:
     return np.where(np.isfinite(cost), cost, np.inf)
 
 
-def _differences(
-    x: FloatArray, lower: FloatArray, upper: FloatArray, step: FloatArray, which: NDArray[np.int64]
-) -> Generator[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Ask for residuals at x and around it; return residual and columns of the Jacobian (one-sided beside a bound)."""
-    high, low = np.minimum(x + step, upper)[which], np.maximum(x - step, lower)[which]
-    around = np.repeat(x[:, None], 2 * which.size, axis=1)
-    around[which, np.arange(which.size)] = high
-    around[which, which.size + np.arange(which.size)] = low
-    answers = yield np.concatenate([x[:, None], around], axis=1)
+def _probes(
+    x: FloatArray, lower: FloatArray, upper: FloatArray, step: FloatArray, which: NDArray[np.int64], *, both: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return points (p, k) beside x whose residuals give derivatives, inside the bounds, and how far apart they are.
+
+    Both sides, first all above and then all below, or one; beside a bound always one.
+    """
+    high, low = np.minimum(x + step, upper), np.maximum(x - step, lower)
+    sides = (high, low) if both else (np.where(high > x, high, low),)
+    around = np.repeat(x[:, None], len(sides) * which.size, axis=1)
+    for i, side in enumerate(sides):
+        around[which, i * which.size + np.arange(which.size)] = side[which]
+    apart = (sides[0] - (low if both else x))[which]
+    return around, np.where(apart != 0, apart, 1.0)
+
+
+def _columns(answers: FloatArray, residual: FloatArray, apart: FloatArray) -> FloatArray:
+    """Return derivatives from the residuals at `_probes`, zero where a simulation blew up."""
+    behind = answers[:, apart.size :] if answers.shape[1] > apart.size else residual[:, None]
     with np.errstate(invalid="ignore"):
-        change = answers[:, 1 : which.size + 1] - answers[:, which.size + 1 :]
-    columns = change / np.where(high > low, high - low, 1.0)
+        columns = (answers[:, : apart.size] - behind) / apart
     columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
-    return answers[:, 0], columns
+    return columns
 
 
 def levenberg_marquardt(
@@ -82,6 +93,7 @@ def levenberg_marquardt(
     iterations: int = 40,
     tolerance: float = 1e-8,
     jacobian: FloatArray | None = None,
+    rough: bool = False,
 ) -> Request:
     """Minimise half the sum of squared residuals within bounds.
 
@@ -97,6 +109,9 @@ def levenberg_marquardt(
         Derivatives near the start. With it, the search is a quick one: the Jacobian is carried along by Broyden's
         rank-one update (Math. Comp. 19 (1965) 577) and differenced anew only when a step fails; columns of zeros count
         as unknown and are differenced at the start. Without it, it is differenced at every step.
+    rough : bool
+        Difference to one side only, and carry the Jacobian along as long as steps keep what it promises; the search
+        ends on one that was differenced. A quick search also differences to one side.
 
     Yields
     ------
@@ -112,12 +127,19 @@ def levenberg_marquardt(
     step = 1e-6 * scale
     damping = 1e-3
     every = np.arange(x.size)
-    if jacobian is None:
-        residual, jacobian = yield from _differences(x, lower, upper, step, every)
-    else:
-        jacobian = jacobian.copy()
-        unknown = np.flatnonzero(~jacobian.any(axis=0))
-        residual, jacobian[:, unknown] = yield from _differences(x, lower, upper, step, unknown)
+    both = not (quick or rough)
+    unknown = every if jacobian is None else np.flatnonzero(~jacobian.any(axis=0))
+    points, apart = _probes(x, lower, upper, step, unknown, both=both)
+    answers = yield np.concatenate([x[:, None], points], axis=1)
+    residual = answers[:, 0]
+    jacobian = np.empty((residual.size, x.size)) if jacobian is None else jacobian.copy()
+    jacobian[:, unknown] = _columns(answers[:, 1:], residual, apart)
+
+    def differenced() -> Generator[FloatArray, FloatArray, FloatArray]:
+        points, apart = _probes(x, lower, upper, step, every, both=both)
+        answers = yield points
+        return _columns(answers, residual, apart)
+
     cost = float(_cost(residual[:, None])[0])
     fresh, converged, count = not quick, False, 0
     while count < iterations and np.isfinite(cost) and np.isfinite(residual).all():
@@ -149,21 +171,21 @@ def levenberg_marquardt(
             x, residual, cost = trials[:, best], answers[:, best], float(costs[best])
             damping = float(np.clip(dampings[best], 1e-12, 1e12))
         if gain > small:
-            if quick:
+            if quick or (rough and gain > -_KEPT * (gradient @ moved + 0.5 * moved @ normal @ moved)):
                 weighted = diagonal**2 * moved
                 jacobian += np.outer(changed - jacobian @ moved, weighted) / max(weighted @ moved, 1e-300)
                 fresh = False
             else:
-                residual, jacobian = yield from _differences(x, lower, upper, step, every)
-        elif gain > 0 or damping > 1e9:
+                jacobian = yield from differenced()
+                fresh = True
+        elif (gain > 0 or damping > 1e9) and (fresh or quick):
             # A tiny step: the end, unless the Jacobian is only carried along.
-            if fresh or quick:
-                converged = True
-                break
+            converged = True
+            break
         elif fresh:
             damping *= 100.0
         else:
-            residual, jacobian = yield from _differences(x, lower, upper, step, every)
+            jacobian = yield from differenced()
             fresh = True
     return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count)
 

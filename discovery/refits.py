@@ -179,10 +179,13 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     ]
     for i, found in zip(going, together([problems[i] for i in going], further), strict=True):
         minima[i] = found
-    # A quick search may stall on its carried Jacobian: the best ones, and those that a nested model cannot be worse
-    # than, are finished with differences.
+    # A quick search may stall on its carried Jacobian: the best ones are finished with differences, and so are effects
+    # that leave more than the model without them.
     order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
-    stalled = [i for i in order if not minima[i].cost <= minimum.cost]
+    leading: dict[tuple[str, ...], int] = {}
+    for i in order:
+        leading.setdefault(labels[i], i)
+    stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
     chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
     finished = _differenced([problems[i] for i in chosen], ends)
@@ -229,13 +232,13 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     """Return a refit without some of its effects, fitted again."""
     problem = fitted.problem
     smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
-    (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)])
+    (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
     return Refit(smaller.model.effects[-1], smaller, minimum)
 
 
 def _differenced(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
-    """Minimise with differenced Jacobians."""
-    return fit_problems(problems, starts, iterations=15, tolerance=1e-4)
+    """Minimise until a differenced Jacobian finds nothing better."""
+    return fit_problems(problems, starts, iterations=15, tolerance=1e-4, rough=True)
 
 
 def _best(found) -> list[Refit]:

@@ -20,6 +20,8 @@ __all__ = ["unstiffened"]
 _LEADING = 3
 #: where the solver moves the residual by this much, and kept if they lower chi-square by as much.
 _WORTH = 5.0
+#: A refit that removes less than this part of its linear score may have been stopped by a motion that blows up.
+_SHORT = 0.5
 
 
 def unstiffened(
@@ -44,27 +46,37 @@ def unstiffened(
     best = {r.effect: r for r in quick}
     scores = {c.effect: c.score for c in shortlist}
     by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
+    benches = {0.5: Bench.like(problem.bench, 2 * problem.bench.step), 1: problem.bench}
     checked: set[str] = set()
     for finer in (2, 4, 8):
         leading = [r.effect for r in sorted(best.values(), key=lambda r: r.chi2)[:_LEADING]]
         leading += [c.effect for c in by_score[:_LEADING] if c.effect not in leading]
-        fine = Problem(problem.model, Bench.like(problem.bench, problem.bench.step / finer), problem.units, {})
-        # A step too coarse for the minimum may be fine where the refit got stuck, far short of its linear score.
-        short = {e for e in leading if 2 * minimum.cost - best[e].chi2 < 0.5 * scores[e]}
-        rough = {e for e in leading if e not in checked and (e in short or _solver_error(best[e], fine.bench) > _WORTH)}
+        fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
+        unchecked = [e for e in leading if e not in checked]
+        rough = {e for e, error in _solver_errors([best[e] for e in unchecked], fine).items() if error > _WORTH}
+        # A refit may also have stopped far short of its linear score, next to where the motion blows up.
+        short = [best[e] for e in unchecked if 2 * minimum.cost - best[e].chi2 < _SHORT * scores[e]]
+        rough |= {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)}
         checked |= {*leading} - rough
         if not rough:
             break
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
-        for r in refit(problem.model, minimum, fine, once):
+        for r in refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once):
             # Kept where it helps: the finer bench costs more from then on.
             if r.chi2 < best[r.effect].chi2 - _WORTH:
                 best[r.effect] = r
+            else:
+                checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
 
 
-def _solver_error(r: Refit, finer: Bench) -> float:
-    """Return how far a finer step moves the residual [noise sds, squared]."""
-    problem = Problem(r.problem.model, finer, r.problem.units, r.problem.gaussian)
-    change = finer.residuals(*problem.expand(r.minimum.x[:, None]))[:, 0] - r.minimum.residual[: finer.n_rows]
-    return float(change @ change) if np.isfinite(change).all() else np.inf
+def _solver_errors(refits: Sequence[Refit], other: Bench) -> dict[str, float]:
+    """Return how far other steps move the residual of each effect [noise sds, squared]."""
+    if not refits:
+        return {}
+    problems = [Problem(r.problem.model, other, r.problem.units, r.problem.gaussian) for r in refits]
+    sets = [p.expand(r.minimum.x[:, None]) for p, r in zip(problems, refits, strict=True)]
+    moved = other.residuals(*(np.concatenate(each, axis=-1) for each in zip(*sets, strict=True)))
+    moved -= np.column_stack([r.minimum.residual[: other.n_rows] for r in refits])
+    errors = np.where(np.isfinite(moved[0]), np.square(moved).sum(axis=0), np.inf)
+    return dict(zip([r.effect for r in refits], errors.tolist(), strict=True))
