@@ -37,6 +37,8 @@ _DISTINCT = 0.9
 #: and they are chosen among so many of the best.
 _COMPARED = 24
 _STARTS = 3
+#: Effects with many shapes have many minima: so many times as many starts.
+_MANY = 3
 #: Gains within this part of the largest are equal.
 _TIE = 1e-9
 #: Responses that are weighed at once: so many stay in the processor's cache.
@@ -162,7 +164,7 @@ def screen(
     names : sequence of str
         Candidate effect ids.
     keep : int
-        Number of starts kept for each.
+        Number of starts kept for each; more for effects with many shapes.
 
     Returns
     -------
@@ -202,7 +204,7 @@ def _scored(
     order = np.argsort(-np.round(gain / max(_TIE * gain.max(), 1e-300)), kind="stable")
     bases = shapes.bases(order[:_COMPARED])
     starts = []
-    for i in order[_distinct(bases, keep)]:
+    for i in order[_distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)]:
         vector, columns = grid.values[i].copy(), np.zeros((target.size, len(grid.fitted)))
         vector[grid.sizes] = solution[i] * sizes[i]
         # Unknown derivatives of shapes start at zero.

@@ -80,6 +80,10 @@ class Branches:
     def _far_starts(self, problem: Problem, minimum: Minimum, names: Sequence[str]) -> list[FarStart]:
         return finite_starts(minimum, problem, names) + growing_starts(minimum, problem, names)
 
+    def forget(self, effect: str) -> None:
+        """Forget what was offered beside sets with an effect, for its values have changed."""
+        self._made = {key: branch for key, branch in self._made.items() if effect not in key}
+
     def made(self, added: Sequence[str]) -> Branch | None:
         """Return the branch of a set if there is one already."""
         return self._made.get(frozenset(added))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from discovery.attribution import candidates
 from discovery.bench import Bench
+from discovery.errors import ComputationError, SimulationFailure
 from discovery.experiment import Experiment
 from discovery.fit import SHIFT, Fit, fit, refined
 from discovery.holdout import HoldOut
@@ -25,6 +26,8 @@ __all__ = ["Case", "LoopSettings", "Step", "Tell"]
 
 FloatArray = NDArray[np.float64]
 Tell = Callable[[str], None]
+#: More coordinates have found the same answer unless they leave more than so many times as much.
+_SAME_ANSWER = 1.05
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,9 @@ class LoopSettings:
         one of several effects must remove from what the others leave.
     kept_share : float
         The latter where the residual stays unexplained, and no law in the set imitates others.
-    least_known : float
-        Where the residual stays unexplained, effects are named only if at most this share of the excess is left.
+    least_known, least_foreseen : float
+        Where the residual stays unexplained, effects are named only if at most these shares of the excess are left on
+        the training and on the held-out recordings.
     most_effects : int
         Largest number of effects added.
     seed : int
@@ -82,7 +86,8 @@ class LoopSettings:
     tie_pliable: float = 0.25
     pair_share: float = 0.7
     kept_share: float = 0.4
-    least_known: float = 0.2
+    least_known: float = 0.03
+    least_foreseen: float = 0.2
     most_effects: int = 4
     seed: int = 1
     follow_up: bool = True
@@ -102,7 +107,7 @@ class Step:
     Parameters
     ----------
     action : str
-        "upgrade", "add", "remove", "exchange", "withdraw" or "stop".
+        "upgrade", "add", "remove", "renew", "exchange", "withdraw" or "stop".
     effect : str
         What was added or tried.
     accepted : bool
@@ -169,6 +174,19 @@ class Case:
             units=self.units,
             gaussian=problem.gaussian,
         )
+
+    def finest(self, found: Refit) -> Fit:
+        """Return a refit of the search with its intervals, in more coordinates where its mechanics have them."""
+        finer = found.problem.model.mechanics.finer
+        if finer:
+            self.tell("refitting in more coordinates")
+            try:
+                fitted = self.fit(found.problem.model.on_base(finer), found.values, found.problem.gaussian)
+            except (ComputationError, SimulationFailure):
+                fitted = None
+            if fitted is not None and 2 * fitted.minimum.cost < _SAME_ANSWER * found.chi2 + self.settings.price:
+                return self.polish(fitted)
+        return self.polish(self.finished(found))
 
     def polish(self, fitted: Fit) -> Fit:
         """Return the fit on steps so fine that the solver shifts no estimate; see `discovery.fit.refined`."""

@@ -23,7 +23,7 @@ _LEAPS, _FIRST_LEAP = 6, 0.75
 
 
 def covariance_of(
-    problem: Problem, minimum: Minimum
+    problem: Problem, minimum: Minimum, *, unlike: float = 0.0
 ) -> tuple[FloatArray, dict[str, str], tuple[dict[str, float], ...]]:
     """Return the covariance of the estimates from the Jacobian at the minimum, by singular values.
 
@@ -33,12 +33,14 @@ def covariance_of(
         What was fitted.
     minimum : Minimum
         Where the minimisation ended.
+    unlike : float
+        How far the laws of effects may be from nature's, rms distance over all channels [unit of the output].
 
     Returns
     -------
     covariance : ndarray, shape (p, p)
-        For residuals as correlated as those that are left, never below the instrument's white noise; NaN rows where an
-        interval is missing.
+        For residuals as correlated as those that are left, never below the instrument's white noise and what the model
+        idealises; NaN rows where an interval is missing.
     reasons : dict of str to str
         Why an interval is missing, by parameter.
     directions : tuple of dict
@@ -69,7 +71,7 @@ def covariance_of(
             for n in direction:
                 reasons[n] = "not identifiable from these recordings"
         inverse = (rows[~weak].T / singular[~weak] ** 2) @ rows[~weak]
-        honest = inverse @ _score_covariance(scaled, minimum.residual, problem) @ inverse
+        honest = inverse @ _score_covariance(scaled, minimum.residual, problem, unlike) @ inverse
         covariance[np.ix_(use, use)] = honest / np.outer(size[use], size[use])
         for n in reasons:
             k = names.index(n)
@@ -77,26 +79,28 @@ def covariance_of(
     return covariance, reasons, tuple(directions)
 
 
-def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int) -> FloatArray:
-    """Return the power of the base's own error, over that of white noise, at the lines of a spectrum.
+def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int, unlike: float) -> FloatArray:
+    """Return the power of the model's own error, over that of white noise, at the lines of a spectrum.
 
-    A base is no beam: what it idealises moves with the arm, so it is taken as correlated over the natural time (Kennedy
-    and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425, with the size known from a finer model).
+    A base is no beam, and the law of an effect is not nature's: what they idealise moves with the arm, so it is taken as
+    correlated over the natural time (Kennedy and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425; the
+    size of the base's is known from a finer model).
     """
     base, units, recording = problem.model.mechanics, problem.units, experiment.recording
-    if base.accuracy == 0.0:
+    own = base.accuracy * (1.0 if recording.units[channel] == "rad" else units.length)
+    error = float(np.hypot(own, unlike / np.sqrt(len(recording.units))))
+    if error == 0.0:
         return np.zeros(lines)
-    error = base.accuracy * (1.0 if recording.units[channel] == "rad" else units.length)
     gap = float(np.median(np.diff(recording.time)))
     frequency = np.pi / gap * np.linspace(0.0, 1.0, lines)
     share = (error / float(recording.noise[channel])) ** 2
     return share * 2 * units.time / gap / (1 + (frequency * units.time) ** 2)
 
 
-def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Problem) -> FloatArray:
+def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Problem, unlike: float) -> FloatArray:
     """Return the covariance of J^T r for noise with the smoothed spectrum of the residual.
 
-    Never below white noise and what the base idealises. With the inverse of J^T J on both sides it is the sandwich of
+    Never below white noise and what the model idealises. With the inverse of J^T J on both sides it is the sandwich of
     Huber and White for correlated residuals, in the frequency domain (Hannan, Multiple Time Series, 1970, chapter VII).
     """
     bench = problem.bench
@@ -115,7 +119,7 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Probl
             twice[0] = 1.0
             if n % 2 == 0:
                 twice[-1] = 1.0
-            least = 1.0 + _idealised(problem, experiment, c, power.size)
+            least = 1.0 + _idealised(problem, experiment, c, power.size, unlike)
             weight = twice * np.maximum(smooth, least) / n
             total += np.real(spectrum.conj().T @ (spectrum * weight[:, None]))
     return total

@@ -28,6 +28,8 @@ FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
 SHIFT = 0.02
 _REFINEMENTS = 3
+#: Longest integration of one recording that a refinement asks for: dry friction and play would ask for any.
+_MOST_STEPS = 200_000
 
 
 @dataclass(frozen=True)
@@ -282,11 +284,20 @@ def _at(problem: Problem, minimum: Minimum) -> Fit:
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
 
 
+def widened(found: Fit, unlike: float) -> Fit:
+    """Return a fit whose intervals count how far the laws of its effects may be from nature's.
+
+    `unlike` is the rms distance over all channels [unit of the output], see `discovery.covariance.covariance_of`.
+    """
+    covariance, reasons, directions = covariance_of(found.problem, found.minimum, unlike=unlike)
+    return replace(found, covariance=covariance, reasons=reasons, null_directions=directions)
+
+
 def refined(found: Fit, largest: float = SHIFT) -> Fit:
     """Return a fit on steps so fine that the solver shifts no estimate by more than `largest` standard deviations.
 
-    Each round refits from the minimum of the last one. Where finer steps do not help, as for dry friction, the best
-    round is returned; its `solver_shift` and `status` tell.
+    Each round refits from the minimum of the last one. Where finer steps do not help, as for dry friction, or would be
+    too many, the best round is returned; its `solver_shift` and `status` tell.
     """
     best = found
     for _ in range(_REFINEMENTS):
@@ -296,6 +307,8 @@ def refined(found: Fit, largest: float = SHIFT) -> Fit:
         # The shift falls with the fourth power of the step.
         step = old.bench.step * max(0.25, 0.8 * (largest / shift) ** 0.25)
         problem = Problem(old.model, Bench.like(old.bench, step), old.units, old.gaussian)
+        if max(s.grid.steps.size for s in problem.bench.simulators) > _MOST_STEPS:
+            break
         (minimum,) = fit_problems([problem], [best.minimum.x])
         if not np.isfinite(minimum.cost):
             break

@@ -17,7 +17,7 @@ __all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
 
 FloatArray = NDArray[np.float64]
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
-_KEPT = 0.5
+_KEPT = 0.8
 Request = Generator[FloatArray, FloatArray, "Minimum"]
 
 

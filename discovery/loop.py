@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.case import Case, LoopSettings, Step
 from discovery.contradiction import ContradictionReport, check_contradictions
 from discovery.experiment import Experiment
-from discovery.fit import Fit, declared_model, fit, rig_uncertainty
+from discovery.fit import Fit, declared_model, fit, rig_uncertainty, widened
 from discovery.holdout import HoldOut
 from discovery.problem import natural_units
 from discovery.quantisation import resolution
@@ -168,7 +168,9 @@ def close_loop(
         search, geometry, steps = Search(before, case), [], []
         search.run()
 
-    after = case.polish(case.finished(search.best.refit))
+    # Laws that differ by no more than `form` of what they remove could not have been told apart.
+    moved = sum(e["effect_rms"] ** 2 for e in search.evidence.values())
+    after = widened(case.finest(search.best.refit), float(np.sqrt(settings.form * moved)))
     before_train, after_train = before.predict(), after.predict()
     before_held, after_held = case.held(before), case.held(after)
     noise, test = _is_noise(after_held, search.root.held_rough, case)

@@ -238,7 +238,7 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
 
 def _differenced(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
     """Minimise until a differenced Jacobian finds nothing better."""
-    return fit_problems(problems, starts, iterations=15, tolerance=1e-4, rough=True)
+    return fit_problems(problems, starts, iterations=25, tolerance=1e-4, rough=True)
 
 
 def _best(found) -> list[Refit]:

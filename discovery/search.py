@@ -233,7 +233,11 @@ class Search:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
             self.best = smaller
             return
-        ranked = self._ordered(self._children([smaller]))
+        children = self._children([smaller])
+        again = next((r for added, r in children if added[-1] == effect), None)
+        if again is not None:
+            self._renew(effect, Node.of(self.best.added, again, self.case))
+        ranked = self._ordered(children)
         others = [n for n in ranked if n.added[-1] != effect]
         price = self.case.settings.price
         for node in others:
@@ -246,6 +250,16 @@ class Search:
                 )
                 self.best = node
                 return
+
+    def _renew(self, effect: str, again: Node) -> None:
+        """Take another minimum of the same set: what an effect was beside fewer others may have been a local one."""
+        gain = self.best.chi2 - again.chi2
+        if gain > self.case.settings.price and again.held < self.best.held:
+            reason = f"found again beside the others it lowers chi-square by {gain:.0f} more"
+            numbers = {"chi2_before": self.best.chi2, "chi2_after": again.chi2}
+            self.steps.append(Step("renew", effect, True, reason, numbers))
+            self.best = again
+            self._branches.forget(effect)
 
     def rivals(self) -> dict[str, dict[str, Refit]]:
         """Return, for each added effect that others explain as well, the refits with those in its place."""
@@ -283,12 +297,11 @@ class Search:
     def _withdraw(self) -> None:
         """Take everything back where too much is left for a name to be more than a guess."""
         case = self.case
-        left = max(
-            case.excess(self.best.chi2) / max(case.excess(self.root.chi2), 1e-300),
-            case.held_excess(self.best.held) / max(case.held_excess(self.root.held), 1e-300),
-        )
-        if left > case.settings.least_known:
-            reason = f"what is left is not noise, and {100 * left:.0f} % of the excess chi-square is still there"
+        left = case.excess(self.best.chi2) / max(case.excess(self.root.chi2), 1e-300)
+        ahead = case.held_excess(self.best.held) / max(case.held_excess(self.root.held), 1e-300)
+        if left > case.settings.least_known or ahead > case.settings.least_foreseen:
+            shares = f"{100 * left:.2g} % of the excess chi-square is still there, {100 * ahead:.2g} % on the held-out ones"
+            reason = f"what is left is not noise: {shares}"
             self.steps += [Step("withdraw", e, True, f"{reason}: no effect is named") for e in self.best.added]
             self.best = self.root
 

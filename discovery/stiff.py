@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from discovery.attribution import Candidate
+from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.least_squares import Minimum
 from discovery.model import Model
@@ -62,12 +63,18 @@ def unstiffened(
             break
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
         for r in refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once):
-            # Kept where it helps: the finer bench costs more from then on.
             if r.chi2 < best[r.effect].chi2 - _WORTH:
-                best[r.effect] = r
+                best[r.effect] = _coarsened(r, best[r.effect].problem)
             else:
                 checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
+
+
+def _coarsened(fine: Refit, problem: Problem) -> Refit:
+    """Return the same minimum on the coarser steps of a problem if it is one there: finer ones cost more from then on."""
+    (minimum,) = fit_problems([problem], [fine.minimum.x], iterations=25, tolerance=1e-4, rough=True)
+    again = Refit(fine.effect, problem, minimum)
+    return again if again.chi2 < fine.chi2 + _WORTH else fine
 
 
 def _solver_errors(refits: Sequence[Refit], other: Bench) -> dict[str, float]:

@@ -43,7 +43,7 @@ ALPHA = 3 * PAPER_RIG.flexural_rigidity / (PAPER_RIG.effective_mass * PAPER_RIG.
 MU = PAPER_RIG.beam_mass / PAPER_RIG.tip_mass
 PLAIN = ("viscous_damping", "linear_stiffness")
 #: Largest error of the torque against the twin, over its largest value.
-TWIN_ERROR = {"elastica": 0.01, "elastica_2": 0.08, "elastica_1": 0.1, "reduced": 0.1}
+TWIN_ERROR = {"elastica_4": 0.01, "elastica": 0.01, "elastica_2": 0.08, "elastica_1": 0.1, "reduced": 0.1}
 
 
 def arm_on(base: str, effects: tuple[str, ...] = PLAIN, inertia: float = INERTIA, **values: float) -> Arm:

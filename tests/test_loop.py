@@ -70,7 +70,7 @@ def test_on_the_clean_twin_the_loop_finds_the_geometry_and_nothing_else() -> Non
     assert list(result.added) == GEOMETRY
     assert result.verdict == "explained"
     assert result.declared == ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
-    assert result.after.model.base == "elastica"
+    assert result.after.model.base == "elastica_4"
     assert result.before.model.base == "constant_radius"
 
 

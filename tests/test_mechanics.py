@@ -24,7 +24,7 @@ from discovery.simulate import Simulator
 from discovery.testing.states import every_effect
 
 EFFECTS = ("viscous_damping", "linear_stiffness")
-ELASTICA = ("elastica", "elastica_2", "elastica_1")
+ELASTICA = ("elastica_4", "elastica", "elastica_2", "elastica_1")
 #: Mattiasson, Int. J. Numer. Methods Eng. 17 (1981) 145, vertical tip load P l^2 / EI: w / l, u / l.
 MATTIASSON = [
     (1.0, 0.30172, 0.05643),
@@ -32,8 +32,9 @@ MATTIASSON = [
     (5.0, 0.71379, 0.38763),
     (10.0, 0.81061, 0.55500),
 ]
-#: Largest error of the tip [lengths] that three, two and one curvature modes reach at these loads.
+#: Largest error of the tip [lengths] that four, three, two and one curvature modes reach at these loads.
 STATIC_ERROR = {
+    "elastica_4": {1.0: 1e-5, 2.0: 1e-5, 5.0: 5e-5, 10.0: 2e-4},
     "elastica": {1.0: 1e-5, 2.0: 1e-5, 5.0: 5e-5, 10.0: 2e-4},
     "elastica_2": {1.0: 1.5e-5, 2.0: 1e-4, 5.0: 1e-3, 10.0: 4e-3},
     "elastica_1": {1.0: 3e-4, 2.0: 3e-3, 5.0: 2e-2, 10.0: 5e-2},
@@ -191,9 +192,8 @@ def test_a_motion_starts_on_the_static_shape(base: str, deflection: float) -> No
     theta, rho, omega = show(0.0, (0.0, 0.0, 0.0), np.concatenate([q, rate])[:, 0], [0.0] * 5)
     assert theta == pytest.approx(deflection, abs=1e-7)
     assert omega == pytest.approx(0.7, abs=1e-6)
-    assert rho == pytest.approx(
-        float(perpendicular_law(deflection)[1]), abs={"elastica": 1e-6, "elastica_2": 5e-4, "elastica_1": 1e-4}[base]
-    )
+    tolerance = {"elastica_4": 1e-6, "elastica": 1e-6, "elastica_2": 5e-4, "elastica_1": 1e-4}[base]
+    assert rho == pytest.approx(float(perpendicular_law(deflection)[1]), abs=tolerance)
 
 
 # The rod.
@@ -251,14 +251,16 @@ def test_one_shape_has_the_frequency_of_the_effective_mass(mu: float) -> None:
 
 
 @pytest.mark.parametrize("mu", [0.05, 0.2845, 1.0])
-@pytest.mark.parametrize("base", ELASTICA[:2])
+@pytest.mark.parametrize("base", ELASTICA[:3])
 def test_small_motions_have_the_frequencies_of_a_clamped_beam_with_tip_mass(base: str, mu: float) -> None:
     got, exact = program_frequencies(base, mu), analytic_frequencies(mu, 2)
     assert got[0] == pytest.approx(exact[0], rel=5e-5)
     assert got[1] == pytest.approx(exact[1], rel=5e-4)
     # Fewer shapes than a rod has can only stiffen it.
     assert (got[:2] > exact * (1 - 1e-6)).all()
-    assert get_base(base).highest_frequency({"mu": mu}) ** 2 == pytest.approx(got[-1], rel=1e-3)
+    # Seven nodes integrate the third bending mode to a percent; the frequency chooses a step only.
+    rel = 2e-2 if base == "elastica_4" else 1e-3
+    assert get_base(base).highest_frequency({"mu": mu}) ** 2 == pytest.approx(got[-1], rel=rel)
 
 
 def test_seven_polynomials_have_the_frequencies_of_a_clamped_beam_with_tip_mass() -> None:
@@ -311,7 +313,8 @@ def test_the_exact_arm_moves_like_a_converged_beam(friction: float) -> None:
         mean[base], peak[base] = float(distance.mean()), float(distance.max())
     assert mean["elastica"] < 5e-5
     assert peak["elastica"] < 1.5e-4
-    assert mean["elastica"] < mean["elastica_2"] < mean["elastica_1"] < mean["reduced"] < mean["constant_radius"]
+    order = ("elastica_4", "elastica", "elastica_2", "elastica_1", "reduced", "constant_radius")
+    assert sorted(mean, key=lambda base: mean[base]) == list(order)
 
 
 @pytest.mark.parametrize("base", ["constant_radius", "oscillator", *ELASTICA])

@@ -30,7 +30,16 @@ _CALM = 1.5e-4
 #: The rod's inertia in the turn of its end, over that of the turn alone: it moves with the shapes too. With this, the
 #: second frequency of a rod that ends in a rotary inertia is that of a beam to 0.1 %, and none is far above the others.
 _END_SHARE = 3.0
-__all__ = ["BASE", "ONE_MODE", "TWO_MODES", "Elastica", "ElasticaOneMode", "ElasticaTwoModes"]
+__all__ = [
+    "BASE",
+    "FOUR_MODES",
+    "ONE_MODE",
+    "TWO_MODES",
+    "Elastica",
+    "ElasticaFourModes",
+    "ElasticaOneMode",
+    "ElasticaTwoModes",
+]
 
 
 def _over_three(curvature: np.ndarray, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> Strand:
@@ -61,6 +70,7 @@ class Elastica(ArmBase):
     lanes = 8
     #: Against a converged beam, over arms and manoeuvres of the blind benchmark's kind without any effect.
     accuracy = 3e-5
+    finer = "elastica_4"
     provides = frozenset({"cubic_stiffness", "quintic_stiffness", "distributed_mass", *RADIUS_LAWS, *SHORTENING_RADIUS})
 
     mu = Parameter("1", "rod mass over tip mass", (0.005, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
@@ -310,12 +320,22 @@ class Elastica(ArmBase):
         return float(np.sqrt(eigh(bending_matrix(self._weights) / 3, mass, eigvals_only=True)[-1]))
 
 
+class ElasticaFourModes(Elastica):
+    """The exact arm with four curvature modes: also where violent moves make a light rod ring."""
+
+    name = "elastica_4"
+    n_coordinates = 4
+    nodes = 7
+    finer = ""
+
+
 class ElasticaTwoModes(Elastica):
     """The exact arm with two curvature modes: faster, but its static shape is off at large deflection."""
 
     name = "elastica_2"
     n_coordinates = 2
     accuracy = 0.0
+    finer = ""
 
 
 class ElasticaOneMode(Elastica):
@@ -324,6 +344,7 @@ class ElasticaOneMode(Elastica):
     name = "elastica_1"
     n_coordinates = 1
     accuracy = 0.0
+    finer = ""
 
 
-BASE, TWO_MODES, ONE_MODE = Elastica(), ElasticaTwoModes(), ElasticaOneMode()
+BASE, FOUR_MODES, TWO_MODES, ONE_MODE = Elastica(), ElasticaFourModes(), ElasticaTwoModes(), ElasticaOneMode()

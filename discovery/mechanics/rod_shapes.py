@@ -134,12 +134,13 @@ def reduced_shapes(count: int) -> FloatArray:
     Parameters
     ----------
     count : int
-        2: the static shape and the second bending mode; 3: the large-deflection correction as well.
+        2: the static shape and the second bending mode; 3: the large-deflection correction as well; 4: and the third
+        bending mode.
     """
     everything = np.eye(RICH)
     bending = bending_matrix(everything)
     _, modes = eigh(bending / 3, mass_matrix(everything, _MU))
-    second = modes[:, 1] / np.abs(modes[:, 1]).max()
+    second, third = (modes[:, k] / np.abs(modes[:, k]).max() for k in (1, 2))
     chosen = np.array([everything[0], second])
     if count == 2:
         return chosen
@@ -152,4 +153,4 @@ def reduced_shapes(count: int) -> FloatArray:
     correction = np.linalg.solve(root.T, left[:, 0])
     # A fixed sign and size make the coordinates reproducible.
     correction *= np.sign(correction[np.argmax(np.abs(correction))]) / np.abs(correction).max()
-    return np.vstack([chosen, correction])
+    return np.vstack([chosen, correction, third])[:count]

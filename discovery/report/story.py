@@ -22,6 +22,7 @@ _WORDS = {
     "upgrade": ("Compared the mechanics", "kept", "not kept"),
     "add": ("Tried", "added", "not added"),
     "remove": ("Tried without", "taken out", "kept in the model"),
+    "renew": ("Fitted anew", "other values", ""),
     "exchange": ("Exchanged", "taken out", "kept in the model"),
     "withdraw": ("Withdrew", "not named", ""),
 }
