@@ -164,7 +164,7 @@ def screen(
     names : sequence of str
         Candidate effect ids.
     keep : int
-        Number of starts kept for each; more for effects with many shapes.
+        Number of starts kept for each, at most; three times as many for effects with many shapes.
 
     Returns
     -------

@@ -82,9 +82,9 @@ def covariance_of(
 def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int, unlike: float) -> FloatArray:
     """Return the power of the model's own error, over that of white noise, at the lines of a spectrum.
 
-    A base is no beam, and the law of an effect is not nature's: what they idealise moves with the arm, so it is taken as
-    correlated over the natural time (Kennedy and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425; the
-    size of the base's is known from a finer model).
+    A base is no beam, and the law of an effect is not nature's: what they idealise moves with the arm, so it is taken
+    as correlated over the natural time (Kennedy and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425;
+    the size of the base's is known from a finer model).
     """
     base, units, recording = problem.model.mechanics, problem.units, experiment.recording
     own = base.accuracy * (1.0 if recording.units[channel] == "rad" else units.length)

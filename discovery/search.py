@@ -300,8 +300,8 @@ class Search:
         left = case.excess(self.best.chi2) / max(case.excess(self.root.chi2), 1e-300)
         ahead = case.held_excess(self.best.held) / max(case.held_excess(self.root.held), 1e-300)
         if left > case.settings.least_known or ahead > case.settings.least_foreseen:
-            shares = f"{100 * left:.2g} % of the excess chi-square is still there, {100 * ahead:.2g} % on the held-out ones"
-            reason = f"what is left is not noise: {shares}"
+            shares = f"{100 * left:.2g} % of the excess chi-square, {100 * ahead:.2g} % on the held-out ones"
+            reason = f"what is left is not noise but {shares}"
             self.steps += [Step("withdraw", e, True, f"{reason}: no effect is named") for e in self.best.added]
             self.best = self.root
 

@@ -71,7 +71,7 @@ def unstiffened(
 
 
 def _coarsened(fine: Refit, problem: Problem) -> Refit:
-    """Return the same minimum on the coarser steps of a problem if it is one there: finer ones cost more from then on."""
+    """Return the same minimum on coarser steps if it is one there: finer ones cost more from then on."""
     (minimum,) = fit_problems([problem], [fine.minimum.x], iterations=25, tolerance=1e-4, rough=True)
     again = Refit(fine.effect, problem, minimum)
     return again if again.chi2 < fine.chi2 + _WORTH else fine

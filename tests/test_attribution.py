@@ -163,11 +163,15 @@ def test_scores_come_highest_first_with_as_many_starts_as_asked_for() -> None:
     scores = [c.score for c in screened(beta=0.2)]
     assert scores == sorted(scores, reverse=True)
     found = declared_fit(beta=0.2)
-    (one,) = screen(found.model, found.minimum, found.problem, ["periodic_disturbance"], keep=1)
-    (five,) = screen(found.model, found.minimum, found.problem, ["periodic_disturbance"], keep=5)
-    assert len(one.starts) == 1
-    assert len(five.starts) == 5
-    assert one.score == five.score
+    few, many = (
+        {c.effect: c for c in screen(found.model, found.minimum, found.problem, names, keep=keep)}
+        for names in [["periodic_disturbance", "hysteresis"]]
+        for keep in (1, 3)
+    )
+    # Many frequencies have many minima.
+    assert (len(few["periodic_disturbance"].starts), len(few["hysteresis"].starts)) == (3, 1)
+    assert (len(many["periodic_disturbance"].starts), len(many["hysteresis"].starts)) == (9, 3)
+    assert few["periodic_disturbance"].score == many["periodic_disturbance"].score
 
 
 # What is simulated for it.

@@ -272,6 +272,40 @@ def test_running_out_of_iterations_is_said() -> None:
     assert found.iterations == 2
 
 
+@pytest.mark.parametrize("bounded", [False, True])
+def test_a_rough_search_ends_in_the_same_minimum_for_less(bounded: bool) -> None:
+    t = np.linspace(0, 5, 200)
+    truth = np.array([1.3, 0.7, 0.2, 0.1, -0.3, 0.05, 0.4, 0.1])
+
+    def swing(b: FloatArray) -> FloatArray:
+        return (
+            b[0] * np.exp(-b[1] * t) * np.cos(3 * (1 + 0.1 * b[2]) * t) + np.cos(np.outer(t, [0, 1, 2, 4, 5])) @ b[3:]
+        )
+
+    target = swing(truth) + 0.01 * np.random.default_rng(4).standard_normal(t.size)
+    upper = np.full(8, 5.0)
+    if bounded:
+        upper[1] = 0.6
+    asked = {}
+
+    def counted(rough: bool) -> Minimum:
+        asked[rough] = 0
+
+        def residuals(x: FloatArray) -> FloatArray:
+            asked[rough] += x.shape[1]
+            return 100 * (np.stack([swing(b) for b in x.T], axis=1) - target[:, None])
+
+        return solve(residuals, 0.5 * truth, np.full(8, -5.0), upper, np.ones(8), tolerance=1e-7, rough=rough)
+
+    fine, rough = counted(False), counted(True)
+    assert rough.converged
+    assert rough.x == pytest.approx(fine.x, abs=1e-4)
+    assert rough.cost == pytest.approx(fine.cost, rel=1e-6)
+    # It ends on a Jacobian that was differenced there, not on one that was carried along.
+    assert rough.jacobian == pytest.approx(fine.jacobian, rel=1e-2, abs=1e-2 * np.abs(fine.jacobian).max())
+    assert asked[True] < 0.8 * asked[False]
+
+
 # Many at once.
 
 

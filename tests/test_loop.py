@@ -15,6 +15,7 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate
 
 from discovery.dataset import load_dataset
 from discovery.loop import LoopResult, close_loop
+from discovery.mechanics.elastica import Elastica
 from discovery.provenance import plain
 
 DATASETS = Path(__file__).parents[1] / "datasets"
@@ -72,6 +73,11 @@ def test_on_the_clean_twin_the_loop_finds_the_geometry_and_nothing_else() -> Non
     assert result.declared == ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
     assert result.after.model.base == "elastica_4"
     assert result.before.model.base == "constant_radius"
+
+
+def test_more_coordinates_that_fit_worse_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Elastica, "finer", "elastica_1")
+    assert alone(DATASETS / "arm" / "train_large.csv").after.model.base == "elastica"
 
 
 def test_the_clean_twin_is_predicted_inside_and_beyond_the_trained_deflection() -> None:

@@ -182,15 +182,16 @@ def _step(action: str, effect: str, reason: str, *, accepted: bool = True, **mor
 
 
 def test_the_story_of_what_did_not_last(tmp_path: Path) -> None:
-    """An exchange, a removal and a withdrawal, and mechanics that are kept although they predict no better."""
+    """Other values, an exchange, a removal, a withdrawal, and mechanics kept although they predict no better."""
     results = synthetic_run.write_arm_run(tmp_path)
     kept = {"chi2_holdout_before": 800.0, "chi2_holdout_after": 808.0, "n_holdout": 800.0}
-    gone = "what is left is not noise, and 87 % of the excess chi-square is still there"
+    gone = "what is left is not noise but 87 % of the excess chi-square, 50 % on the held-out ones"
     results["loop"] |= {
         "verdict": "unexplained",
         "effects": [{"id": "elastica_geometry", "parameters": {}, "evidence": {}, "ambiguous_with": []}],
         "steps": [
             _step("upgrade", "elastica_geometry", "the error is not smaller", accepted=False, numbers=kept),
+            _step("renew", "encoder_ripple", "found again beside the others it lowers chi-square by 321 more"),
             _step("exchange", "table_tilt", "in its place initial_curvature lowers chi-square by 12345 more"),
             _step("remove", "quadratic_drag", "not enough: it removes 12 of 480 excess chi-square (by chance 40)"),
             _step("withdraw", "initial_curvature", gone),
@@ -200,6 +201,7 @@ def test_the_story_of_what_did_not_last(tmp_path: Path) -> None:
     told = story.steps(Run(tmp_path, results))
     assert [(s["head"], s["outcome"]) for s in told] == [
         ("Compared the mechanics: elastica geometry", "kept"),
+        ("Fitted anew: encoder ripple", "other values"),
         ("Exchanged: table tilt", "taken out"),
         ("Tried without: quadratic drag", "taken out"),
         ("Withdrew: initial curvature and hysteresis", "not named"),

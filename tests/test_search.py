@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -88,6 +89,21 @@ def test_the_evidence_says_how_large_and_how_sure() -> None:
         assert NOISE < numbers["effect_rms"] < 0.3
         # A law that contains the right one may gain a little more.
         assert 0 < numbers["runner_up_delta_chi2"] < numbers["delta_chi2_train"] + 20
+
+
+@pytest.mark.parametrize(("gain", "held", "renewed"), [(50.0, -5.0, True), (50.0, 5.0, False), (5.0, -5.0, False)])
+def test_a_better_minimum_of_the_same_set_takes_its_place(gain: float, held: float, renewed: bool) -> None:
+    """It must gain more than the price of a parameter in training, and predict the held-out recordings better."""
+    search = searched(beta=1.0, f_c=0.02)
+    best, before = search.best, list(search.steps)
+    minimum = replace(best.refit.minimum, cost=best.refit.minimum.cost - 0.5 * gain)
+    again = replace(best, refit=replace(best.refit, minimum=minimum), held=best.held + held)
+    try:
+        search._renew("coulomb_friction", again)
+        assert (search.best is again) == renewed
+        assert [s.action for s in search.steps[len(before) :]] == ["renew"] * renewed
+    finally:
+        search.best, search.steps = best, before
 
 
 def test_the_story_tells_every_decision() -> None:
