@@ -1,7 +1,7 @@
 """What closing the loop costs: one 25 s, 100 Hz arm recording alone, and the four sets of the twin.
 
-Usage: ``python benchmarks/loop.py OUT.json [--runs 5]``. Prints a table and writes the numbers as JSON. Times are
-medians of runs with compiled code warm; "first" is the first run of the process, which loads it.
+Usage: ``python benchmarks/loop.py OUT.json [--runs 3]``. Prints each row as it is measured and writes the numbers as
+JSON. Times are medians of runs with compiled code warm; "first" is the first run of the process, which loads it.
 """
 
 from __future__ import annotations
@@ -102,17 +102,16 @@ def screening(dataset: Dataset, base: str, runs: int) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
-    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--runs", type=int, default=3)
     options = parser.parse_args()
-    rows = [closing(f"{name}/train_large alone", alone(name), options.runs) for name in ("arm", "arm_delay")]
-    rows += [closing(f"{name}, two and hold-outs", whole(name), options.runs) for name in SETS]
+    sets = {f"{name}/train_large alone": alone(name) for name in ("arm", "arm_delay")}
+    sets |= {f"{name}, two and hold-outs": whole(name) for name in SETS}
+    rows = []
+    for label, dataset in sets.items():
+        rows.append(closing(label, dataset, options.runs))
+        told = {k: f"{v:.3g}" if isinstance(v, float) else v for k, v in rows[-1].items() if k != "recordings"}
+        print(f"{label}:", ", ".join(f"{k} {v}" for k, v in told.items()), flush=True)
     catalogue = [screening(entire("arm_delay"), base, options.runs) for base in BASES]
-    head = list(rows[0])
-    cells = [[f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
-    widths = [max(len(line[k]) for line in [head, *cells]) for k in range(len(head))]
-    for line in [head, *cells]:
-        print("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)))
-    print()
     for c in catalogue:
         print(
             f"one recording of {c['samples']} samples on {c['base']}: screening {c['candidates']} effects takes "
