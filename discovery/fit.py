@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.covariance import covariance_of, longest_leap, solver_shift
-from discovery.errors import InputError
+from discovery.errors import InputError, SimulationFailure
 from discovery.experiment import Experiment
 from discovery.guess import restoring, scan
 from discovery.least_squares import Minimum
@@ -22,7 +22,7 @@ from discovery.registry import get_effect
 from discovery.simulate import check_finite
 from discovery.step import TOLERANCE, choose_step
 
-__all__ = ["SHIFT", "Fit", "declared_model", "fit", "refined", "rig_uncertainty"]
+__all__ = ["SHIFT", "Fit", "declared_model", "fit", "prolonged", "refined", "rig_uncertainty", "widened"]
 
 FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
@@ -282,6 +282,19 @@ def _at(problem: Problem, minimum: Minimum) -> Fit:
     """Return the fit that ended in a minimum."""
     covariance, reasons, directions = covariance_of(problem, minimum)
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
+
+
+def prolonged(found: Fit) -> Fit:
+    """Return the same model fitted to its recordings to their end, where a part of them was held out."""
+    old, experiments = found.problem, found.problem.bench.experiments
+    if all(e.fitted_samples is None for e in experiments):
+        return found
+    whole = [replace(e, fitted_samples=None) for e in experiments]
+    bench = Bench(old.model.base, old.bench.effects, whole, old.bench.step)
+    try:
+        return fit(old.model, whole, start=found.values, bench=bench, units=old.units, gaussian=old.gaussian)
+    except SimulationFailure:
+        return found
 
 
 def widened(found: Fit, unlike: float) -> Fit:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.case import Case, LoopSettings, Step
 from discovery.contradiction import ContradictionReport, check_contradictions
 from discovery.experiment import Experiment
-from discovery.fit import Fit, declared_model, fit, rig_uncertainty, widened
+from discovery.fit import Fit, declared_model, fit, prolonged, rig_uncertainty, widened
 from discovery.holdout import HoldOut
 from discovery.problem import natural_units
 from discovery.quantisation import resolution
@@ -65,6 +65,8 @@ class LoopResult:
         The manoeuvres that would tell apart what these recordings cannot.
     recordings : tuple of Recording
         Training first.
+    unlike : float
+        How far the laws of the added effects may be from nature's, see `discovery.covariance.covariance_of`.
     """
 
     verdict: str
@@ -83,6 +85,11 @@ class LoopResult:
     contradiction: ContradictionReport | None = None
     separations: tuple[Separation, ...] = ()
     recordings: tuple[Recording, ...] = ()
+    unlike: float = 0.0
+
+    def foresight(self) -> Fit:
+        """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
+        return widened(prolonged(self.after), self.unlike)
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
@@ -170,7 +177,8 @@ def close_loop(
 
     # Laws that differ by no more than `form` of what they remove could not have been told apart.
     moved = sum(e["effect_rms"] ** 2 for e in search.evidence.values())
-    after = widened(case.finest(search.best.refit), float(np.sqrt(settings.form * moved)))
+    unlike = float(np.sqrt(settings.form * moved))
+    after = widened(case.finest(search.best.refit), unlike)
     before_train, after_train = before.predict(), after.predict()
     before_held, after_held = case.held(before), case.held(after)
     noise, test = _is_noise(after_held, search.root.held_rough, case)
@@ -205,6 +213,7 @@ def close_loop(
         contradiction=_contradiction(after, case) if settings.follow_up and (noise or not arm) else None,
         separations=_separations(search, after, case) if settings.follow_up and arm else (),
         recordings=tuple(e.recording for e in (*train, *holdout)),
+        unlike=unlike,
     )
 
 

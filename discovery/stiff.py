@@ -18,11 +18,11 @@ from discovery.refits import Refit, refit
 __all__ = ["unstiffened"]
 
 #: Finer steps are tried for so many of the best by chi-square and by score,
-_LEADING = 3
+_LEADING, _PROMISING = 3, 8
 #: where the solver moves the residual by this much, and kept if they lower chi-square by as much.
 _WORTH = 5.0
 #: A refit that removes less than this part of its linear score may have been stopped by a motion that blows up.
-_SHORT = 0.5
+_SHORT = 0.9
 
 
 def unstiffened(
@@ -49,20 +49,24 @@ def unstiffened(
     by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
     benches = {0.5: Bench.like(problem.bench, 2 * problem.bench.step), 1: problem.bench}
     checked: set[str] = set()
+    blown: set[str] = set()
     for finer in (2, 4, 8):
         leading = [r.effect for r in sorted(best.values(), key=lambda r: r.chi2)[:_LEADING]]
-        leading += [c.effect for c in by_score[:_LEADING] if c.effect not in leading]
+        leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
         rough = {e for e, error in _solver_errors([best[e] for e in unchecked], fine).items() if error > _WORTH}
         # A refit may also have stopped far short of its linear score, next to where the motion blows up.
         short = [best[e] for e in unchecked if 2 * minimum.cost - best[e].chi2 < _SHORT * scores[e]]
-        rough |= {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)}
+        rough |= {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)} | blown
         checked |= {*leading} - rough
         if not rough:
             break
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
-        for r in refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once):
+        found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once)
+        # What blows up even so may do with steps that are finer still.
+        blown = rough - {r.effect for r in found}
+        for r in found:
             if r.chi2 < best[r.effect].chi2 - _WORTH:
                 best[r.effect] = _coarsened(r, best[r.effect].problem)
             else:

@@ -282,3 +282,16 @@ def test_a_camera_that_is_knocked_about_stays_unexplained(tmp_path: Path) -> Non
     result = alone(tmp_path / "knocked.csv")
     assert result.verdict == "unexplained"
     assert {*result.added} <= {*GEOMETRY}
+
+
+def test_predictions_come_from_all_that_was_recorded() -> None:
+    result = alone(DATASETS / "arm_delay" / "train_large.csv", "arm_delay")
+    whole, judged = result.foresight(), result.after
+    assert whole.model == judged.model
+    assert whole.problem.bench.n_data > 1.4 * judged.problem.bench.n_data
+    # Half as much again is known better, and says the same.
+    for name in ("tau", "alpha", "xi"):
+        assert whole.sd[name] < judged.sd[name]
+        assert whole.values[name] == pytest.approx(judged.values[name], abs=4 * judged.sd[name])
+    separate = closed("arm_delay")
+    assert separate.foresight().minimum is separate.after.minimum

@@ -54,7 +54,7 @@ def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     start = time.perf_counter()
     result = loop(dataset, follow_up=False, tell=lambda _: None)
     seconds = time.perf_counter() - start
-    save_prediction(out / "prediction.csv", wanted, result.before, result.after)
+    save_prediction(out / "prediction.csv", wanted, result.before, result.foresight())
     bare = exact_arm(result.before, dataset)
     table = pd.read_csv(out / "prediction.csv")
     table[["tip_x_bare_m", "tip_y_bare_m"]] = predict(bare, wanted)[0]

@@ -75,7 +75,7 @@ def loop(
 
         if wanted is not None:
             tell("predicting")
-            save_prediction(folder / "prediction.csv", wanted, result.before, result.after, initial)
+            save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
         write_loop(folder, result, missing=missing)
     _say_loop(result)
     if missing is not None and missing.depends:
