@@ -21,8 +21,8 @@ __all__ = ["unstiffened"]
 _LEADING, _PROMISING = 3, 8
 #: where the solver moves the residual by this much, and kept if they lower chi-square by as much.
 _WORTH = 5.0
-#: A refit that removes less than this part of its linear score may have been stopped by a motion that blows up.
-_SHORT = 0.9
+#: A refit that leaves more than this part of the excess may have been stopped by a motion that blows up.
+_MUCH = 0.01
 
 
 def unstiffened(
@@ -45,9 +45,9 @@ def unstiffened(
     if not quick:
         return []
     best = {r.effect: r for r in quick}
-    scores = {c.effect: c.score for c in shortlist}
     by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
     benches = {0.5: Bench.like(problem.bench, 2 * problem.bench.step), 1: problem.bench}
+    n = problem.bench.n_data
     checked: set[str] = set()
     blown: set[str] = set()
     for finer in (2, 4, 8):
@@ -56,8 +56,8 @@ def unstiffened(
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
         rough = {e for e, error in _solver_errors([best[e] for e in unchecked], fine).items() if error > _WORTH}
-        # A refit may also have stopped far short of its linear score, next to where the motion blows up.
-        short = [best[e] for e in unchecked if 2 * minimum.cost - best[e].chi2 < _SHORT * scores[e]]
+        # A refit that leaves much may also have stopped next to where the motion blows up.
+        short = [best[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
         rough |= {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)} | blown
         checked |= {*leading} - rough
         if not rough:
@@ -75,19 +75,27 @@ def unstiffened(
 
 
 def _coarsened(fine: Refit, problem: Problem) -> Refit:
-    """Return the same minimum on coarser steps if it is one there: finer ones cost more from then on."""
+    """Return the same minimum on coarser steps if it is one there, far from blowing up: finer ones cost more."""
     (minimum,) = fit_problems([problem], [fine.minimum.x], iterations=25, tolerance=1e-4, rough=True)
     again = Refit(fine.effect, problem, minimum)
-    return again if again.chi2 < fine.chi2 + _WORTH else fine
+    if not again.chi2 < fine.chi2 + _WORTH:
+        return fine
+    twice = Bench.like(problem.bench, 2 * problem.bench.step)
+    return again if np.isfinite(_solver_errors([again], twice)[fine.effect]) else fine
 
 
 def _solver_errors(refits: Sequence[Refit], other: Bench) -> dict[str, float]:
-    """Return how far other steps move the residual of each effect [noise sds, squared]."""
-    if not refits:
-        return {}
-    problems = [Problem(r.problem.model, other, r.problem.units, r.problem.gaussian) for r in refits]
-    sets = [p.expand(r.minimum.x[:, None]) for p, r in zip(problems, refits, strict=True)]
-    moved = other.residuals(*(np.concatenate(each, axis=-1) for each in zip(*sets, strict=True)))
-    moved -= np.column_stack([r.minimum.residual[: other.n_rows] for r in refits])
-    errors = np.where(np.isfinite(moved[0]), np.square(moved).sum(axis=0), np.inf)
-    return dict(zip([r.effect for r in refits], errors.tolist(), strict=True))
+    """Return how far other steps move the readings of each effect, held-out ones too [noise sds, squared]."""
+    errors: dict[str, float] = {}
+    for bench in dict.fromkeys(r.problem.bench for r in refits):
+        own = [r for r in refits if r.problem.bench is bench]
+        sets = [r.problem.expand(r.minimum.x[:, None]) for r in own]
+        parameters, initial = (np.concatenate(each, axis=-1) for each in zip(*sets, strict=True))
+        moved = np.zeros(len(own))
+        for e, here, there in zip(
+            bench.experiments, bench.predict(parameters, initial), other.predict(parameters, initial), strict=True
+        ):
+            with np.errstate(over="ignore", invalid="ignore"):
+                moved += np.square((there - here) / e.recording.noise[:, None]).sum(axis=(0, 1))
+        errors |= dict(zip([r.effect for r in own], np.where(np.isfinite(moved), moved, np.inf).tolist(), strict=True))
+    return errors

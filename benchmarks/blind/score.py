@@ -162,7 +162,10 @@ def headline(table: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
             "nothing invented, clean": proportion(clean["invented"] == ""),
             "clean: not called unexplained": proportion(clean["verdict"] != "unexplained"),
             "outside flagged unexplained": proportion(outside["verdict"] == "unexplained"),
-            "outside not made worse": proportion(outside["after_mm"] <= 1.05 * outside["bare_mm"]),
+            # Where nothing is named, nothing is corrected.
+            "outside not made worse": proportion(
+                (outside["named"] == "none") | (outside["after_mm"] <= 1.05 * outside["bare_mm"])
+            ),
             "explained: hold-out within the noise": proportion(settled["after_over_noise"] <= 1),
             "explained: hold-out within twice the noise": proportion(settled["after_over_noise"] <= 2),
             "clean: bare exact arm within the noise": proportion(clean["bare_mm"] <= clean["noise_mm"]),
