@@ -9,7 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from discovery_datasets.disturbances import Disturbance
+from discovery_datasets.arm import ArmRig
+from discovery_datasets.disturbances import Disturbance, StructuralDamping
+from discovery_datasets.instrument import record as record_readings
+from discovery_datasets.instrument import write_csv
+from discovery_datasets.quick import readings
 from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
@@ -250,6 +254,26 @@ def test_progress_is_told_and_changes_nothing() -> None:
     assert told[0] == "refitting the declared model"
     assert any("exact mechanics" in message for message in told)
     assert {*result.added} <= {*GEOMETRY}
+    assert result.verdict == "explained"
+
+
+# Where the solver's steps decide.
+
+
+def test_strong_damping_of_the_rod_is_found_although_it_makes_the_motion_stiff(tmp_path: Path) -> None:
+    """At the steps that suit the bare arm its refit blows up, and a camera ahead of the encoder would be named."""
+    rig = ArmRig(0.7152, 0.02561, 0.001367, 0.07044, disc_friction=7.1e-4, retardation=5.9e-5)
+    motion = readings(
+        rig, MANOEUVRES["train_large"], np.arange(1201) / 80, disturbances=[StructuralDamping(time=0.0086)]
+    )
+    frame = record_readings(motion, rng=np.random.default_rng(3), position_noise=3e-4, angle_noise=7e-5)
+    write_csv(frame, tmp_path / "train.csv")
+    (tmp_path / "rig.toml").write_text(
+        f'name = "stiff"\nlength_m = {rig.length}\ntip_mass_kg = {rig.tip_mass}\nbeam_mass_kg = {rig.beam_mass}\n'
+        f"flexural_rigidity_N_m2 = {rig.flexural_rigidity}\nposition_noise_m = 3e-4\nangle_noise_rad = 7e-5\n"
+    )
+    result = close_loop(load_dataset(tmp_path / "rig.toml", [tmp_path / "train.csv"]).train)
+    assert [e for e in result.added if e not in GEOMETRY] == ["structural_damping"]
     assert result.verdict == "explained"
 
 
