@@ -116,9 +116,10 @@ def equilibrium(
     # The rod's own weight bends it otherwise than a load at its tip: every coordinate must rest.
     q, _ = model.mechanics.initial_coordinates(np.array([near]), np.array([0.0]), start, form)
     found = root(acceleration, q[:, 0], options={"xtol": 1e-13})
-    if not np.abs(found.x - q[:, 0]).max() < 0.1:
+    rest = _angle(output(*found.x, 0.0, *parameters))
+    if not found.success or abs(rest) > reach[-1]:
         raise ComputationError(_NO_REST)
-    return _angle(output(*found.x, 0.0, *parameters))
+    return rest
 
 
 def _angle(tip: Sequence[float]) -> float:
