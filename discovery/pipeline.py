@@ -242,7 +242,7 @@ def run(
         beside = Path(folder)
         if posterior is not None:
             posterior.to_netcdf(beside / "posterior.nc", bands=study.bands if study else (), experiments=dataset.train)
-        if study is not None:
+        if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
         bands = study.bands if study else ()
         _save_curves(beside, dataset, predictions, bands, posterior, discovered, elastica)

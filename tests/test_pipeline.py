@@ -192,6 +192,14 @@ def test_the_same_seed_gives_the_same_numbers(dataset: Dataset, results: dict[st
     assert json.loads(json.dumps(plain(numbers(again)))) == {**numbers(results), "data_note": ""}
 
 
+def test_recordings_too_long_for_predictive_bands_are_no_trouble(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("discovery.posterior_study.LONGEST_BAND", 10)
+    run(dataset, tmp_path, seed=SEED, tell=silent)
+    assert {p.name for p in tmp_path.iterdir()} == FILES - {"predictive.nc"}
+
+
 def test_the_seeds_of_the_stages_differ() -> None:
     seeds = {stages.stage_seed(seed, stage) for seed in (1, 2) for stage in ("discover", "posterior", "elastica")}
     assert len(seeds) == 6
