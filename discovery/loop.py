@@ -211,7 +211,7 @@ def close_loop(
         },
         test=test,
         contradiction=_contradiction(after, case) if settings.follow_up and (noise or not arm) else None,
-        separations=_separations(search, after, case) if settings.follow_up and arm else (),
+        separations=_separations(search, case) if settings.follow_up and arm else (),
         recordings=tuple(e.recording for e in (*train, *holdout)),
         unlike=unlike,
     )
@@ -233,12 +233,13 @@ def _contradiction(after: Fit, case: Case) -> ContradictionReport:
     return check_contradictions(after, np.random.default_rng([case.settings.seed, 1]), progress=case.tell)
 
 
-def _separations(search: Search, after: Fit, case: Case) -> tuple[Separation, ...]:
+def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
     """Design a manoeuvre for every added effect that others explain as well."""
     found = []
     for effect, rivals in search.rivals().items():
         case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
-        fits = {effect: after, **{name: case.finished(r) for name, r in rivals.items()}}
+        # All on the mechanics of the search: what tells them apart must be the effects.
+        fits = {name: case.finished(r) for name, r in {effect: search.best.refit, **rivals}.items()}
         found.append(separate(fits, np.random.default_rng([case.settings.seed, 2]), evaluations=_DESIGNS))
     return tuple(found)
 

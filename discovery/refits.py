@@ -15,7 +15,7 @@ from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
 
-__all__ = ["Refit", "finish", "held_fixed", "refit", "refit_pairs", "relaxed"]
+__all__ = ["Refit", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle"]
 
 FloatArray = NDArray[np.float64]
 #: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
@@ -188,7 +188,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
     chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
-    finished = _differenced([problems[i] for i in chosen], ends)
+    finished = settle([problems[i] for i in chosen], ends)
     for i, found in zip(chosen, finished, strict=True):
         if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
             minima[i] = found
@@ -225,7 +225,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
             problems.append(extended)
             vectors.append(extended.start({**r.values, **known}))
             labels.append(r.problem.model.effects)
-    return _best(zip(labels, problems, _differenced(problems, vectors), strict=True))
+    return _best(zip(labels, problems, settle(problems, vectors), strict=True))
 
 
 def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
@@ -236,7 +236,7 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     return Refit(smaller.model.effects[-1], smaller, minimum)
 
 
-def _differenced(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
+def settle(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
     """Minimise until a differenced Jacobian finds nothing better."""
     return fit_problems(problems, starts, iterations=25, tolerance=1e-4, rough=True)
 

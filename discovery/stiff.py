@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from discovery.attribution import Candidate
-from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.refits import Refit, refit
+from discovery.refits import Refit, refit, settle
 
 __all__ = ["unstiffened"]
 
@@ -76,7 +75,7 @@ def unstiffened(
 
 def _coarsened(fine: Refit, problem: Problem) -> Refit:
     """Return the same minimum on coarser steps if it is one there, far from blowing up: finer ones cost more."""
-    (minimum,) = fit_problems([problem], [fine.minimum.x], iterations=25, tolerance=1e-4, rough=True)
+    (minimum,) = settle([problem], [fine.minimum.x])
     again = Refit(fine.effect, problem, minimum)
     if not again.chi2 < fine.chi2 + _WORTH:
         return fine

@@ -163,10 +163,9 @@ def test_scores_come_highest_first_with_as_many_starts_as_asked_for() -> None:
     scores = [c.score for c in screened(beta=0.2)]
     assert scores == sorted(scores, reverse=True)
     found = declared_fit(beta=0.2)
+    names = ["periodic_disturbance", "hysteresis"]
     few, many = (
-        {c.effect: c for c in screen(found.model, found.minimum, found.problem, names, keep=keep)}
-        for names in [["periodic_disturbance", "hysteresis"]]
-        for keep in (1, 3)
+        {c.effect: c for c in screen(found.model, found.minimum, found.problem, names, keep=keep)} for keep in (1, 3)
     )
     # Many frequencies have many minima.
     assert (len(few["periodic_disturbance"].starts), len(few["hysteresis"].starts)) == (3, 1)

@@ -28,7 +28,7 @@ VOCABULARY = {
 
 
 class TestCatalogue(EffectContract):
-    """The contract over everything that is registered; the arms of one and three modes stand for that of two."""
+    """The contract over everything registered; the arms of one and three modes stand for those of two and four."""
 
     bases = tuple(b for b in base_names() if b not in ("elastica_2", "elastica_4"))
 
