@@ -105,27 +105,43 @@ def test_an_oscillator_rests_where_input_and_hard_spring_balance() -> None:
 
 @pytest.mark.parametrize("tilt", [(-1.5e-3, 2e-3), (0.0, 0.02)])
 @pytest.mark.parametrize("motor", [0.0, 1.0])
-def test_the_rod_bends_under_its_own_weight_too(motor: float, tilt: tuple[float, float]) -> None:
+@pytest.mark.parametrize(("base", "n"), [("elastica", 3), ("elastica_4", 4)])
+def test_the_rod_bends_under_its_own_weight_too(base: str, n: int, motor: float, tilt: tuple[float, float]) -> None:
     effects = (*LINEAR, "table_tilt")
-    model = Model("elastica", effects, {"length": 1.0, "mu": 0.2845, "tau_r": 0.0})
+    model = Model(base, effects, {"length": 1.0, "mu": 0.2845, "tau_r": 0.0})
     values = {"xi": 0.0458, "alpha": 8.09, "phi_x": tilt[0], "phi_y": tilt[1]}
     found = equilibrium(model, values, UNITS, (motor, 0.0, 0.0))
-    # All three coordinates at rest, by another solver.
-    program = build_program("elastica", effects)
+    # All coordinates at rest, by another solver.
+    program = build_program(base, effects)
     derivative, known = numpy_derivative(program), {**model.known, **values}
     parameters = [known[n] for n in program.parameters]
-    q = fsolve(lambda q: derivative(0.0, (motor, 0.0, 0.0), [*q, 0, 0, 0], parameters)[3:6], np.zeros(3), xtol=1e-13)
+    still = [0.0] * n
+    q = fsolve(
+        lambda q: derivative(0.0, (motor, 0.0, 0.0), [*q, *still], parameters)[n : 2 * n], np.zeros(n), xtol=1e-13
+    )
     import sympy as sp
 
     from discovery.symbols import theta_m
 
-    x, y = sp.lambdify([*program.states[:3], theta_m], list(model.mechanics.reading(None)))(*q, motor)
+    x, y = sp.lambdify([*program.states[:n], theta_m], list(model.mechanics.reading(None)))(*q, motor)
     assert found == pytest.approx(np.arctan2(y, x) - motor, abs=1e-9)
     # Small bending: tip load and distributed load (1/3 and 1/8 of P l^3/EI) across the rod, 3 EI/l^3 = alpha m_eff.
     across = -tilt[0] * np.sin(motor) + tilt[1] * np.cos(motor)
     tip_share = 1 / (1 + 33 / 140 * 0.2845)
     small = G * across * tip_share * (1 + 3 / 8 * 0.2845) / 8.09
     assert found == pytest.approx(small, rel=5 * abs(tilt[1]) + 0.003)
+
+
+def test_a_rest_is_one_where_rounding_keeps_the_solver_from_its_last_digits() -> None:
+    model = Model("elastica_4", (*LINEAR, "table_tilt"), {"length": 1.0, "mu": 0.28450735999667964, "tau_r": 3.5e-7})
+    values = {
+        "xi": 0.045790626099172185,
+        "alpha": 8.092666466599324,
+        "phi_x": -0.0014804807553830943,
+        "phi_y": 0.0020249217960886757,
+    }
+    here, beside = (equilibrium(model, values, UNITS, (motor, 0.0, 0.0)) for motor in (0.0, 1e-4))
+    assert here == pytest.approx(beside, abs=1e-6)
 
 
 def test_no_rest_is_said() -> None:
