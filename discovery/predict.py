@@ -115,8 +115,12 @@ def equilibrium(
         return near
     # The rod's own weight bends it otherwise than a load at its tip: every coordinate must rest.
     q, _ = model.mechanics.initial_coordinates(np.array([near]), np.array([0.0]), start, form)
+
+    def beside(away: FloatArray) -> FloatArray:
+        return acceleration(q[:, 0] + away)
+
     # From zero on, for the solver's differences are relative to its unknowns.
-    found = root(lambda away: acceleration(q[:, 0] + away), np.zeros(n), options={"xtol": 1e-13})
+    found = root(beside, np.zeros(n), options={"xtol": 1e-13})
     rest = _angle(output(*(q[:, 0] + found.x), 0.0, *parameters))
     # Near its start it is one also where rounding keeps the solver from its last digits.
     near_start = np.abs(found.x).max() < 0.1
