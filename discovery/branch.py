@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from discovery.attribution import Candidate, candidates, screen
 from discovery.case import Case
-from discovery.finite import FarStart, finite_starts
-from discovery.growing import growing_starts
-from discovery.least_squares import Minimum
+from discovery.finite import finite_starts
+from discovery.growing import grown
 from discovery.likeness import likely_pairs
 from discovery.node import Node
-from discovery.problem import Problem
-from discovery.refits import Refit, finish, held_fixed, refit, refit_pairs
+from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
 from discovery.stiff import unstiffened
@@ -68,17 +66,16 @@ class Branches:
             scored = screen(problem.model, minimum, problem, names)
             self.case.tell(f"refitting every candidate{beside}")
             # Where much is left, some effects are of a size at which linear starts fail.
-            far = self._far_starts(problem, minimum, names) if node.rough > _FAR else []
-            quick = refit(problem.model, minimum, problem, scored, finite=far)
+            starts = finite_starts(minimum, problem, names) if node.rough > _FAR else []
+            quick = refit(problem.model, minimum, problem, scored, finite=starts)
             quick = unstiffened(problem.model, minimum, problem, scored, quick)
             full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
+            if node.rough > self.case.settings.floor:
+                full = best_of([*full, *grown(node.refit.minimum, node.refit.problem, names)])
             done = {r.effect for r in full}
             rest = [r for r in quick if r.effect not in done]
             self._made[key] = Branch({c.effect: c for c in scored}, (*full, *rest))
         return self._made[key]
-
-    def _far_starts(self, problem: Problem, minimum: Minimum, names: Sequence[str]) -> list[FarStart]:
-        return finite_starts(minimum, problem, names) + growing_starts(minimum, problem, names)
 
     def forget(self, effect: str) -> None:
         """Forget what was offered beside sets with an effect, for its values have changed."""

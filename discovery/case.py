@@ -14,12 +14,13 @@ from discovery.attribution import candidates
 from discovery.bench import Bench
 from discovery.errors import ComputationError, SimulationFailure
 from discovery.experiment import Experiment
-from discovery.fit import SHIFT, Fit, fit, refined
+from discovery.fit import SHIFT, Fit, fit, fit_near, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
-from discovery.problem import NaturalUnits
+from discovery.problem import NaturalUnits, Problem
 from discovery.refits import Refit
 from discovery.residual import roughness
+from discovery.shaking import shaken
 from discovery.step import choose_step
 
 __all__ = ["Case", "LoopSettings", "Step", "Tell"]
@@ -58,6 +59,8 @@ class LoopSettings:
         So are those within this share of what the best one removes: every law idealises.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
+    least_form : float
+        Share of what the others removed that a further effect must remove at least: their laws idealise too.
     pair_share : float
         Share of the excess chi-square that two effects must remove together where neither passes alone, and that every
         one of several effects must remove from what the others leave.
@@ -84,10 +87,11 @@ class LoopSettings:
     tie: float = 0.05
     form: float = 5e-4
     tie_pliable: float = 0.25
+    least_form: float = 1e-3
     pair_share: float = 0.7
     kept_share: float = 0.4
     least_known: float = 0.03
-    least_foreseen: float = 0.2
+    least_foreseen: float = 0.5
     most_effects: int = 4
     seed: int = 1
     follow_up: bool = True
@@ -158,35 +162,39 @@ class Case:
 
     def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
         """Fit a model with the kernel that holds the whole catalogue of its base."""
+        bench = self._bench(model, values)
+        return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)
+
+    def _bench(self, model: Model, values: Mapping[str, float]) -> Bench:
         effects = self.kernel_effects(model)
         step = choose_step(model, self.train, self.units, values, self.settings.tolerance, effects)
-        bench = Bench(model.base, effects, self.train, step)
-        return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)
+        return Bench(model.base, effects, self.train, step)
 
     def finished(self, found: Refit) -> Fit:
         """Return a refit of the search with its intervals."""
-        problem = found.problem
-        return fit(
-            problem.model,
-            self.train,
-            start=found.values,
-            bench=problem.bench,
-            units=self.units,
-            gaussian=problem.gaussian,
-        )
+        return fit_near(found.problem, found.values)
 
     def finest(self, found: Refit) -> Fit:
         """Return a refit of the search with its intervals, in more coordinates where its mechanics have them."""
         finer = found.problem.model.mechanics.finer
         if finer:
             self.tell("refitting in more coordinates")
+            model = found.problem.model.on_base(finer)
             try:
-                fitted = self.fit(found.problem.model.on_base(finer), found.values, found.problem.gaussian)
+                bench = self._bench(model, found.values)
+                fitted = fit_near(Problem(model, bench, self.units, found.problem.gaussian), found.values)
             except (ComputationError, SimulationFailure):
                 fitted = None
             if fitted is not None and 2 * fitted.minimum.cost < _SAME_ANSWER * found.chi2 + self.settings.price:
                 return self.polish(fitted)
         return self.polish(self.finished(found))
+
+    def reshaped(self, fitted: Fit, effects: Sequence[str]) -> Fit:
+        """Return a fit, or a better one of the same model in which the laws of some effects have another shape."""
+        self.tell(f"looking for other shapes of {' and '.join(effects)}")
+        found = shaken(Refit(effects[-1], fitted.problem, fitted.minimum), effects)
+        better = found.chi2 < 2 * fitted.minimum.cost - self.settings.price
+        return self.polish(self.finished(found)) if better else fitted
 
     def polish(self, fitted: Fit) -> Fit:
         """Return the fit on steps so fine that the solver shifts no estimate; see `discovery.fit.refined`."""

@@ -22,7 +22,7 @@ from discovery.registry import get_effect
 from discovery.simulate import check_finite
 from discovery.step import TOLERANCE, choose_step
 
-__all__ = ["SHIFT", "Fit", "declared_model", "fit", "prolonged", "refined", "rig_uncertainty", "widened"]
+__all__ = ["SHIFT", "Fit", "declared_model", "fit", "fit_near", "prolonged", "refined", "rig_uncertainty", "widened"]
 
 FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
@@ -270,16 +270,35 @@ def fit(
     if problem.gaussian:
         values = _staged(problem, values)
     (minimum,) = fit_problems([problem], [problem.start(values)])
-    if not np.isfinite(minimum.cost):
-        parameters, initial = problem.expand(minimum.x[:, None])
-        for e, channels in zip(experiments, bench.predict(parameters, initial), strict=True):
-            check_finite(channels, e.recording.time, bench.names, parameters)
     found = _at(problem, minimum)
     return refined(found) if own_step else found
 
 
+def fit_near(problem: Problem, values: Mapping[str, float]) -> Fit:
+    """Return the fit next to a start that is a good one already: quicker than `fit`, which searches.
+
+    Raises
+    ------
+    SimulationFailure
+        If the model blows up there.
+    """
+    (minimum,) = fit_problems([problem], [problem.start(values)], iterations=25, tolerance=1e-6, rough=True)
+    return _at(problem, minimum)
+
+
 def _at(problem: Problem, minimum: Minimum) -> Fit:
-    """Return the fit that ended in a minimum."""
+    """Return the fit that ended in a minimum; raise SimulationFailure if there is none, as the model blew up."""
+    if not np.isfinite(minimum.cost):
+        bench = problem.bench
+        parameters, initial = problem.expand(minimum.x[:, None])
+        for e, channels in zip(bench.experiments, bench.predict(parameters, initial), strict=True):
+            check_finite(channels, e.recording.time, bench.names, parameters)
+        named = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
+        raise SimulationFailure(
+            named,
+            bench.experiments[0].recording.time[-1],
+            "the motion was a hundred times larger than what was measured.",
+        )
     covariance, reasons, directions = covariance_of(problem, minimum)
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
 
@@ -292,7 +311,7 @@ def prolonged(found: Fit) -> Fit:
     whole = [replace(e, fitted_samples=None) for e in experiments]
     bench = Bench(old.model.base, old.bench.effects, whole, old.bench.step)
     try:
-        return fit(old.model, whole, start=found.values, bench=bench, units=old.units, gaussian=old.gaussian)
+        return fit_near(Problem(old.model, bench, old.units, old.gaussian), found.values)
     except SimulationFailure:
         return found
 

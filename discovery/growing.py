@@ -1,37 +1,42 @@
-"""Starts of refits found on the beginning of the recordings, then on more and more of them.
+"""Refits that begin on the first swings of the recordings and grow to the whole of them.
 
 The phase of a swing whose frequency depends on its amplitude runs away with every error of a loss, and a free run over
-many swings has a minimum for every swing that is lost or gained. Over a few swings it has one.
+many swings has a minimum for every swing that is lost or gained; so has the ringing of a light rod. Over the first
+swings there is one. What a fit of a wrong model made of the initial state and of what the rig states must be forgotten
+for it: such a fit starts the rod ringing where it was at rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.attribution import screen
 from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.effect import OSCILLATOR
-from discovery.finite import FarStart
+from discovery.experiment import Experiment
+from discovery.finite import finite_starts
 from discovery.least_squares import Minimum
+from discovery.model import Model
 from discovery.problem import Problem
-from discovery.refits import refit
+from discovery.refits import Refit, best_of, refit, settle
 
-__all__ = ["growing_starts"]
+__all__ = ["grown"]
 
-FloatArray = NDArray[np.float64]
-#: Swings of the first part; recordings of fewer than twice as many need no such starts.
-_SWINGS = 5.0
+#: Swings of the first parts: of a free decay, and of an arm once it moves. A fast ringing is caught within the shortest
+#: only, a slow loss shows in the longer.
+_SWINGS, _SWINGS_OF_AN_ARM = (5.0,), (0.5, 1.5)
+#: An arm moves where its deflection exceeds this share of the largest.
+_MOVES = 0.1
 _ITERATIONS = 15
 #: So many of the best candidates of the first part are followed.
-_FOLLOWED = 10
+_FOLLOWED = 6
 
 
-def growing_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[FarStart]:
-    """Return starts of refits for free decays of systems other than an arm: effect, its values, all others with them.
+def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refit]:
+    """Refit the model with each candidate added on the first swings, then on twice as much again and again.
 
     Parameters
     ----------
@@ -42,32 +47,57 @@ def growing_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> 
 
     Returns
     -------
-    list of FarStart
-        One for each effect that is worth following; none where the recordings are short.
+    list of Refit
+        On the whole recordings, the best candidates of the first swings; none where an input holds the phase of an
+        oscillator, or where the recordings are short.
     """
-    model, bench, units = problem.model, problem.bench, problem.units
-    longest = max(e.recording.time[e.fitted][-1] - e.recording.time[0] for e in bench.experiments)
-    share = _SWINGS * 2 * np.pi * units.time / longest
-    # An input holds the phase: only a free decay runs away.
-    free = model.mechanics.system == OSCILLATOR and all(e.drive is None for e in bench.experiments)
-    if not free or share > 0.5:
+    bench = problem.bench
+    arm = problem.model.mechanics.system != OSCILLATOR
+    if not arm and any(e.drive is not None for e in bench.experiments):
         return []
-    short = Problem(model, _beginning(bench, share), units, problem.gaussian)
-    (first,) = fit_problems([short], [minimum.x], iterations=_ITERATIONS)
-    found = refit(model, first, short, screen(model, first, short, names))[:_FOLLOWED]
-    values = {r.effect: r.values for r in found}
-    while (share := 2 * share) <= 0.5:
-        longer = _beginning(bench, share)
-        problems = [Problem(r.problem.model, longer, units, problem.gaussian) for r in found]
-        starts = [p.start(values[r.effect]) for p, r in zip(problems, found, strict=True)]
+    period = 2 * np.pi * problem.units.time
+    lengths = _SWINGS_OF_AN_ARM if arm else _SWINGS
+    shares = [max(_share(e, n * period, still=arm) for e in bench.experiments) for n in lengths]
+    # Half of an arm's recording is no short part, but free of what a fit of the whole made of its beginning.
+    shares = [min(share, 0.5) for share in shares if arm or share <= 0.5]
+    followed = [f for share in dict.fromkeys(shares) for f in _followed(minimum, problem, names, share)]
+    problems = [Problem(model, bench, problem.units, problem.gaussian) for model, _ in followed]
+    minima = settle(problems, [p.start(v) for p, (_, v) in zip(problems, followed, strict=True)]) if problems else []
+    return best_of(Refit(p.model.effects[-1], p, m) for p, m in zip(problems, minima, strict=True))
+
+
+def _followed(
+    minimum: Minimum, problem: Problem, names: Sequence[str], share: float
+) -> list[tuple[Model, Mapping[str, float]]]:
+    """Return models with a candidate each and their values, from a first share of the recordings to half of them."""
+    short = _beginning(problem, share)
+    begun = {n: v for n, v in zip(problem.free, minimum.x, strict=False) if n not in problem.gaussian}
+    (first,) = fit_problems([short], [short.start(begun)], iterations=_ITERATIONS)
+    scored = screen(short.model, first, short, names)
+    found = refit(short.model, first, short, scored, finite=finite_starts(first, short, names))[:_FOLLOWED]
+    models = [r.problem.model for r in found]
+    values: list[Mapping[str, float]] = [r.values for r in found]
+    while (share := 2 * share) < 1:
+        longer = _beginning(problem, share)
+        problems = [Problem(model, longer.bench, problem.units, problem.gaussian) for model in models]
+        starts = [p.start(v) for p, v in zip(problems, values, strict=True)]
         minima = fit_problems(problems, starts, iterations=_ITERATIONS)
-        values = {r.effect: p.named(m.x) for p, r, m in zip(problems, found, minima, strict=True)}
-    own = {r.effect: [n for n in r.problem.free if n not in problem.free] for r in found}
-    return [(e, np.array([v[n] for n in own[e]]), v) for e, v in values.items()]
+        values = [p.named(m.x) for p, m in zip(problems, minima, strict=True)]
+    return list(zip(models, values, strict=True))
 
 
-def _beginning(bench: Bench, share: float) -> Bench:
-    """Return the bench of the first part of every recording."""
+def _share(experiment: Experiment, duration: float, *, still: bool) -> float:
+    """Return the share of a recording's fitted part that holds so many seconds from where it moves."""
+    time = experiment.recording.time[experiment.fitted]
+    deflection = np.abs(experiment.deflection[experiment.fitted])
+    moves = np.flatnonzero(deflection > _MOVES * np.nanmax(deflection))[0] if still else 0
+    return float((time[moves] + duration - time[0]) / (time[-1] - time[0]))
+
+
+def _beginning(problem: Problem, share: float) -> Problem:
+    """Return the problem of the first part of every recording."""
+    bench = problem.bench
     counts = [max(16, int(share * e.recording.time[e.fitted].size)) for e in bench.experiments]
     experiments = [e.first(n) for e, n in zip(bench.experiments, counts, strict=True)]
-    return Bench(bench.base, bench.effects, experiments, bench.step)
+    part = Bench(bench.base, bench.effects, experiments, bench.step)
+    return Problem(problem.model, part, problem.units, problem.gaussian)

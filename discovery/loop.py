@@ -178,7 +178,10 @@ def close_loop(
     # Laws that differ by no more than `form` of what they remove could not have been told apart.
     moved = sum(e["effect_rms"] ** 2 for e in search.evidence.values())
     unlike = float(np.sqrt(settings.form * moved))
-    after = widened(case.finest(search.best.refit), unlike)
+    after = case.finest(search.best.refit)
+    if search.added and not _is_noise(case.held(after), search.root.held_rough, case)[0]:
+        after = case.reshaped(after, search.added)
+    after = widened(after, unlike)
     before_train, after_train = before.predict(), after.predict()
     before_held, after_held = case.held(before), case.held(after)
     noise, test = _is_noise(after_held, search.root.held_rough, case)

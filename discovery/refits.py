@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
 
-__all__ = ["Refit", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle"]
+__all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle"]
 
 FloatArray = NDArray[np.float64]
 #: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
@@ -91,7 +91,7 @@ def refit(
     shortlist : sequence of Candidate
         From `discovery.attribution.screen`.
     finite : sequence of FarStart
-        More starts, see `discovery.finite.finite_starts` and `discovery.growing.growing_starts`.
+        More starts, see `discovery.finite.finite_starts`.
 
     Returns
     -------
@@ -192,7 +192,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     for i, found in zip(chosen, finished, strict=True):
         if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
             minima[i] = found
-    return _best(zip(labels, problems, minima, strict=True))
+    return best_of(Refit(each[-1], p, m) for each, p, m in zip(labels, problems, minima, strict=True))
 
 
 def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[Refit]:
@@ -217,15 +217,15 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
     starts = [{n: fitted[n] for n in nuisance}]
     if any(abs(fitted[n] - stated[n]) > problem.gaussian[n][1] for n in nuisance):
         starts.append({n: stated[n] for n in nuisance})
-    problems, vectors, labels = [], [], []
+    problems, vectors = [], []
     for r in quick:
         model = Model(problem.model.base, r.problem.model.effects, problem.model.known)
         extended = Problem(model, r.problem.bench, problem.units, problem.gaussian)
         for known in starts:
             problems.append(extended)
             vectors.append(extended.start({**r.values, **known}))
-            labels.append(r.problem.model.effects)
-    return _best(zip(labels, problems, settle(problems, vectors), strict=True))
+    minima = settle(problems, vectors)
+    return best_of(Refit(p.model.effects[-1], p, m) for p, m in zip(problems, minima, strict=True))
 
 
 def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
@@ -241,10 +241,11 @@ def settle(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Mi
     return fit_problems(problems, starts, iterations=25, tolerance=1e-4, rough=True)
 
 
-def _best(found) -> list[Refit]:
-    """Return the best refit of each effect or pair, smallest chi-square first."""
+def best_of(refits: Iterable[Refit]) -> list[Refit]:
+    """Return the best refit of each set of effects, smallest chi-square first."""
     best: dict[tuple[str, ...], Refit] = {}
-    for label, problem, minimum in found:
-        if np.isfinite(minimum.cost) and (label not in best or minimum.cost < best[label].minimum.cost):
-            best[label] = Refit(label[-1], problem, minimum)
+    for r in refits:
+        label = r.problem.model.effects
+        if np.isfinite(r.chi2) and (label not in best or r.chi2 < best[label].chi2):
+            best[label] = r
     return sorted(best.values(), key=lambda r: r.chi2)

@@ -3,12 +3,10 @@ from __future__ import annotations
 import numpy as np
 from pendulum import swing
 
-from discovery.attribution import screen
 from discovery.bench import Bench
 from discovery.dataset import load_dataset
 from discovery.fit import declared_model, fit
-from discovery.growing import growing_starts
-from discovery.refits import refit
+from discovery.growing import grown
 
 
 def large_swing(tmp_path):
@@ -26,11 +24,8 @@ def test_a_loss_that_turns_the_phase_is_reached_from_the_first_swings(tmp_path) 
     bench = Bench(old.base, effects, old.experiments, old.step)
     whole = fit(declared.model, bench.experiments, start=declared.values, bench=bench)
     problem, minimum = whole.problem, whole.minimum
-    starts = growing_starts(minimum, problem, ["quadratic_drag"])
-    assert [name for name, _, _ in starts] == ["quadratic_drag"]
-    assert abs(starts[0][1][0] - 0.03) < 0.003
-    scored = screen(problem.model, minimum, problem, ["quadratic_drag"])
-    (found,) = refit(problem.model, minimum, problem, scored, finite=starts)
+    (found,) = grown(minimum, problem, ["quadratic_drag"])
+    assert found.effect == "quadratic_drag"
     assert found.chi2 < 1.2 * problem.bench.n_data
     assert abs(found.values["c_2"] - 0.03) < 5e-4
     assert abs(found.values["xi"] - 0.01) < 2e-3
@@ -40,5 +35,5 @@ def test_a_short_recording_needs_none(tmp_path) -> None:
     rig, recording, _ = swing(tmp_path, lambda v: 0.1 * v, duration=8.0)
     data = load_dataset(rig, [recording], keep_third=False)
     found = fit(declared_model(data.train[0]), data.train)
-    assert growing_starts(found.minimum, found.problem, ["coulomb_friction"]) == []
+    assert grown(found.minimum, found.problem, ["coulomb_friction"]) == []
     np.testing.assert_allclose(found.values["g_c"], 30.0, rtol=2e-3)
