@@ -41,7 +41,7 @@ class Branch:
     scored : mapping of str to Candidate
         Every candidate with its sensitivities.
     refits : tuple of Refit
-        Smallest chi-square first; the first `FINISHED` with what the rig knows free.
+        First those with what the rig knows free, at least `FINISHED`, then the others; smallest chi-square first in both.
     """
 
     scored: Mapping[str, Candidate]

@@ -59,8 +59,6 @@ class LoopSettings:
         So are those within this share of what the best one removes: every law idealises.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
-    least_form : float
-        Share of what the others removed that a further effect must remove at least: their laws idealise too.
     pair_share : float
         Share of the excess chi-square that two effects must remove together where neither passes alone, and that every
         one of several effects must remove from what the others leave.
@@ -87,7 +85,6 @@ class LoopSettings:
     tie: float = 0.05
     form: float = 5e-4
     tie_pliable: float = 0.25
-    least_form: float = 1e-3
     pair_share: float = 0.7
     kept_share: float = 0.4
     least_known: float = 0.03

@@ -201,7 +201,7 @@ class Search:
                 "chi2": r.chi2,
                 "parameters": len(catalogue()[r.effect].fitted(system)),
             }
-            for r in branch.refits
+            for r in sorted(branch.refits, key=lambda r: r.chi2)
         )
 
     def _without(self, effect: str) -> Node:
