@@ -41,7 +41,7 @@ class Branch:
     scored : mapping of str to Candidate
         Every candidate with its sensitivities.
     refits : tuple of Refit
-        First those with what the rig knows free, at least `FINISHED`, then the others; smallest chi-square first in both.
+        First those with what the rig knows free, at least `FINISHED`, then the others; both by chi-square.
     """
 
     scored: Mapping[str, Candidate]
