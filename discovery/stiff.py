@@ -54,10 +54,11 @@ def unstiffened(
         leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
-        rough = {e for e, error in _solver_errors([best[e] for e in unchecked], fine).items() if error > _WORTH}
+        erring = {e for e, error in _solver_errors([best[e] for e in unchecked], fine).items() if error > _WORTH}
         # A refit that leaves much may also have stopped next to where the motion blows up.
         short = [best[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
-        rough |= {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)} | blown
+        stopped = {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)}
+        rough = erring | stopped | blown
         checked |= {*leading} - rough
         if not rough:
             break
@@ -68,7 +69,7 @@ def unstiffened(
         for r in found:
             if r.chi2 < best[r.effect].chi2 - _WORTH:
                 best[r.effect] = _coarsened(r, best[r.effect].problem)
-            else:
+            elif r.effect not in erring:
                 checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
 
