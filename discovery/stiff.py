@@ -6,22 +6,27 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from discovery.attribution import Candidate
+from discovery.attribution import Candidate, grid_of
 from discovery.bench import Bench
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
 from discovery.refits import Refit, refit, settle
+from discovery.registry import catalogue
 
 __all__ = ["unstiffened"]
 
+FloatArray = NDArray[np.float64]
 #: Finer steps are tried for so many of the best by chi-square and by score,
 _LEADING, _PROMISING = 3, 8
 #: where the solver moves the residual by this much, and kept if they lower chi-square by as much.
 _WORTH = 5.0
 #: A refit that leaves more than this part of the excess may have been stopped by a motion that blows up.
 _MUCH = 0.01
+#: Effects with more declared values than this begin at their linear starts only.
+_FEW = 12
 
 
 def unstiffened(
@@ -49,7 +54,7 @@ def unstiffened(
     n = problem.bench.n_data
     checked: set[str] = set()
     blown: set[str] = set()
-    for finer in (2, 4, 8):
+    for finer in (2, 4, 8, 16, 32):
         leading = [r.effect for r in sorted(best.values(), key=lambda r: r.chi2)[:_LEADING]]
         leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
@@ -63,7 +68,9 @@ def unstiffened(
         if not rough:
             break
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
-        found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once)
+        # What blew up from its linear start begins small.
+        small = [(e, vector, {}) for e in sorted(blown) for vector in _declared(e, problem)]
+        found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once, finite=small)
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}
         for r in found:
@@ -72,6 +79,14 @@ def unstiffened(
             elif r.effect not in erring:
                 checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
+
+
+def _declared(effect: str, problem: Problem) -> list[FloatArray]:
+    """Return the declared finite values of an effect with few shapes, each (p,)."""
+    system = problem.model.mechanics.system
+    grid = grid_of(catalogue()[effect], system, problem.units)
+    names = [p.name for p in catalogue()[effect].fitted(system)]
+    return [np.array([values[n] for n in names]) for values in grid] if len(grid) <= _FEW else []
 
 
 def _coarsened(fine: Refit, problem: Problem) -> Refit:
