@@ -36,7 +36,8 @@ def bounded_gains(
     transform : ndarray, shape (t, k, k)
         ``transform @ parts`` is an orthonormal basis of the vectors, with rows of zeros where they span less.
     """
-    norm = np.maximum(np.sqrt(np.einsum("tkk->tk", gram)), 1e-150)
+    # What is smaller than this is nothing, and its inverse would not fit into single precision.
+    norm = np.maximum(np.sqrt(np.einsum("tkk->tk", gram)), 1e-30)
     values, vectors = np.linalg.eigh(gram / (norm[:, :, None] * norm[:, None, :]))
     spanned = values > _FLAT
     root = np.sqrt(np.where(spanned, values, 1.0))

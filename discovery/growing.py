@@ -73,6 +73,8 @@ def _followed(
     short = _beginning(problem, share)
     begun = {n: v for n, v in zip(problem.free, minimum.x, strict=False) if n not in problem.gaussian}
     (first,) = fit_problems([short], [short.start(begun)], iterations=_ITERATIONS)
+    if not np.isfinite(first.cost):
+        return []
     scored = screen(short.model, first, short, names)
     found = refit(short.model, first, short, scored, finite=finite_starts(first, short, names))[:_FOLLOWED]
     models = [r.problem.model for r in found]

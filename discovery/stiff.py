@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from discovery.attribution import Candidate, grid_of
 from discovery.bench import Bench
+from discovery.finite import FarStart
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
@@ -69,7 +70,7 @@ def unstiffened(
             break
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
         # What blew up from its linear start begins small.
-        small = [(e, vector, {}) for e in sorted(blown) for vector in _declared(e, problem)]
+        small: list[FarStart] = [(e, vector, {}) for e in sorted(blown) for vector in _declared(e, problem)]
         found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once, finite=small)
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}

@@ -66,3 +66,14 @@ def test_a_vector_of_zeros_and_a_repeated_one_gain_nothing_more() -> None:
     # What is not spanned has no direction.
     assert np.linalg.norm(basis, axis=2).max(axis=1) == pytest.approx([1.0, 1.0, 0.0])
     assert np.sum(basis**2, axis=(1, 2)) == pytest.approx([1.0, 1.0, 0.0])
+
+
+def test_a_vector_of_rounding_has_a_basis_that_single_precision_holds() -> None:
+    rng = np.random.default_rng(3)
+    a, b, target = rng.standard_normal((3, 20))
+    parts = np.array([[a, 1e-45 * b]])
+    bound = np.full((1, 2), 100.0)
+    gain, _, _ = gains(parts, target, -bound, bound)
+    assert gain == pytest.approx([(a @ target) ** 2 / (a @ a)], abs=1e-10)
+    transform = bounded_gains(parts @ parts.transpose(0, 2, 1), parts @ target, -bound, bound)[2]
+    assert np.abs(transform).max() < np.finfo(np.float32).max
