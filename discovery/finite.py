@@ -17,7 +17,7 @@ from discovery.least_squares import Minimum
 from discovery.problem import Problem
 from discovery.registry import catalogue
 
-__all__ = ["FarStart", "finite_starts"]
+__all__ = ["FarStart", "declared_starts", "finite_starts"]
 
 FloatArray = NDArray[np.float64]
 #: A start of a refit: effect, its free values, and values of other free parameters that go with them.
@@ -75,9 +75,20 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
     found: list[FarStart] = []
     for name in dict.fromkeys(n for n, _ in points):
         own_points = [i for i, (n, _) in enumerate(points) if n == name]
-        fitted = [p.name for p in catalogue()[name].fitted(system)]
         for i in sorted(own_points, key=lambda i: table[i].min())[:_KEPT]:
             if np.isfinite(table[i].min()):
-                vector = np.array([points[i][1][n] for n in fitted])
-                found.append((name, vector, {"alpha": float(alphas[int(np.argmin(table[i]))])}))
+                found.append(
+                    (name, _vector(name, points[i][1], system), {"alpha": float(alphas[int(np.argmin(table[i]))])})
+                )
     return found
+
+
+def declared_starts(problem: Problem, names: Sequence[str], most: int) -> list[FarStart]:
+    """Return starts at the declared finite values of effects, none of one with more than so many, all else as it is."""
+    system = problem.model.mechanics.system
+    grids = {name: grid_of(catalogue()[name], system, problem.units) for name in names}
+    return [(n, _vector(n, values, system), {}) for n, grid in grids.items() if len(grid) <= most for values in grid]
+
+
+def _vector(name: str, values: Mapping[str, float], system: str) -> FloatArray:
+    return np.array([values[p.name] for p in catalogue()[name].fitted(system)])

@@ -21,7 +21,7 @@ from discovery.finite import finite_starts
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.refits import Refit, best_of, refit, settle
+from discovery.refits import Refit, refit, settled
 
 __all__ = ["grown"]
 
@@ -62,8 +62,7 @@ def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refi
     shares = [min(share, 0.5) for share in shares if arm or share <= 0.5]
     followed = [f for share in dict.fromkeys(shares) for f in _followed(minimum, problem, names, share)]
     problems = [Problem(model, bench, problem.units, problem.gaussian) for model, _ in followed]
-    minima = settle(problems, [p.start(v) for p, (_, v) in zip(problems, followed, strict=True)]) if problems else []
-    return best_of(Refit(p.model.effects[-1], p, m) for p, m in zip(problems, minima, strict=True))
+    return settled(problems, [p.start(v) for p, (_, v) in zip(problems, followed, strict=True)])
 
 
 def _followed(

@@ -178,12 +178,10 @@ def close_loop(
     # Laws that differ by no more than `form` of what they remove could not have been told apart.
     moved = sum(e["effect_rms"] ** 2 for e in search.evidence.values())
     unlike = float(np.sqrt(settings.form * moved))
-    after = case.finest(search.best.refit)
-    if search.added and not _is_noise(case.held(after), search.root.held_rough, case)[0]:
-        after = case.reshaped(after, search.added)
+    after, after_held = _final(search, case)
     after = widened(after, unlike)
     before_train, after_train = before.predict(), after.predict()
-    before_held, after_held = case.held(before), case.held(after)
+    before_held = case.held(before)
     noise, test = _is_noise(after_held, search.root.held_rough, case)
     added = (*geometry, *search.added)
     verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
@@ -252,6 +250,17 @@ def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]
         np.concatenate([p[e.fitted] for e, p in zip(train, predictions, strict=True)]),
         np.concatenate([e.recording.output[e.fitted] for e in train]),
     )
+
+
+def _final(search: Search, case: Case) -> tuple[Fit, list[FloatArray]]:
+    """Return the final fit of what was found, and its predictions of the held-out recordings."""
+    found = case.finest(search.best.refit)
+    held = case.held(found)
+    if search.added and not _is_noise(held, search.root.held_rough, case)[0]:
+        other = case.reshaped(found, search.added)
+        if other is not found:
+            return other, case.held(other)
+    return found, held
 
 
 def _is_noise(held: Sequence[FloatArray], first_rough: float, case: Case) -> tuple[bool, str]:

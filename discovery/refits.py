@@ -15,7 +15,7 @@ from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
 
-__all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle"]
+__all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle", "settled"]
 
 FloatArray = NDArray[np.float64]
 #: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
@@ -224,8 +224,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
         for known in starts:
             problems.append(extended)
             vectors.append(extended.start({**r.values, **known}))
-    minima = settle(problems, vectors)
-    return best_of(Refit(p.model.effects[-1], p, m) for p, m in zip(problems, minima, strict=True))
+    return settled(problems, vectors)
 
 
 def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
@@ -239,6 +238,12 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
 def settle(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
     """Minimise until a differenced Jacobian finds nothing better."""
     return fit_problems(problems, starts, iterations=25, tolerance=1e-4, rough=True)
+
+
+def settled(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Refit]:
+    """Return the best of what `settle` finds for each set of effects, smallest chi-square first."""
+    minima = settle(problems, starts)
+    return best_of(Refit(p.model.effects[-1], p, m) for p, m in zip(problems, minima, strict=True))
 
 
 def best_of(refits: Iterable[Refit]) -> list[Refit]:

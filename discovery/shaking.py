@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from discovery.refits import Refit, best_of, settle
+from discovery.refits import Refit, best_of, settled
 from discovery.registry import catalogue
 
 __all__ = ["shaken"]
@@ -46,5 +46,4 @@ def shaken(found: Refit, effects: Sequence[str]) -> Refit:
                 start = found.minimum.x.copy()
                 start[i] = value
                 starts.append(start)
-    minima = settle([problem] * len(starts), starts) if starts else []
-    return best_of([found, *(Refit(found.effect, problem, m) for m in minima)])[0]
+    return best_of([found, *settled([problem] * len(starts), starts)])[0]

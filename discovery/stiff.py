@@ -6,20 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from discovery.attribution import Candidate, grid_of
+from discovery.attribution import Candidate
 from discovery.bench import Bench
-from discovery.finite import FarStart
+from discovery.finite import declared_starts
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
 from discovery.refits import Refit, refit, settle
-from discovery.registry import catalogue
 
 __all__ = ["unstiffened"]
 
-FloatArray = NDArray[np.float64]
 #: Finer steps are tried for so many of the best by chi-square and by score,
 _LEADING, _PROMISING = 3, 8
 #: where the solver moves the residual by this much, and kept if they lower chi-square by as much.
@@ -70,7 +67,7 @@ def unstiffened(
             break
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
         # What blew up from its linear start begins small.
-        small: list[FarStart] = [(e, vector, {}) for e in sorted(blown) for vector in _declared(e, problem)]
+        small = declared_starts(problem, sorted(blown), _FEW)
         found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once, finite=small)
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}
@@ -80,14 +77,6 @@ def unstiffened(
             elif r.effect not in erring:
                 checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
-
-
-def _declared(effect: str, problem: Problem) -> list[FloatArray]:
-    """Return the declared finite values of an effect with few shapes, each (p,)."""
-    system = problem.model.mechanics.system
-    grid = grid_of(catalogue()[effect], system, problem.units)
-    names = [p.name for p in catalogue()[effect].fitted(system)]
-    return [np.array([values[n] for n in names]) for values in grid] if len(grid) <= _FEW else []
 
 
 def _coarsened(fine: Refit, problem: Problem) -> Refit:
