@@ -82,7 +82,7 @@ def _followed(
         longer = _beginning(problem, share)
         problems = [Problem(model, longer.bench, problem.units, problem.gaussian) for model in models]
         starts = [p.start(v) for p, v in zip(problems, values, strict=True)]
-        minima = fit_problems(problems, starts, iterations=_ITERATIONS)
+        minima = fit_problems(problems, starts, iterations=_ITERATIONS, tolerance=1e-3, rough=True)
         values = [p.named(m.x) for p, m in zip(problems, minima, strict=True)]
     return list(zip(models, values, strict=True))
 

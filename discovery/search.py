@@ -32,6 +32,8 @@ _RIVAL = 2.0
 _RIVALS = 2
 #: Rounds of removal and exchange.
 _ROUNDS = 2
+#: Where more than this share of the excess is left, exchanging one effect is not what is missing.
+_MUCH_LEFT = 0.1
 
 
 class Search:
@@ -233,6 +235,8 @@ class Search:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
             self.best = smaller
             return
+        if self._left() > _MUCH_LEFT:
+            return
         children = self._children([smaller])
         again = next((r for added, r in children if added[-1] == effect), None)
         if again is not None:
@@ -285,7 +289,8 @@ class Search:
     def _distrust(self) -> None:
         """Search again without the laws that imitate others, where they are found and yet something is left."""
         imitating = [e for e in self.best.added if _imitates(e)]
-        if self.settled or not imitating:
+        # What all laws together leave, the others leave too.
+        if self.settled or not imitating or self._left() > self.case.settings.least_known:
             return
         for effect in imitating:
             reason = f"what is left is not noise, and {effect} may imitate what nobody declared"
@@ -294,10 +299,13 @@ class Search:
         self._extend()
         self._refine()
 
+    def _left(self) -> float:
+        """Return the share of the excess chi-square in training that is left."""
+        return self.case.excess(self.best.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
+
     def _withdraw(self) -> None:
         """Take everything back where too much is left for a name to be more than a guess."""
-        case = self.case
-        left = case.excess(self.best.chi2) / max(case.excess(self.root.chi2), 1e-300)
+        case, left = self.case, self._left()
         ahead = case.held_excess(self.best.held) / max(case.held_excess(self.root.held), 1e-300)
         if left > case.settings.least_known or ahead > case.settings.least_foreseen:
             shares = f"{100 * left:.2g} % of the excess chi-square, {100 * ahead:.2g} % on the held-out ones"

@@ -19,8 +19,10 @@ __all__ = ["unstiffened"]
 
 #: Finer steps are tried for so many of the best by chi-square and by score,
 _LEADING, _PROMISING = 3, 8
-#: where the solver moves the residual by this much, and kept if they lower chi-square by as much.
+#: where the solver moves the residual by this much, and kept if they lower chi-square by as much;
 _WORTH = 5.0
+#: less than this part of the excess that a refit leaves is no difference either.
+_LITTLE = 1e-3
 #: A refit that leaves more than this part of the excess may have been stopped by a motion that blows up.
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
@@ -47,6 +49,7 @@ def unstiffened(
     if not quick:
         return []
     best = {r.effect: r for r in quick}
+    finest = dict(best)
     by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
     benches = {0.5: Bench.like(problem.bench, 2 * problem.bench.step), 1: problem.bench}
     n = problem.bench.n_data
@@ -57,9 +60,10 @@ def unstiffened(
         leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
-        erring = {e for e, error in _solver_errors([best[e] for e in unchecked], fine).items() if error > _WORTH}
+        errors = _solver_errors([finest[e] for e in unchecked], fine)
+        erring = {e for e, error in errors.items() if error > max(_WORTH, _LITTLE * (finest[e].chi2 - n))}
         # A refit that leaves much may also have stopped next to where the motion blows up.
-        short = [best[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
+        short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
         stopped = {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)}
         rough = erring | stopped | blown
         checked |= {*leading} - rough
@@ -72,9 +76,10 @@ def unstiffened(
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}
         for r in found:
+            finest[r.effect] = r
             if r.chi2 < best[r.effect].chi2 - _WORTH:
                 best[r.effect] = _coarsened(r, best[r.effect].problem)
-            elif r.effect not in erring:
+            else:
                 checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
 
