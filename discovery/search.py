@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
@@ -22,6 +23,7 @@ from discovery.weighing import weigh
 
 __all__ = ["Search"]
 
+FloatArray = NDArray[np.float64]
 #: So many sets that are equally good are judged on held-out data,
 _TRIED = 4
 #: and so many are extended side by side,
@@ -67,6 +69,7 @@ class Search:
         self._branches = Branches(case)
         self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
+        self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -76,12 +79,25 @@ class Search:
     @property
     def settled(self) -> bool:
         """Whether what is left of the held-out recordings is noise by the test of the verdict."""
-        return self.best.held_rough <= self.case.settings.limit(self.root.held_rough)
+        held_rough = self.best.held_rough
+        if self.best in self._finest:
+            held_rough = self.case.judge.score(self._finest[self.best][1])[2]
+        return held_rough <= self.case.settings.limit(self.root.held_rough)
+
+    def finest(self) -> tuple[Fit, list[FloatArray]]:
+        """Return the set found, fitted on the finest mechanics, and its predictions of the held-out recordings."""
+        if self.best not in self._finest:
+            fitted = self.case.finest(self.best.refit)
+            self._finest[self.best] = fitted, self.case.held(fitted)
+        return self._finest[self.best]
 
     def run(self) -> None:
         """Search until both the training and the held-out residual are noise, or nothing passes."""
         self._extend()
         self._refine()
+        if self.best.added and not self.settled and self._left() <= self.case.settings.least_known:
+            # What is left may be the error of the mechanics of the search: it is judged on the finest.
+            self.finest()
         self._distrust()
         self._conclude()
 

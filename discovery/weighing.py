@@ -74,7 +74,8 @@ def weigh(
         f"it removes {held_gain:.0f} of {held_excess:.0f} on the held-out ones": held_gain
         > max(0.25 * s.least_gain, 0.5 * share * held_excess),
     }
-    vague = [name for name in new if not _determined(larger, name)]
+    # What has joined is judged by what its removal costs, however its amplitudes trade with what joined later.
+    vague = [name for name in new if not strict and not _determined(larger, name)]
     if vague:
         passes[f"no parameter of {' and '.join(vague)} is determined"] = False
     accepted = all(passes.values())

@@ -24,7 +24,7 @@ class BaseBacklash(Joint):
         latex="c_p",
     )  # fmt: skip
     b_p = Parameter(
-        "q", "bending within which the play is crossed", (0.02, 0.1), LogNormal(0.04, 1.0), default=0.05,
+        "q", "bending within which the play is crossed", (0.002, 0.1), LogNormal(0.04, 1.0), default=0.05,
         starts=(0.04, 0.08), shape=True, latex="b_p",
     )  # fmt: skip
 
