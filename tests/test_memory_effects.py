@@ -184,28 +184,43 @@ def recorded(folder: Path, hidden: Disturbance):
 
 
 @pytest.mark.parametrize(
-    ("hidden", "effect", "starts", "truth"),
+    ("hidden", "effect", "starts", "truth", "step", "left"),
     [
         # Starts 50 % off, beside the stiffness and damping of a fit without the effect.
-        (FIBRES, "hysteresis", {"h_b": 0.01, "w_h": 0.2}, {"h_b": (0.02, 0.02), "w_h": (1 / 3, 0.03)}),
-        # The contact of the twin is sharp and damped, that of the effect smooth: a few per cent.
-        (PLAY, "base_backlash", {"w_p": 0.002, "c_p": 0.001}, {"w_p": (0.004, 0.06), "c_p": (0.01, 0.04)}),
+        (FIBRES, "hysteresis", {"h_b": 0.01, "w_h": 0.2}, {"h_b": (0.02, 0.02), "w_h": (1 / 3, 0.03)}, 0.004, 1.1),
+        # The contact of the twin is damped: a few per cent. It is as sharp as small steps allow.
+        (
+            PLAY,
+            "base_backlash",
+            {"w_p": 0.002, "c_p": 0.001},
+            {"w_p": (0.004, 0.06), "c_p": (0.01, 0.04)},
+            0.0005,
+            1.02,
+        ),
         # The share that sticks is that of another, similar law: only the compliance has a counterpart.
         (
             CLAMP,
             "base_hysteresis",
             {"c_c": 0.01, "e_c": 0.005},
             {"c_c": (1 / 30, 0.01), "e_c": (1 / 60, 0.03), "w_c": (0.2, 0.04)},
+            0.004,
+            1.1,
         ),
     ],
 )
 def test_a_noisy_recording_gives_the_parameters_back(
-    tmp_path: Path, hidden: Disturbance, effect: str, starts: dict[str, float], truth: dict[str, tuple[float, float]]
+    tmp_path: Path,
+    hidden: Disturbance,
+    effect: str,
+    starts: dict[str, float],
+    truth: dict[str, tuple[float, float]],
+    step: float,
+    left: float,
 ) -> None:
     data = recorded(tmp_path, hidden)
     units, gaussian = natural_units(data.train), rig_uncertainty(data.train[0])
     model = declared_model(data.train[0]).on_base("elastica")
-    bench = Bench("elastica", EFFECTS, data.train, 0.004)
+    bench = Bench("elastica", EFFECTS, data.train, step)
     bare = fit(model, data.train, start={"alpha": 8.0, "xi": 0.05}, bench=bench, units=units, gaussian=gaussian)
     found = fit(
         model.with_effect(effect),
@@ -216,7 +231,7 @@ def test_a_noisy_recording_gives_the_parameters_back(
         gaussian=gaussian,
     )
     assert bare.chi2 > 5 * bench.n_data
-    assert found.chi2 < 1.1 * bench.n_data
+    assert found.chi2 < left * bench.n_data
     for name, (value, share) in {**truth, "alpha": (ALPHA, 1e-3), "xi": (XI, 0.03)}.items():
         assert found.values[name] == pytest.approx(value, rel=share), name
 
