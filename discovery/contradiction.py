@@ -184,7 +184,11 @@ def check_contradictions(
     experiments = fit.problem.bench.experiments
     if not experiments[0].is_arm:
         checks = _against_length(fit)
-        return ContradictionReport(checks, tuple(Contradiction(c, ()) for c in checks if c.contradicts))
+        names = possible(fit.model, experiments[0].coordinate_unit) if candidates is None else candidates
+        return ContradictionReport(
+            checks,
+            tuple(_gravity(fit, c, names, least_gain=least_gain, progress=progress) for c in checks if c.contradicts),
+        )
     found: list[tuple[Check, Fit]] = [*_against_rig(fit), *_against_mechanics(fit, rng)]
     adjusted = _adjusted([c for c, _ in found])
     if candidates is None:
@@ -225,13 +229,30 @@ def _against_length(fit: Fit) -> tuple[Check, ...]:
     if rig.length is None or rig.gravity is None or not set(names) <= set(fit.problem.free):
         return ()
     at = [fit.problem.names.index(n) for n in names]
+    if any(n in fit.reasons for n in names):
+        # Beside a spring that holds it at its bound, or another law that takes its part, gravity is not known.
+        return ()
     torque = fit.minimum.x[at]
     size = float(np.linalg.norm(torque))
-    covariance = np.nan_to_num(fit.covariance[np.ix_(at, at)])
-    sd = math.sqrt(float(torque @ covariance @ torque)) / size
+    sd = math.sqrt(float(torque @ fit.covariance[np.ix_(at, at)] @ torque)) / size
     predicted = rig.gravity.value / rig.length.value
     spread = predicted * math.hypot(rig.gravity.sd / rig.gravity.value, rig.length.sd / rig.length.value)
     return (_check("k_g", "s^-2", (size, sd), (predicted, spread), "g / L of the rig"),)
+
+
+def _gravity(
+    fit: Fit,
+    check: Check,
+    candidates: Sequence[str],
+    *,
+    least_gain: float,
+    progress: Callable[[str], None] | None,
+) -> Contradiction:
+    """Look for effects with which gravity pulls as the rig says; its direction in the frame stays as it was found."""
+    share = fit.values["g_c"] / check.value
+    target = (share * check.predicted, abs(share) * check.predicted_sd)
+    tried = reconcile(fit, "g_c", target, candidates, z=check.z, least_gain=least_gain, progress=progress)
+    return Contradiction(check, tried)
 
 
 def _against_rig(fit: Fit) -> list[tuple[Check, Fit]]:

@@ -18,6 +18,7 @@ from discovery.kinds import KINDS
 from discovery.recording import Recording, read_recording
 from discovery.rig import RecordPart, Rig
 from discovery.rig_file import read_rig
+from discovery.shared_samples import shared_samples
 
 __all__ = ["Dataset", "load_dataset"]
 
@@ -126,6 +127,16 @@ def _refuse_twins(found: dict[str, list[Recording]]) -> None:
                     "a fit that has seen them. Name each recording once."
                 )
             seen[key] = role
+    for r in found["train"]:
+        for role in ("holdout", "test"):
+            for other in found.get(role, ()):
+                at = shared_samples(r, other)
+                if at is not None:
+                    raise InputError(
+                        f"{other.source}, from sample {at} on, repeats readings of {r.source}, which is fitted: it "
+                        f"would judge a fit that has seen them. Give another recording as {role}, or parts that do "
+                        "not overlap."
+                    )
 
 
 def _refuse_unusable(role: str, experiment: Experiment) -> None:

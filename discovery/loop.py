@@ -22,7 +22,7 @@ from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
 from discovery.separation import Separation, separate
 
-__all__ = ["LoopResult", "close_loop"]
+__all__ = ["UPGRADES", "LoopResult", "close_loop"]
 
 FloatArray = NDArray[np.float64]
 #: What a base upgrade is called when the loop finds it.

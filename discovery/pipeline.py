@@ -146,7 +146,13 @@ def write_loop(
     content = result.summary()
     if missing is not None:
         content["missing_force"] = missing.summary()
-    for i, separation in enumerate(getattr(result, "separations", ()), 1):
+    separations = getattr(result, "separations", ())
+    if alone:
+        # Those of an earlier run would tell apart what this one never named.
+        current = {f"manoeuvre_{i}.csv" for i in range(1, len(separations) + 1)}
+        for old in (p for p in out.glob("manoeuvre_*.csv") if p.name not in current):
+            old.unlink()
+    for i, separation in enumerate(separations, 1):
         with atomic_write(out / f"manoeuvre_{i}.csv") as draft:
             draft.write_text(separation.csv(), encoding="utf-8")
     if alone and isinstance(result, LoopResult):

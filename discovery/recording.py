@@ -17,7 +17,7 @@ from discovery.plausibility import check_arm, check_signals
 from discovery.quantisation import resolution
 from discovery.reading_noise import estimate_noise, noise_note
 from discovery.reading_notes import clean_output, time_notes
-from discovery.recording_columns import ARM_OUTPUTS, ARM_STEMS, arm_columns, declared_columns, picked_rows
+from discovery.recording_columns import ARM_OUTPUTS, ARM_STEMS, arm_columns, declared_columns, listed, picked_rows
 from discovery.rig import ForceView, Rig
 from discovery.unit_mistakes import check_units, near_hanging
 from discovery.units import si_factor, si_symbol
@@ -123,7 +123,12 @@ def read_recording(
     channels, names, units = arm_columns(table) if arm else declared_columns(table, rig)
     if require_output and not channels:
         wanted = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m" if arm else rig.columns.output.name
-        raise InputError(f"{table.path} has no output column: add {wanted}.{suggestion(wanted, table.columns)}")
+        remedy = f"add {wanted}"
+        if not arm:
+            remedy = f"the rig file declares {wanted!r}; write its name in [columns] as the file has it"
+        raise InputError(
+            f"{table.path} has no output column: {remedy}.{suggestion(wanted, table.columns)} {listed(table)}"
+        )
     rows = picked_rows(table, names, samples, where)[:: rig.columns.every]
     table = table.take(list(dict.fromkeys(names.values())), rows)
     values = {stem: _in_si(table.numbers(column), rig, stem, units[stem]) for stem, column in names.items()}
@@ -132,8 +137,10 @@ def read_recording(
     inputs = values.get("motor_angle" if arm else "input")
     shown = channels or (ARM_OUTPUTS[0] if arm else ("output",))
     read = {channel: values[channel] for channel in channels}
+    notes = time_notes(time, rig.columns.time.assumed)
     if rig.kind == "pendulum" and rig.view is None and "output" in read:
-        read["output"] = near_hanging(read["output"])
+        read["output"], turned = near_hanging(read["output"])
+        notes += turned
     check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
     if arm:
         check_arm(table, names, rig, time, inputs, read)
@@ -143,7 +150,7 @@ def read_recording(
         # What is added to the command acts as a reference that is further off.
         inputs = inputs + values["added"] / (rig.controller.kv * rig.controller.kp)
     si = tuple(ARM_STEMS[channel] if arm else si_symbol(rig.columns.output.unit) for channel in shown)
-    stated, noise, notes = _stated_noise(rig, shown), [], time_notes(time, rig.columns.time.assumed)
+    stated, noise = _stated_noise(rig, shown), []
     for channel, known, unit in zip(shown, stated, si, strict=True):
         if channel not in read:
             noise.append(1.0 if known is None else known)

@@ -12,7 +12,7 @@ from discovery.io import Table
 from discovery.rig import Rig
 from discovery.units import si_factor, split_suffix
 
-__all__ = ["ARM_OUTPUTS", "ARM_STEMS", "arm_columns", "declared_columns", "picked_rows"]
+__all__ = ["ARM_OUTPUTS", "ARM_STEMS", "arm_columns", "declared_columns", "listed", "picked_rows"]
 
 ARM_STEMS = {"time": "s", "motor_angle": "rad", "tip_x": "m", "tip_y": "m", "tip_angle": "rad", "tip_deflection": "m"}
 ARM_OUTPUTS = (("tip_x", "tip_y"), ("tip_angle",), ("tip_deflection",))
@@ -49,7 +49,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
             wanted = f"{stem}_{ARM_STEMS[stem]}"
             raise InputError(
                 f"{table.path} has no column {wanted!r}. Give that column this name, in its own unit."
-                f"{_suggest(table, wanted)} {_listed(table)}"
+                f"{_suggest(table, wanted)} {listed(table)}"
             )
     channels = next((channels for channels in ARM_OUTPUTS if all(channel in names for channel in channels)), ())
     for first, second in (("tip_x", "tip_y"), ("tip_y", "tip_x")):
@@ -57,7 +57,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
             wanted = f"{second}_m"
             raise InputError(
                 f"{table.path} has {names[first]!r} but no column {wanted!r}: the tip needs both."
-                f"{_suggest(table, wanted)} {_listed(table)}"
+                f"{_suggest(table, wanted)} {listed(table)}"
             )
     used = ("time", "motor_angle", *channels)
     return channels, {stem: names[stem] for stem in used}, units
@@ -82,13 +82,21 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
         if name not in table.columns:
             raise InputError(
                 f"{table.path} has no column {name!r}, which the rig file declares. Write its name in [columns] as the "
-                f"file has it.{_suggest(table, str(name))} {_listed(table)}"
+                f"file has it.{_suggest(table, str(name))} {listed(table)}"
             )
     controller = rig.controller
     if controller is not None and controller.added is not None and controller.added in table.columns:
         wanted.append(("added", controller.added, controller.unit))
     channels = ("output",) if present else ()
     names = {stem: str(name) for stem, name, _ in wanted}
+    stems: dict[str, str] = {}
+    for stem, name in names.items():
+        if name in stems:
+            raise InputError(
+                f"{table.path}: {stems[name]} and {stem} are both read from the column {name!r}. Write the column of "
+                "each in [columns] of the rig file."
+            )
+        stems[name] = stem
     return channels, names, {stem: unit for stem, _, unit in wanted}
 
 
@@ -123,5 +131,6 @@ def _suggest(table: Table, wanted: str) -> str:
     return suggestion(wanted, table.columns)
 
 
-def _listed(table: Table) -> str:
+def listed(table: Table) -> str:
+    """Return the columns of a file as a sentence."""
     return f"Columns found: {', '.join(str(name) for name in table.columns)[:300]}."

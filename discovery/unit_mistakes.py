@@ -14,12 +14,15 @@ __all__ = ["check_units", "near_hanging"]
 FloatArray = npt.NDArray[np.float64]
 
 _FULL_TURN = 2.0 * np.pi
+_JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours that lie so near each other [rad]
+_RARE = 0.01  # share of such readings up to which they are no motion
+_WHITE = 1.2  # median difference of neighbours over that from the median: 1.4 for white noise, little for a swing
 _SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
 _LENGTH_MARGIN = 4.0  # ratio of a fitted to a stated length: an extended body swings slower
 _GRAVITY_MARGIN = 10.0  # drag slows a fall, but not to a tenth
 
 
-def near_hanging(angle: FloatArray) -> FloatArray:
+def near_hanging(angle: FloatArray) -> tuple[FloatArray, list[str]]:
     """Join the turns of an angle that was recorded modulo 2 pi, and count it from the nearest full turn.
 
     Parameters
@@ -29,15 +32,46 @@ def near_hanging(angle: FloatArray) -> FloatArray:
 
     Returns
     -------
-    array, shape (n,)
-        The same array where it neither jumps nor lies a turn away.
+    angle : array, shape (n,)
+        The same array where it neither jumps nor lies a turn away; NaN where a single reading jumps away from its
+        neighbours and back, unless many do.
+    notes : list of str
+        What was joined and left out.
     """
+    alone = _alone(angle)
+    notes = []
+    if alone.any() and alone.mean() < _RARE:
+        angle = np.where(alone, np.nan, angle)
+        rows = np.flatnonzero(alone)
+        which = f"sample {rows[0]}" if rows.size == 1 else f"{rows.size} samples, the first of them {rows[0]},"
+        notes.append(
+            f"The reading of {which} (counted from 0) lies more than {_JUMP:g} rad from those before and after it, "
+            "which agree: no pendulum does that. It is left out."
+        )
     good = np.isfinite(angle)
     joined = angle.copy()
     joined[good] = np.unwrap(angle[good])
+    places = np.flatnonzero(np.diff(joined[good] - angle[good]))
+    if places.size:
+        first = int(np.flatnonzero(good)[places[0] + 1])
+        notes.append(
+            f"The angle jumps by full turns in {places.size} place{'s' * (places.size > 1)}, first at sample {first}, "
+            "counted from 0: the turns are joined."
+        )
     turns = float(np.round(np.median(joined[good]) / _FULL_TURN)) if good.any() else 0.0
     joined -= _FULL_TURN * turns
-    return joined if turns or not np.array_equal(joined[good], angle[good]) else angle
+    return (joined if turns or places.size else angle), notes
+
+
+def _alone(angle: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return which readings jump by what is no full turn away from two neighbours that agree."""
+    found = np.zeros(angle.size, bool)
+    jump = np.diff(angle)
+    turned = np.abs(np.remainder(jump + np.pi, _FULL_TURN) - np.pi)
+    there, back = jump[:-1], jump[1:]
+    away = (np.abs(there) > _JUMP) & (np.abs(back) > _JUMP) & (there * back < 0)
+    found[1:-1] = away & (np.maximum(turned[:-1], turned[1:]) > 0.5 * _JUMP) & (np.abs(angle[2:] - angle[:-2]) < _NEAR)
+    return found
 
 
 def check_units(
@@ -83,15 +117,23 @@ def _check_swing(where: str, rig: Rig, t: FloatArray, angle: FloatArray, largest
     later = angle[angle.size // 2 :]
     later_swing = float(np.quantile(later, 0.98) - np.quantile(later, 0.02))
     if min(swing, later_swing) > _FULL_TURN:
+        remedy = 'If the angle is in degrees, set unit = "deg" for the output in the rig file.'
+        if rig.columns.output.unit == "deg":
+            remedy = "Correct the unit of the output in the rig file, or leave out what is no swing with samples."
         raise InputError(
             f"{where}: the pendulum would swing to and fro by more than a full turn, and the largest reading would be "
-            f'{largest:.4g} {rig.columns.output.unit}. If the angle is in degrees, set unit = "deg" for the output in '
-            "the rig file."
+            f"{largest:.4g} {rig.columns.output.unit}. {remedy}"
         )
     if abs(float(np.median(later))) > 0.5 * np.pi:
         raise InputError(
             f"{where}: the pendulum would swing about {np.median(later):.4g} rad, that is upright. If the angle is "
             "counted from upright, set zero = 3.14159265 (in the unit of the column) for the output in the rig file."
+        )
+    scatter = float(np.median(np.abs(angle - np.median(angle))))
+    if float(np.median(np.abs(np.diff(angle)))) > _WHITE * scatter:
+        raise InputError(
+            f"{where}: nothing swings. The readings scatter by {1.48 * scatter:.3g} rad, each independent of the one "
+            "before. Record a swing, or sample it more often than twice a period."
         )
     frequency = _frequency(t, angle)
     if frequency is None:

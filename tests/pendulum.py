@@ -28,11 +28,15 @@ def swing(
     length: str = "",
     noise: float = 1e-3,
     seed: int = 0,
+    restoring: Callable[[float], float] = lambda _: 0.0,
 ) -> tuple[Path, Path, NDArray[np.float64]]:
-    """Write rig and recording (50 Hz) of theta'' = -strength sin theta - loss(theta'); return both and the truth."""
+    """Write rig and recording (50 Hz) of theta'' = -strength sin theta - restoring(theta) - loss(theta').
+
+    Return both and the truth.
+    """
 
     def slopes(_: float, state: NDArray[np.float64]) -> list[float]:
-        return [state[1], -strength * np.sin(state[0]) - loss(state[1])]
+        return [state[1], -strength * np.sin(state[0]) - restoring(state[0]) - loss(state[1])]
 
     time = np.arange(0.0, duration, 0.02)
     true = solve_ivp(slopes, (0.0, duration), [release, 0.0], "DOP853", time, rtol=1e-9, atol=1e-10, max_step=0.02).y[0]

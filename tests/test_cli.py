@@ -101,6 +101,32 @@ def test_loop_says_what_it_found_and_quiet_is_quiet(looped: tuple[Said, Path]) -
     assert sorted(p.name for p in out.iterdir()) == ["loop.json", "prediction.csv"]
 
 
+def test_what_an_unexplained_loop_found_is_called_a_part(capsys: pytest.CaptureFixture[str]) -> None:
+    drag = {"id": "quadratic_drag", "parameters": {}, "ambiguous_with": []}
+    found = [{**drag, "id": "elastica_geometry"}, drag]
+    numbers = {"unit": "m", "before": {"holdout": {"rms": 2.0}}, "after": {"holdout": {"rms": 1.0}}}
+    result = SimpleNamespace(summary=lambda: {"effects": found}, contradiction=None, separations=(), errors=numbers,
+                             test="systematic part: 3 noise sds, above 1")  # fmt: skip
+    result.verdict = "unexplained"
+    say_loop(result)
+    said = capsys.readouterr().out
+    assert said.startswith("verdict: unexplained\nbecause: systematic part: 3 noise sds, above 1\n")
+    assert "mechanics: elastica_geometry\npartly: quadratic_drag\n" in said
+    result.verdict = "explained"
+    say_loop(result)
+    assert "mechanics: elastica_geometry\nadded: quadratic_drag\n" in capsys.readouterr().out
+
+
+def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
+    case: Case, looped: tuple[Said, Path], tmp_path: Path
+) -> None:
+    for name in ("prediction.csv", "manoeuvre_3.csv"):
+        (tmp_path / name).write_text("old", encoding="utf-8")
+    said = shell("loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--out", tmp_path, "--quiet")
+    assert said.status == 0, said.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json"]
+
+
 def test_errors_are_said_once(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert re.search(r"^ after: train rms \S+, holdout rms \S+ m$", looped[0].out, re.MULTILINE)
     errors = {"unit": "m", "before": {}, "after": {}}

@@ -35,7 +35,7 @@ RIGIDITY = PAPER_RIG.flexural_rigidity
 SLOW = trapezoid(0.5, 0.4)
 
 
-def check(fitted_model: Fit, candidates: tuple[str, ...] = CANDIDATES) -> ContradictionReport:
+def check(fitted_model: Fit, candidates: tuple[str, ...] | None = CANDIDATES) -> ContradictionReport:
     return check_contradictions(fitted_model, np.random.default_rng(0), candidates=candidates)
 
 
@@ -253,7 +253,7 @@ def test_the_pull_on_a_pendulum_is_compared_with_its_length(tmp_path: Path, metr
     length = f"length_m = {{ value = {metres:.6f}, sd = 0.001 }}"
     rig, recording, _ = swing(tmp_path, lambda v: 0.05 * v, release=0.8, duration=20.0, length=length)
     data = load_dataset(rig, [recording], keep_third=False)
-    report = check(fit(declared_model(data.train[0]), data.train))
+    report = check(fit(declared_model(data.train[0]), data.train), None)
     (found,) = report.checks
     assert found.parameter == "k_g"
     assert found.value == pytest.approx(30.0, rel=1e-3)
@@ -261,3 +261,28 @@ def test_the_pull_on_a_pendulum_is_compared_with_its_length(tmp_path: Path, metr
     assert found.contradicts is contradicts
     assert len(report.contradictions) == contradicts
     assert all("no effect of the catalogue reconciles" in c.sentence for c in report.contradictions)
+
+
+def sprung(folder: Path, release: float):
+    """Return a swing of a pendulum of 0.6 m with a spring at its pivot, which a small swing takes for gravity."""
+    rig, recording, _ = swing(
+        folder, lambda v: 0.05 * v, release=release, duration=30.0, strength=9.80665 / 0.6,
+        length="length_m = { value = 0.6, sd = 0.003 }", restoring=lambda angle: 4.0 * angle,
+    )  # fmt: skip
+    return load_dataset(rig, [recording], keep_third=False).train
+
+
+def test_a_spring_that_gravity_hides_is_named_by_the_length_of_a_pendulum(tmp_path: Path) -> None:
+    train = sprung(tmp_path, 0.05)
+    (found,) = check(fit(declared_model(train[0]), train), None).contradictions
+    assert found.reconciling[0] == "linear_stiffness"
+    stiffness, sd = found.tried[0].parameters["alpha"]
+    assert abs(stiffness - 4.0) < 3 * sd
+
+
+def test_a_pull_that_is_not_known_contradicts_nothing(tmp_path: Path) -> None:
+    """Beside a spring, a small swing gives gravity no standard deviation, which is not one of zero."""
+    train = sprung(tmp_path, 0.05)
+    found = fit(declared_model(train[0]), train)
+    unknown = replace(found, reasons={"g_c": "at its bound"}, covariance=np.full_like(found.covariance, np.nan))
+    assert check(unknown).checks == ()

@@ -145,7 +145,8 @@ def drops(tmp_path: Path) -> Path:
     for ball in ("Tennis Ball", "Golf"):
         for drop in (1, 2):
             t = 0.1 * np.arange(80)
-            frames.append(pd.DataFrame({"ball": ball, "drop": drop, "t": t, "y": drop + np.cos(2.0 * t)}))
+            rate = 2.0 + 0.1 * len(frames)
+            frames.append(pd.DataFrame({"ball": ball, "drop": drop, "t": t, "y": drop + np.cos(rate * t)}))
     pd.concat(frames).to_csv(tmp_path / "drops.csv", index=False)
     (tmp_path / "rig.toml").write_text(PICKED)
     return tmp_path / "rig.toml"
@@ -170,3 +171,25 @@ def test_the_same_rows_twice_are_refused(drops: Path) -> None:
     drops.write_text(PICKED.replace('ball = "Golf", drop = 2', 'ball = "Tennis Ball", drop = 1'))
     with pytest.raises(InputError, match="given twice, as train and as test"):
         load_dataset(drops)
+
+
+@pytest.mark.parametrize("change", [lambda f: f[100:180], lambda f: f.assign(more=1.0), lambda f: f[7:].round(12)])
+def test_a_hold_out_made_of_samples_that_are_fitted_is_refused(folder: Path, change) -> None:
+    """It has another hash, but has been seen."""
+    change(pd.read_csv(folder / "one.csv")).to_csv(folder / "part.csv", index=False)
+    with pytest.raises(InputError, match=r"part.csv, from sample \d+ on, repeats readings of .*one.csv"):
+        load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "part.csv"])
+
+
+def test_parts_of_one_file_and_equal_readings_at_rest_are_no_repetition(folder: Path) -> None:
+    rest = pd.DataFrame({"t": 0.02 * np.arange(320), "u": np.sin(np.arange(320)), "y": np.zeros(320)})
+    for name, sign in (("up.csv", 1), ("down.csv", -1)):
+        rest.assign(y=[0.0] * 200 + (sign * np.sin(0.1 * np.arange(120))).tolist()).to_csv(folder / name, index=False)
+    assert len(load_dataset(folder / "rig.toml", [folder / "up.csv"], [folder / "down.csv"]).holdout) == 1
+    assert len(load_dataset(folder / "records.toml").train) == 2
+
+
+def test_two_signals_of_one_column_are_refused(folder: Path) -> None:
+    (folder / "rig.toml").write_text(RIG.replace('name = "y"', 'name = "t"'))
+    with pytest.raises(InputError, match="time and output are both read from the column 't'"):
+        load_dataset(folder / "rig.toml", [folder / "one.csv"])

@@ -50,9 +50,37 @@ def test_turns_are_joined():
     angle = swing(2.0) + np.pi
     wrapped = np.angle(np.exp(1j * angle))
     wrapped[100:110] = np.nan
-    joined = near_hanging(wrapped) - near_hanging(wrapped)[0] + angle[0]
+    joined, notes = near_hanging(wrapped)
+    joined = joined - joined[0] + angle[0]
     np.testing.assert_allclose(joined[~np.isnan(wrapped)], angle[~np.isnan(wrapped)], atol=1e-9)
-    assert near_hanging(angle) is angle
+    assert "the turns are joined" in notes[0]
+    whole, notes = near_hanging(angle)
+    assert whole is angle
+    assert notes == []
+
+
+@pytest.mark.parametrize("wrong", [1e4, 3.2, -2.9])
+def test_one_bad_reading_is_left_out_and_shifts_nothing(tmp_path, wrong):
+    """Half a turn away, unwrapping would take it for a turn, and everything behind it with it."""
+    angle = swing(0.3)
+    bad = angle.copy()
+    bad[500] += wrong
+    recording = read(tmp_path, pendulum(), bad)
+    assert np.flatnonzero(np.isnan(recording.output[:, 0])).tolist() == [500]
+    np.testing.assert_array_equal(np.delete(recording.output[:, 0], 500), np.delete(angle, 500))
+    assert any("sample 500" in note and "left out" in note for note in recording.notes)
+
+
+def test_readings_that_jump_often_are_kept(tmp_path):
+    """Sampled four times a period, every turning point lies far from its neighbours, which agree."""
+    angle = 2.5 * np.sin(0.5 * np.pi * np.arange(200) + 0.1)
+    assert near_hanging(angle)[0] is angle
+
+
+def test_noise_alone_is_no_swing(tmp_path):
+    still = 1e-3 * np.random.default_rng(1).standard_normal(T.size)
+    with pytest.raises(InputError, match=r"nothing swings\. The readings scatter by 0\.00"):
+        read(tmp_path, pendulum(Quantity(1.0, 1e-3)), still)
 
 
 def test_zero_and_scale_apply_to_the_column(tmp_path):

@@ -77,6 +77,9 @@ def loop(
             tell("predicting")
             save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
         write_loop(folder, result, missing=missing)
+        if wanted is None:
+            # One of an earlier run would be another model's.
+            (folder / "prediction.csv").unlink(missing_ok=True)
     _say_loop(result)
     if missing is not None and missing.depends:
         of = " or ".join(", ".join(d.variables) for d in missing.depends)
@@ -100,14 +103,22 @@ def _initial(text: str | None) -> tuple[float, float] | None:
 
 
 def _say_loop(result) -> None:
+    from discovery.loop import UPGRADES
+
     click.echo(f"verdict: {result.verdict}")
+    unexplained = result.verdict == "unexplained"
+    if unexplained:
+        click.echo(f"because: {result.test}")
+    mechanics = {name for _, name in UPGRADES}
     for effect in result.summary()["effects"]:
+        # What leaves more than noise explains a part only.
+        role = "mechanics" if effect["id"] in mechanics else "partly" if unexplained else "added"
         values = ", ".join(
             f"{n} = {p['value']:.6g}" + (f" +- {p['sd']:.2g}" if p["sd"] is not None else "") + f" {p['unit']}"
             for n, p in effect["parameters"].items()
         )
         rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
-        click.echo(f"added: {effect['id']}" + (f" ({values})" if values else "") + rivals)
+        click.echo(f"{role}: {effect['id']}" + (f" ({values})" if values else "") + rivals)
     for contradiction in result.contradiction.contradictions if result.contradiction else ():
         click.echo(f"contradiction: {contradiction.sentence}")
     for separation in result.separations:

@@ -14,7 +14,7 @@ class LinearStiffness(Potential):
     """
 
     cite = "source paper, equations (13) and (15)"
-    alpha = Parameter("s^-2", "linear stiffness", (1e-3, 1e3), LogNormal(1.0, 2.0), starts=(1.0,), latex=r"\alpha")
+    alpha = Parameter("s^-2", "linear stiffness", (1e-3, 1e3), LogNormal(1.0, 2.0), starts=(1.0, 0.01), latex=r"\alpha")
 
     def expression(self):
         """Return V."""
