@@ -137,10 +137,9 @@ def read_recording(
     inputs = values.get("motor_angle" if arm else "input")
     shown = channels or (ARM_OUTPUTS[0] if arm else ("output",))
     read = {channel: values[channel] for channel in channels}
-    notes = time_notes(time, rig.columns.time.assumed)
+    turned: list[str] = []
     if rig.kind == "pendulum" and rig.view is None and "output" in read:
         read["output"], turned = near_hanging(read["output"])
-        notes += turned
     check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
     if arm:
         check_arm(table, names, rig, time, inputs, read)
@@ -150,7 +149,7 @@ def read_recording(
         # What is added to the command acts as a reference that is further off.
         inputs = inputs + values["added"] / (rig.controller.kv * rig.controller.kp)
     si = tuple(ARM_STEMS[channel] if arm else si_symbol(rig.columns.output.unit) for channel in shown)
-    stated, noise = _stated_noise(rig, shown), []
+    stated, noise, notes = _stated_noise(rig, shown), [], [*time_notes(time, rig.columns.time.assumed), *turned]
     for channel, known, unit in zip(shown, stated, si, strict=True):
         if channel not in read:
             noise.append(1.0 if known is None else known)

@@ -43,10 +43,10 @@ def near_hanging(angle: FloatArray) -> tuple[FloatArray, list[str]]:
     if alone.any() and alone.mean() < _RARE:
         angle = np.where(alone, np.nan, angle)
         rows = np.flatnonzero(alone)
-        which = f"sample {rows[0]}" if rows.size == 1 else f"{rows.size} samples, the first of them {rows[0]},"
+        what, it = ("1 spike", "It is") if rows.size == 1 else (f"{rows.size} spikes", "They are")
         notes.append(
-            f"The reading of {which} (counted from 0) lies more than {_JUMP:g} rad from those before and after it, "
-            "which agree: no pendulum does that. It is left out."
+            f"{what}, first at sample {rows[0]} (counted from 0), more than {_JUMP:g} rad from the readings before and "
+            f"after, which agree: no pendulum does that. {it} left out."
         )
     good = np.isfinite(angle)
     joined = angle.copy()

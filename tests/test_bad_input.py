@@ -230,7 +230,7 @@ def test_prediction_files_are_checked_too(tmp_path):
         (lambda f: f.drop(columns="u"), ["no column 'u', which the rig file declares", "Columns found: t, y"]),
         (lambda f: f.rename(columns={"t": "t_s"}), ["no column 't'", "Write its name in [columns] as the file has it"]),
         (lambda f: f.rename(columns={"t": "time"}), ["no column 't', which the rig file declares. Write its name"]),
-        (lambda f: f.drop(columns="y"), ["no output column: add y"]),
+        (lambda f: f.drop(columns="y"), ["no output column: the rig file declares 'y'", "Columns found: t, u."]),
         (lambda f: f.assign(y=1.0), ["column 'y'", "dead"]),
         (lambda f: f[:20], ["too short: 20 rows"]),
         (change(5, "u", np.nan), ["column 'u', row 6", "the input is missing"]),
