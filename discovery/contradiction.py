@@ -182,19 +182,18 @@ def check_contradictions(
     ContradictionReport
     """
     experiments = fit.problem.bench.experiments
-    if not experiments[0].is_arm:
-        checks = _against_length(fit)
-        names = possible(fit.model, experiments[0].coordinate_unit) if candidates is None else candidates
-        return ContradictionReport(
-            checks,
-            tuple(_gravity(fit, c, names, least_gain=least_gain, progress=progress) for c in checks if c.contradicts),
-        )
-    found: list[tuple[Check, Fit]] = [*_against_rig(fit), *_against_mechanics(fit, rng)]
-    adjusted = _adjusted([c for c, _ in found])
+    arm = experiments[0].is_arm
     if candidates is None:
         # What the exact arm contains is in the prediction already.
-        provided = get_base("elastica").provides
+        provided = get_base("elastica").provides if arm else frozenset()
         candidates = [e for e in possible(fit.model, experiments[0].coordinate_unit) if e not in provided]
+    if not arm:
+        checks = _against_length(fit)
+        excluded = [c for c in checks if c.contradicts]
+        pulls = [_gravity(fit, c, candidates, least_gain=least_gain, progress=progress) for c in excluded]
+        return ContradictionReport(checks, tuple(pulls))
+    found: list[tuple[Check, Fit]] = [*_against_rig(fit), *_against_mechanics(fit, rng)]
+    adjusted = _adjusted([c for c, _ in found])
     contradictions = []
     for check, (_, freed) in zip(adjusted, found, strict=True):
         if check.contradicts:
@@ -226,12 +225,10 @@ def _against_length(fit: Fit) -> tuple[Check, ...]:
     """Test how strongly gravity pulls on a simple pendulum, k_g = sqrt(g_c^2 + g_s^2), against g / L of the rig."""
     rig = fit.problem.bench.experiments[0].rig
     names = ("g_c", "g_s")
-    if rig.length is None or rig.gravity is None or not set(names) <= set(fit.problem.free):
+    # Beside a spring that holds it at its bound, or another law that takes its part, gravity is not known.
+    if rig.length is None or rig.gravity is None or not {*names} <= {*fit.problem.free} - {*fit.reasons}:
         return ()
     at = [fit.problem.names.index(n) for n in names]
-    if any(n in fit.reasons for n in names):
-        # Beside a spring that holds it at its bound, or another law that takes its part, gravity is not known.
-        return ()
     torque = fit.minimum.x[at]
     size = float(np.linalg.norm(torque))
     sd = math.sqrt(float(torque @ fit.covariance[np.ix_(at, at)] @ torque)) / size

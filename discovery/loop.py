@@ -255,7 +255,7 @@ def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]
 def _final(search: Search, case: Case) -> tuple[Fit, list[FloatArray]]:
     """Return the final fit of what was found, and its predictions of the held-out recordings."""
     found, held = search.finest()
-    if search.added and not _is_noise(held, search.root.held_rough, case)[0]:
+    if search.added and not search.settled:
         other = case.reshaped(found, search.added)
         if other is not found:
             return other, case.held(other)

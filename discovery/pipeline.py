@@ -146,15 +146,13 @@ def write_loop(
     content = result.summary()
     if missing is not None:
         content["missing_force"] = missing.summary()
-    separations = getattr(result, "separations", ())
-    if alone:
-        # Those of an earlier run would tell apart what this one never named.
-        current = {f"manoeuvre_{i}.csv" for i in range(1, len(separations) + 1)}
-        for old in (p for p in out.glob("manoeuvre_*.csv") if p.name not in current):
-            old.unlink()
-    for i, separation in enumerate(separations, 1):
-        with atomic_write(out / f"manoeuvre_{i}.csv") as draft:
+    designed = {f"manoeuvre_{i}.csv": s for i, s in enumerate(getattr(result, "separations", ()), 1)}
+    for name, separation in designed.items():
+        with atomic_write(out / name) as draft:
             draft.write_text(separation.csv(), encoding="utf-8")
+    # Those of an earlier run would tell apart what this one never named.
+    for old in {p.name for p in out.glob("manoeuvre_*.csv")} - {*designed}:
+        (out / old).unlink()
     if alone and isinstance(result, LoopResult):
         content["models"] = _models(result)
     write_json(out / "loop.json", content)

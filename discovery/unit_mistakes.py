@@ -51,7 +51,8 @@ def near_hanging(angle: FloatArray) -> tuple[FloatArray, list[str]]:
     good = np.isfinite(angle)
     joined = angle.copy()
     joined[good] = np.unwrap(angle[good])
-    places = np.flatnonzero(np.diff(joined[good] - angle[good]))
+    # Rounded: a turn that is added and taken away again leaves the last digit different.
+    places = np.flatnonzero(np.diff(np.round((joined[good] - angle[good]) / _FULL_TURN)))
     if places.size:
         first = int(np.flatnonzero(good)[places[0] + 1])
         notes.append(
