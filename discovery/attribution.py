@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from discovery.parameters import Parameter
 from discovery.problem import NaturalUnits, Problem
 from discovery.registry import catalogue
 from discovery.responses import Grid, Responses, plan, respond
+from discovery.scalar_products import grams
 from discovery.simulate import THREADS
 from discovery.workers import single_algebra
 
@@ -41,8 +43,6 @@ _STARTS = 3
 _MANY = 3
 #: Gains within this part of the largest are equal.
 _TIE = 1e-9
-#: Responses that are weighed at once: so many stay in the processor's cache.
-_BLOCK = 32
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,35 @@ class Shapes:
 
 
 @dataclass(frozen=True)
+class Start:
+    """Where a refit may begin.
+
+    Parameters
+    ----------
+    values : ndarray, shape (f,)
+        Of what a refit estimates.
+    sizes : ndarray, shape (k,)
+        Which of them are amplitudes.
+    responses : Responses
+        Of amplitudes.
+    rows, simulated : ndarray, shape (k,)
+        Which responses are those of this start, and to what amplitudes.
+    """
+
+    values: FloatArray
+    sizes: NDArray[np.int64]
+    responses: Responses
+    rows: NDArray[np.int64]
+    simulated: FloatArray
+
+    def columns(self) -> FloatArray:
+        """Return the sensitivity (n, f); unknown derivatives, those of shapes, are zero."""
+        columns = np.zeros((self.responses.left.shape[1], self.values.size))
+        columns[:, self.sizes] = self.responses.moved(self.rows) / self.simulated
+        return columns
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One candidate effect with its linear score.
 
@@ -86,8 +115,8 @@ class Candidate:
         Id.
     score : float
         Chi-square that its linear sensitivity removes, fitted parameters re-adjusted.
-    starts : tuple of (values, Jacobian columns)
-        Best start values of a refit, with the sensitivity of each.
+    starts : tuple of Start
+        The best ones of a refit.
     sensitivity : ndarray, shape (n, k)
         Orthonormal directions of the best start, orthogonal to what fitted parameters absorb.
     shapes : Shapes
@@ -96,7 +125,7 @@ class Candidate:
 
     effect: str
     score: float
-    starts: tuple[tuple[FloatArray, FloatArray], ...]
+    starts: tuple[Start, ...]
     sensitivity: FloatArray
     shapes: Shapes
 
@@ -172,7 +201,7 @@ def screen(
         Highest score first.
     """
     bench, units, system = problem.bench, problem.units, model.mechanics.system
-    grids, settings = plan({name: grid_of(catalogue()[name], system, units) for name in names}, system)
+    grids, settings = _planned(tuple(catalogue()[name] for name in names), system, units)
     reference = minimum.residual[: bench.n_rows]
     known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
     target = reference - known @ (known.T @ reference)
@@ -183,21 +212,25 @@ def screen(
     return sorted(scored, key=lambda c: -c.score)
 
 
+@lru_cache(maxsize=64)
+def _planned(
+    effects: tuple[Effect, ...], system: str, units: NaturalUnits
+) -> tuple[dict[str, Grid], list[dict[str, float]]]:
+    """Return what is simulated for some effects: the same around every fit of the same recordings."""
+    return plan({effect.id(): grid_of(effect, system, units) for effect in effects}, system)
+
+
 def _scored(
     name: str, grid: Grid, responses: Responses, target: FloatArray, units: NaturalUnits, keep: int
 ) -> Candidate:
     """Return the candidate of one effect: the amplitudes of every shape that remove most, and the best starts."""
-    count, k = grid.rows.shape
+    count = len(grid.rows)
     parameters = [grid.fitted[i] for i in grid.sizes]
     sizes = grid.values[:, grid.sizes]
     limits = [np.array([p.bounds[end] * units.scale(p) for p in parameters]) / sizes for end in (0, 1)]
     first = int(grid.rows.min())
     own, rows = responses.left[first : int(grid.rows.max()) + 1], grid.rows - first
-    gram, push = np.empty((count, k, k)), np.empty((count, k))
-    for start in range(0, count, max(1, _BLOCK // k)):
-        part = slice(start, start + max(1, _BLOCK // k))
-        parts = own[rows[part]].astype(float)
-        gram[part], push[part] = parts @ parts.transpose(0, 2, 1), parts @ target
+    gram, push = grams(own, rows, target)
     gain, solution, transform = bounded_gains(gram, push, *limits)
     shapes = Shapes(own, rows, transform, gain)
     # Shapes that rounding alone tells apart stay in the order of the grid.
@@ -205,21 +238,19 @@ def _scored(
     bases = shapes.bases(order[:_COMPARED])
     starts = []
     for i in order[_distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)]:
-        vector, columns = grid.values[i].copy(), np.zeros((target.size, len(grid.fitted)))
-        vector[grid.sizes] = solution[i] * sizes[i]
-        # Unknown derivatives of shapes start at zero.
-        columns[:, grid.sizes] = responses.moved(grid.rows[i]) / sizes[i]
-        starts.append((vector, columns))
+        values = grid.values[i].copy()
+        values[grid.sizes] = solution[i] * sizes[i]
+        starts.append(Start(values, grid.sizes, responses, grid.rows[i], sizes[i]))
     return Candidate(name, float(gain[order[0]]), tuple(starts), bases[0].T.astype(float), shapes)
 
 
 def _distinct(bases: NDArray[np.float32], keep: int) -> list[int]:
     """Return which of the best (t, k, n), best first, differ: peaks of the grid, not neighbours on one of them."""
     chosen: list[int] = []
-    free = np.ones(len(bases), dtype=bool)
-    while free.any() and len(chosen) < keep:
-        chosen.append(int(np.argmax(free)))
-        likeness = np.linalg.svd(bases @ bases[chosen[-1]].T, compute_uv=False)[:, -1]
-        free &= likeness < _DISTINCT
-        free[chosen[-1]] = False
+    free = np.arange(len(bases))
+    while free.size and len(chosen) < keep:
+        chosen.append(int(free[0]))
+        free = free[1:]
+        likeness = np.linalg.svd(bases[free] @ bases[chosen[-1]].T, compute_uv=False)[:, -1]
+        free = free[likeness < _DISTINCT]
     return chosen

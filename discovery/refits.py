@@ -99,7 +99,7 @@ def refit(
         Smallest chi-square first.
     """
     rows = problem.bench.n_rows
-    starts: list[_Start] = [((c.effect,), vector, columns, None) for c in shortlist for vector, columns in c.starts]
+    starts: list[_Start] = [((c.effect,), s.values, s.columns(), None) for c in shortlist for s in c.starts]
     starts += [((name,), vector, np.zeros((rows, vector.size)), others) for name, vector, others in finite]
     return _raced(model, minimum, problem, starts)
 
@@ -118,8 +118,8 @@ def refit_pairs(
     known, _ = np.linalg.qr(minimum.jacobian[:rows])
     starts: list[_Start] = []
     for pair in pairs:
-        vector = np.concatenate([c.starts[0][0] for c in pair])
-        columns = np.concatenate([c.starts[0][1] for c in pair], axis=1)
+        vector = np.concatenate([c.starts[0].values for c in pair])
+        columns = np.concatenate([c.starts[0].columns() for c in pair], axis=1)
         moving = columns.any(axis=0)
         free = columns[:, moving] - known @ (known.T @ columns[:, moving])
         size = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
