@@ -16,8 +16,8 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -109,6 +109,38 @@ def _load(source: str) -> ModuleType:
     return module
 
 
+@cache
+def _source_hash() -> str:
+    """Return a hash of this package and of what else decides how a kernel is written."""
+    import sympy
+
+    found = hashlib.sha256(f"{sys.version} {sympy.__version__}".encode())
+    folder = Path(__file__).parent
+    for path in sorted(p for p in folder.rglob("*") if p.suffix in {".py", ".txt"}):
+        found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def _written(
+    base_name: str, effect_ids: tuple[str, ...], method: Method, source_hash: str | None
+) -> tuple[Program, str]:
+    """Return a program and the text of its kernel; the hash makes what is kept on disk that of this very package."""
+    program = build_program(base_name, effect_ids)
+    # A copy: functions made on demand, which the original may hold, cannot be kept on disk.
+    return replace(program), kernel_source(program, get_base(base_name).lanes, _switches(effect_ids), method)
+
+
+def _kept(base_name: str, effect_ids: tuple[str, ...], method: Method) -> tuple[Program, str]:
+    """Return the same from disk where it was written before: symbolic algebra takes a second or so."""
+    from joblib import Memory
+
+    if any(not type(get_effect(e)).__module__.startswith("discovery.") for e in effect_ids):
+        # What effects of other packages follow from is not known.
+        return _written(base_name, effect_ids, method, None)
+    memory = Memory(_cache_folder(), verbose=0)
+    return memory.cache(_written)(base_name, effect_ids, method, _source_hash())
+
+
 @lru_cache(maxsize=128)
 def compile_kernel(base_name: str, effect_ids: tuple[str, ...], method: Method = CLASSICAL) -> Kernel:
     """Return the compiled kernel of a base with a set of effects, from disk where it was compiled before.
@@ -127,13 +159,13 @@ def compile_kernel(base_name: str, effect_ids: tuple[str, ...], method: Method =
     Kernel
         Compiled on its first call.
     """
-    program = build_program(base_name, effect_ids)
-    lanes = get_base(base_name).lanes
+    program, source = _kept(base_name, effect_ids, method)
     switches = _switches(effect_ids)
     rows = np.array([np.isin(program.parameters, names) for names in switches.values()], float)
     rows = rows.reshape(len(switches), len(program.parameters))
-    module = _load(kernel_source(program, lanes, switches, method))
-    return Kernel(module.run, program, lanes, rows, method if method.order == module.ORDER else CLASSICAL)
+    module = _load(source)
+    taken = method if method.order == module.ORDER else CLASSICAL
+    return Kernel(module.run, program, get_base(base_name).lanes, rows, taken)
 
 
 def leaps(base_name: str, effect_ids: tuple[str, ...]) -> bool:

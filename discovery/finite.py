@@ -66,12 +66,8 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
         for parameter, value in values.items():
             columns[bench.names.index(parameter), own] = value
         columns[at, own] = alphas
-    cost = np.empty(columns.shape[1])
-    for part in bench.pieces(cost.size):
-        residuals = bench.residuals(columns[:, part], np.repeat(initial, cost[part].size, axis=2))
-        with np.errstate(over="ignore", invalid="ignore"):
-            cost[part] = np.einsum("nk,nk->k", residuals, residuals)
-    table = np.where(np.isfinite(cost), cost, np.inf).reshape(len(points), alphas.size)
+    cost = bench.chi2(columns, np.repeat(initial, columns.shape[1], axis=2)).sum(axis=0)
+    table = cost.reshape(len(points), alphas.size)
     found: list[FarStart] = []
     for name in dict.fromkeys(n for n, _ in points):
         own_points = [i for i, (n, _) in enumerate(points) if n == name]

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from discovery.compile import numpy_derivative
+from discovery import compile as compiled
+from discovery.compile import compile_kernel, numpy_derivative
 from discovery.drive import Drive
 from discovery.errors import SimulationFailure
 from discovery.experiment import Experiment
@@ -27,7 +28,7 @@ from discovery.model import Model
 from discovery.problem import NaturalUnits
 from discovery.program import build_program
 from discovery.recording import Recording
-from discovery.registry import catalogue
+from discovery.registry import catalogue, get_effect
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.runge_kutta import dormand_prince
 from discovery.simulate import Simulator, check_finite
@@ -505,3 +506,37 @@ print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values(
     assert (hits, misses) == (1, 0)
     assert first == second
     assert first == pytest.approx(np.cos(3.0), abs=1e-3)
+
+
+def test_what_is_kept_on_disk_is_what_would_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISCOVERY_CACHE", str(tmp_path))
+    effects = ("coulomb_friction", "linear_stiffness", "table_tilt")
+    fresh = compile_kernel.__wrapped__("elastica", effects)
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("written again")
+
+    monkeypatch.setattr(compiled, "kernel_source", refuse)
+    kept = compile_kernel.__wrapped__("elastica", effects)
+    assert kept.run is fresh.run
+    assert kept.program == build_program("elastica", effects)
+    # Another version of the package writes its own.
+    monkeypatch.setattr(compiled, "_source_hash", lambda: "another")
+    with pytest.raises(AssertionError, match="written again"):
+        compile_kernel.__wrapped__("elastica", effects)
+
+
+def test_effects_of_other_packages_are_never_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Foreign(type(catalogue()["quadratic_drag"])):  # type: ignore[misc]
+        pass
+
+    monkeypatch.setenv("DISCOVERY_CACHE", str(tmp_path))
+    monkeypatch.setattr(
+        compiled, "get_effect", lambda name: Foreign() if name == "quadratic_drag" else get_effect(name)
+    )
+    written = []
+    source = compiled.kernel_source
+    monkeypatch.setattr(compiled, "kernel_source", lambda *a: written.append(a) or source(*a))
+    for _ in range(2):
+        compile_kernel.__wrapped__("oscillator", ("linear_stiffness", "quadratic_drag"))
+    assert len(written) == 2
