@@ -211,7 +211,7 @@ def close_loop(
             "after": after_train if only_train else [*after_train, *after_held],
         },
         test=test,
-        contradiction=_contradiction(after, case) if settings.follow_up and (noise or not arm) else None,
+        contradiction=_contradiction(after, search, case) if settings.follow_up and (noise or not arm) else None,
         separations=_separations(search, case) if settings.follow_up and arm else (),
         recordings=tuple(e.recording for e in (*train, *holdout)),
         unlike=unlike,
@@ -228,10 +228,11 @@ def _attainable(settings: LoopSettings, train: Sequence[Experiment], judge: Hold
     return replace(settings, floor=max(settings.floor, judge.chance(), *rounding))
 
 
-def _contradiction(after: Fit, case: Case) -> ContradictionReport:
+def _contradiction(after: Fit, search: Search, case: Case) -> ContradictionReport:
     """Test the final values against what the rig and the elastica predict."""
     case.tell("comparing with the rig")
-    return check_contradictions(after, np.random.default_rng([case.settings.seed, 1]), progress=case.tell)
+    rng = np.random.default_rng([case.settings.seed, 1])
+    return check_contradictions(after, rng, bench=search.best.refit.problem.bench, progress=case.tell)
 
 
 def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
