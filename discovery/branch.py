@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,10 +42,13 @@ class Branch:
         Every candidate with its sensitivities.
     refits : tuple of Refit
         First those with what the rig knows free, at least `FINISHED`, then the others; both by chi-square.
+    whole : bool
+        Whether every candidate was refitted.
     """
 
     scored: Mapping[str, Candidate]
     refits: tuple[Refit, ...]
+    whole: bool = True
 
 
 class Branches:
@@ -55,27 +58,42 @@ class Branches:
         self.case = case
         self._made: dict[frozenset[str], Branch] = {}
 
-    def of(self, node: Node) -> Branch:
-        """Return the branch of a set of effects: screen the catalogue and refit every candidate beside it."""
+    def of(self, node: Node, among: Collection[str] | None = None) -> Branch:
+        """Return the branch of a set of effects: screen the catalogue and refit every candidate beside it.
+
+        Parameters
+        ----------
+        node : Node
+            The set.
+        among : collection of str, optional
+            Candidates that are refitted, if others need not be.
+        """
         key = frozenset(node.added)
-        if key not in self._made:
-            problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            names = candidates(problem.model, self.case.train[0].coordinate_unit)
-            beside = f" beside {' and '.join(node.added)}" if node.added else ""
-            self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
-            scored = screen(problem.model, minimum, problem, names)
-            self.case.tell(f"refitting every candidate{beside}")
-            # Where much is left, some effects are of a size at which linear starts fail.
-            starts = finite_starts(minimum, problem, names) if node.rough > _FAR else []
-            quick = refit(problem.model, minimum, problem, scored, finite=starts)
-            quick = unstiffened(problem.model, minimum, problem, scored, quick)
-            full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
-            if node.rough > self.case.settings.floor:
-                full = best_of([*full, *grown(node.refit.minimum, node.refit.problem, names)])
-            done = {r.effect for r in full}
-            rest = [r for r in quick if r.effect not in done]
-            self._made[key] = Branch({c.effect: c for c in scored}, (*full, *rest))
-        return self._made[key]
+        made = self._made.get(key)
+        if made is None or (among is None and not made.whole):
+            made = self._made[key] = self._make(node, among)
+        return made
+
+    def _make(self, node: Node, among: Collection[str] | None) -> Branch:
+        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+        names = candidates(problem.model, self.case.train[0].coordinate_unit)
+        tried = names if among is None else tuple(n for n in names if n in among)
+        beside = f" beside {' and '.join(node.added)}" if node.added else ""
+        self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
+        scored = screen(problem.model, minimum, problem, names)
+        self.case.tell(f"refitting {'every candidate' if among is None else 'what may replace another'}{beside}")
+        # Where much is left, some effects are of a size at which linear starts fail.
+        far = node.rough > _FAR
+        starts = finite_starts(minimum, problem, tried) if far else []
+        shortlist = [c for c in scored if c.effect in tried]
+        quick = refit(problem.model, minimum, problem, shortlist, finite=starts)
+        quick = unstiffened(problem.model, minimum, problem, shortlist, quick)
+        full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
+        if far:
+            full = best_of([*full, *grown(node.refit.minimum, node.refit.problem, tried)])
+        done = {r.effect for r in full}
+        rest = [r for r in quick if r.effect not in done]
+        return Branch({c.effect: c for c in scored}, (*full, *rest), among is None)
 
     def forget(self, effect: str) -> None:
         """Forget what was offered beside sets with an effect, for its values have changed."""
@@ -85,11 +103,17 @@ class Branches:
         """Return the branch of a set if there is one already."""
         return self._made.get(frozenset(added))
 
-    def children(self, beam: Sequence[Node]) -> list[Child]:
-        """Return every set with one effect more, smallest chi-square first."""
+    def below(self, added: Collection[str], effect: str) -> Branch | None:
+        """Return the branch of the largest of these sets' subsets beside which an effect was refitted, if any."""
+        subsets = sorted((key for key in self._made if key <= frozenset(added)), key=len, reverse=True)
+        offers = (self._made[key] for key in subsets)
+        return next((b for b in offers if b.whole and any(r.effect == effect for r in b.refits)), None)
+
+    def children(self, beam: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
+        """Return every set with one effect more, or one of some, smallest chi-square first."""
         found: dict[frozenset[str], Child] = {}
         for node in beam:
-            for r in self.of(node).refits[:FINISHED]:
+            for r in self.of(node, among).refits[:FINISHED]:
                 added = (*node.added, r.effect)
                 key = frozenset(added)
                 if key not in found or r.chi2 < found[key][1].chi2:

@@ -7,7 +7,7 @@ it is idle, and exchanged where another effect serves better in its place.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from discovery.node import Node, merit
 from discovery.refits import Refit, relaxed
 from discovery.registry import catalogue
 from discovery.standing import evidence, rivals
+from discovery.stiff import coarsened
 from discovery.weighing import weigh
 
 __all__ = ["Search"]
@@ -34,6 +35,8 @@ _RIVAL = 2.0
 _RIVALS = 2
 #: Rounds of removal and exchange.
 _ROUNDS = 2
+#: What beside fewer others leaves so many times what an effect does there cannot take its place.
+_FAR_MORE = 10.0
 #: Where more than this share of the excess is left, exchanging one effect is not what is missing.
 _MUCH_LEFT = 0.1
 
@@ -132,9 +135,9 @@ class Search:
             if not beam:
                 return
 
-    def _children(self, nodes: Sequence[Node]) -> list[Child]:
-        """Return what the catalogue offers beside some sets, best first."""
-        return self._trusted(self._branches.children(nodes))
+    def _children(self, nodes: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
+        """Return what the catalogue, or a part of it, offers beside some sets, best first."""
+        return self._trusted(self._branches.children(nodes, among))
 
     def _trusted(self, children: Sequence[Child]) -> list[Child]:
         """Return the sets without laws that imitate others, once these have been given up."""
@@ -229,8 +232,20 @@ class Search:
             return self.root
         key = self.best, effect
         if key not in self._smaller:
-            self._smaller[key] = Node.of(rest, relaxed(self.best.refit, [effect]), self.case)
+            # The steps may have been as fine as the effect alone needs.
+            smaller = coarsened(relaxed(self.best.refit, [effect]), self.root.refit.problem.bench)
+            self._smaller[key] = Node.of(rest, smaller, self.case)
         return self._smaller[key]
+
+    def _contenders(self, effect: str) -> frozenset[str] | None:
+        """Return what may serve in the place of a member: all but what left far more beside fewer; None for all."""
+        smaller = self._without(effect).added
+        below = self._branches.below(smaller, effect)
+        if below is None:
+            return None
+        left = {r.effect: r.chi2 for r in below.refits}
+        limit = self.best.chi2 + _FAR_MORE * max(left[effect] - self.best.chi2, self.case.margin(self.best.chi2))
+        return frozenset(e for e in below.scored if left.get(e, 0.0) <= limit)
 
     def _refine(self) -> None:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
@@ -253,7 +268,8 @@ class Search:
             return
         if self._left() > _MUCH_LEFT:
             return
-        children = self._children([smaller])
+        among = self._contenders(effect)
+        children = self._children([smaller], among)
         again = next((r for added, r in children if added[-1] == effect), None)
         if again is not None:
             self._renew(effect, Node.of(self.best.added, again, self.case))
@@ -266,7 +282,7 @@ class Search:
                 reason = f"in its place {node.added[-1]} lowers chi-square by {gain:.0f} more"
                 numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
                 self.steps.append(
-                    Step("exchange", effect, True, reason, numbers, self._ranking(self._branches.of(smaller)))
+                    Step("exchange", effect, True, reason, numbers, self._ranking(self._branches.of(smaller, among)))
                 )
                 self.best = node
                 return
@@ -286,7 +302,7 @@ class Search:
         found = {}
         for effect, names in self.ambiguous.items():
             if names:
-                branch = self._branches.of(self._without(effect))
+                branch = self._branches.of(self._without(effect), self._contenders(effect))
                 found[effect] = {r.effect: r for r in branch.refits if r.effect in names[:_RIVALS]}
         return found
 
@@ -296,7 +312,7 @@ class Search:
             self._withdraw()
         for effect in self.best.added:
             smaller = self._without(effect)
-            branch = self._branches.of(smaller)
+            branch = self._branches.of(smaller, self._contenders(effect))
             whole = self.best.with_last(effect)
             tied = self.ambiguous[effect] = rivals(self.case, branch, smaller, whole, effect)
             chance = self._branches.chance(branch, whole)

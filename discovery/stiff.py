@@ -13,9 +13,9 @@ from discovery.finite import declared_starts
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.refits import Refit, refit, settle
+from discovery.refits import Refit, refit, settle, settled
 
-__all__ = ["unstiffened"]
+__all__ = ["coarsened", "unstiffened"]
 
 #: Finer steps are tried for so many of the best by chi-square and by score,
 _LEADING, _PROMISING = 3, 8
@@ -27,6 +27,8 @@ _LITTLE = 1e-3
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
 _FEW = 12
+#: Steps that differ by less than this factor are the same.
+_SAME = 1.01
 
 
 def unstiffened(
@@ -69,29 +71,54 @@ def unstiffened(
         checked |= {*leading} - rough
         if not rough:
             break
-        once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough]
+        # What was refitted with half as fine steps goes on from there.
+        begun = [finest[e] for e in sorted(rough) if finest[e].problem.bench is benches[finer // 2] and finer > 2]
+        once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough - {r.effect for r in begun}]
         # What blew up from its linear start begins small.
         small = declared_starts(problem, sorted(blown), _FEW)
         found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once, finite=small)
+        found += settled([_on(r.problem, fine) for r in begun], [r.minimum.x for r in begun])
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}
         for r in found:
             finest[r.effect] = r
             if r.chi2 < best[r.effect].chi2 - _WORTH:
-                best[r.effect] = _coarsened(r, best[r.effect].problem)
+                best[r.effect] = coarsened(r, best[r.effect].problem.bench)
             else:
                 checked.add(r.effect)
     return sorted(best.values(), key=lambda r: r.chi2)
 
 
-def _coarsened(fine: Refit, problem: Problem) -> Refit:
-    """Return the same minimum on coarser steps if it is one there, far from blowing up: finer ones cost more."""
-    (minimum,) = settle([problem], [fine.minimum.x])
-    again = Refit(fine.effect, problem, minimum)
-    if not again.chi2 < fine.chi2 + _WORTH:
-        return fine
-    twice = Bench.like(problem.bench, 2 * problem.bench.step)
-    return again if np.isfinite(_solver_errors([again], twice)[fine.effect]) else fine
+def coarsened(fine: Refit, coarse: Bench) -> Refit:
+    """Return the same minimum on coarser steps if it is one there, far from blowing up: finer ones cost more.
+
+    Parameters
+    ----------
+    fine : Refit
+        On fine steps.
+    coarse : Bench
+        With the longest steps that are tried, then with half of them, and half of those.
+    """
+    while coarse.step > _SAME * fine.problem.bench.step:
+        # To begin with, it must be no start that blows up.
+        if _is_stable(fine, coarse.step) and _is_stable(fine, 2 * coarse.step):
+            problem = _on(fine.problem, coarse)
+            (minimum,) = settle([problem], [fine.minimum.x])
+            again = Refit(fine.effect, problem, minimum)
+            if again.chi2 < fine.chi2 + _WORTH and _is_stable(again, 2 * coarse.step):
+                return again
+        coarse = Bench.like(coarse, coarse.step / 2)
+    return fine
+
+
+def _on(problem: Problem, bench: Bench) -> Problem:
+    """Return the same problem with other steps."""
+    return Problem(problem.model, bench, problem.units, problem.gaussian)
+
+
+def _is_stable(refit: Refit, step: float) -> bool:
+    """Return whether a motion stays finite with another step."""
+    return bool(np.isfinite(_solver_errors([refit], Bench.like(refit.problem.bench, step))[refit.effect]))
 
 
 def _solver_errors(refits: Sequence[Refit], other: Bench) -> dict[str, float]:
