@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from discovery.bench import Bench
+from discovery.branch import Branches
 from discovery.case import Case, LoopSettings
 from discovery.drive import Drive
 from discovery.experiment import Experiment
@@ -104,6 +105,37 @@ def test_a_better_minimum_of_the_same_set_takes_its_place(gain: float, held: flo
         assert [s.action for s in search.steps[len(before) :]] == ["renew"] * renewed
     finally:
         search.best, search.steps = best, before
+
+
+def test_what_left_far_more_beside_fewer_is_not_tried_in_the_place_of_a_member() -> None:
+    search = searched(c_2=0.3, tau=0.01)
+    first, _ = search.added
+    among = search._contenders(first)
+    below = search._branches.below((), first)
+    assert among is not None
+    assert below is not None
+    left = {r.effect: r.chi2 for r in below.refits}
+    assert first in among
+    assert {*among} < {*below.scored}
+    assert min(left[e] for e in {*left} - {*among}) > left[first] + 9 * (left[first] - search.best.chi2)
+    # Scored it is all the same: chance is that of the whole catalogue.
+    beside = search._branches.of(search._without(first), among)
+    assert {r.effect for r in beside.refits} <= among | {first}
+    assert len(beside.scored) == len(below.scored) - 1
+    assert not beside.whole
+
+
+def test_a_branch_for_an_extension_is_whole() -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    (first, _), node = search.added, search._without(search.added[0])
+    branches = Branches(search.case)
+    part = branches.of(node, {first})
+    assert [r.effect for r in part.refits] == [first]
+    assert branches.of(node, {first}) is part
+    whole = branches.of(node)
+    assert len(whole.refits) > 5
+    # What is whole serves both.
+    assert branches.of(node, {first}) is whole
 
 
 def test_the_story_tells_every_decision() -> None:
