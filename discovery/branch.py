@@ -89,7 +89,8 @@ class Branches:
         quick = refit(problem.model, minimum, problem, shortlist, finite=starts)
         quick = unstiffened(problem.model, minimum, problem, shortlist, quick)
         full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
-        if far:
+        # The first effect may be a ripple whose frequency the whole recording hides: there every residual deserves it.
+        if far or (not node.added and node.rough > self.case.settings.floor):
             full = best_of([*full, *grown(node.refit.minimum, node.refit.problem, tried)])
         done = {r.effect for r in full}
         rest = [r for r in quick if r.effect not in done]
