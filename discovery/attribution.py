@@ -27,7 +27,7 @@ from discovery.scalar_products import grams
 from discovery.simulate import THREADS
 from discovery.workers import single_algebra
 
-__all__ = ["Candidate", "Shapes", "candidates", "grid_of", "screen"]
+__all__ = ["Candidate", "Shapes", "Start", "candidates", "grid_of", "screen"]
 
 FloatArray = NDArray[np.float64]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
