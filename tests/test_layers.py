@@ -16,6 +16,7 @@ HOMES = {
         "discovery.vectormath",
         "discovery.noise.filters",
         "discovery.noise.tails",
+        "discovery.scalar_products",
         "discovery_datasets.beam",
         "discovery_datasets.engine",
     },
