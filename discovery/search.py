@@ -247,6 +247,10 @@ class Search:
         limit = self.best.chi2 + _FAR_MORE * max(left[effect] - self.best.chi2, self.case.margin(self.best.chi2))
         return frozenset(e for e in below.scored if left.get(e, 0.0) <= limit)
 
+    def _in_place_of(self, effect: str) -> Branch:
+        """Return what the catalogue offers beside the best set without one of its members."""
+        return self._branches.of(self._without(effect), self._contenders(effect))
+
     def _refine(self) -> None:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
         for _ in range(_ROUNDS):
@@ -302,7 +306,7 @@ class Search:
         found = {}
         for effect, names in self.ambiguous.items():
             if names:
-                branch = self._branches.of(self._without(effect), self._contenders(effect))
+                branch = self._in_place_of(effect)
                 found[effect] = {r.effect: r for r in branch.refits if r.effect in names[:_RIVALS]}
         return found
 
@@ -312,7 +316,7 @@ class Search:
             self._withdraw()
         for effect in self.best.added:
             smaller = self._without(effect)
-            branch = self._branches.of(smaller, self._contenders(effect))
+            branch = self._in_place_of(effect)
             whole = self.best.with_last(effect)
             tied = self.ambiguous[effect] = rivals(self.case, branch, smaller, whole, effect)
             chance = self._branches.chance(branch, whole)

@@ -77,7 +77,7 @@ def unstiffened(
         # What blew up from its linear start begins small.
         small = declared_starts(problem, sorted(blown), _FEW)
         found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once, finite=small)
-        found += settled([_on(r.problem, fine) for r in begun], [r.minimum.x for r in begun])
+        found += settled([replace(r.problem, bench=fine) for r in begun], [r.minimum.x for r in begun])
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}
         for r in found:
@@ -99,26 +99,22 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
     coarse : Bench
         With the longest steps that are tried, then with half of them, and half of those.
     """
+    twice = Bench.like(coarse, 2 * coarse.step)
     while coarse.step > _SAME * fine.problem.bench.step:
         # To begin with, it must be no start that blows up.
-        if _is_stable(fine, coarse.step) and _is_stable(fine, 2 * coarse.step):
-            problem = _on(fine.problem, coarse)
+        if _is_stable(fine, coarse) and _is_stable(fine, twice):
+            problem = replace(fine.problem, bench=coarse)
             (minimum,) = settle([problem], [fine.minimum.x])
             again = Refit(fine.effect, problem, minimum)
-            if again.chi2 < fine.chi2 + _WORTH and _is_stable(again, 2 * coarse.step):
+            if again.chi2 < fine.chi2 + _WORTH and _is_stable(again, twice):
                 return again
-        coarse = Bench.like(coarse, coarse.step / 2)
+        coarse, twice = Bench.like(coarse, coarse.step / 2), coarse
     return fine
 
 
-def _on(problem: Problem, bench: Bench) -> Problem:
-    """Return the same problem with other steps."""
-    return Problem(problem.model, bench, problem.units, problem.gaussian)
-
-
-def _is_stable(refit: Refit, step: float) -> bool:
-    """Return whether a motion stays finite with another step."""
-    return bool(np.isfinite(_solver_errors([refit], Bench.like(refit.problem.bench, step))[refit.effect]))
+def _is_stable(refit: Refit, bench: Bench) -> bool:
+    """Return whether a motion stays finite with the steps of another bench."""
+    return bool(np.isfinite(_solver_errors([refit], bench)[refit.effect]))
 
 
 def _solver_errors(refits: Sequence[Refit], other: Bench) -> dict[str, float]:
