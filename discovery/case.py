@@ -172,17 +172,16 @@ class Case:
         return fit_near(found.problem, found.values)
 
     def finest(self, found: Refit) -> Fit:
-        """Return a refit of the search with its intervals, in more coordinates where its mechanics have them."""
-        finer = found.problem.model.mechanics.finer
-        if finer:
-            self.tell("refitting in more coordinates")
-            model = found.problem.model.on_base(finer)
+        """Return a refit of the search with its intervals, on finer mechanics where there are any that fit as well."""
+        for name in found.problem.model.mechanics.finer:
+            self.tell(f"refitting on finer mechanics: {name}")
+            model = found.problem.model.on_base(name)
             try:
                 bench = self._bench(model, found.values)
                 fitted = fit_near(Problem(model, bench, self.units, found.problem.gaussian), found.values)
             except (ComputationError, SimulationFailure):
-                fitted = None
-            if fitted is not None and 2 * fitted.minimum.cost < _SAME_ANSWER * found.chi2 + self.settings.price:
+                continue
+            if 2 * fitted.minimum.cost < _SAME_ANSWER * found.chi2 + self.settings.price:
                 return self.polish(fitted)
         return self.polish(self.finished(found))
 

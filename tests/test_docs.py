@@ -101,7 +101,8 @@ def test_the_catalogue_page_shows_every_effect_and_parameter() -> None:
     # All of a formula stands in its block, and no word of another markup is left.
     outside = re.sub(r"```math\n.*?\n```", "", catalogue_page(), flags=re.DOTALL)
     assert not re.search(r"^    |::|:math:", outside, re.MULTILINE)
-    assert "Acts on arms (bases: `elastica`, `elastica_4`, `elastica_2`, `elastica_1`)." in sections["base_backlash"]
+    bases = "`elastica`, `elastica_4`, `elastica_calm`, `elastica_2`, `elastica_1`"
+    assert f"Acts on arms (bases: {bases})." in sections["base_backlash"]
 
 
 def test_the_catalogue_page_is_written_by_its_command(tmp_path: Path) -> None:

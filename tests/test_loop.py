@@ -20,7 +20,7 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate
 
 from discovery.dataset import load_dataset
 from discovery.loop import LoopResult, close_loop
-from discovery.mechanics.elastica import Elastica
+from discovery.mechanics.elastica import ElasticaCalm
 from discovery.provenance import plain
 
 DATASETS = Path(__file__).parents[1] / "datasets"
@@ -81,7 +81,7 @@ def test_on_the_clean_twin_the_loop_finds_the_geometry_and_nothing_else() -> Non
 
 
 def test_more_coordinates_that_fit_worse_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Elastica, "finer", "elastica_1")
+    monkeypatch.setattr(ElasticaCalm, "finer", ("elastica_1", "elastica"))
     assert alone(DATASETS / "arm" / "train_large.csv").after.model.base == "elastica"
 
 

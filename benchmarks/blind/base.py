@@ -27,7 +27,6 @@ def error(seed: int, index: int) -> dict[str, float]:
     """Fit a clean arm and return the rms distance of its prediction to the noise-free hold-out [m]."""
     from discovery.dataset import load_dataset
     from discovery.fit import declared_model, fit, rig_uncertainty
-    from discovery.mechanics import get_base
     from discovery.predict import predict
 
     draw = draw_case([seed, index])
@@ -42,7 +41,7 @@ def error(seed: int, index: int) -> dict[str, float]:
             write_csv(noisy, folder / f"{name}.csv")
         dataset = load_dataset(folder / "rig.toml", [folder / "train.csv"], [folder / "holdout.csv"], keep_third=False)
         experiment = dataset.train[0]
-        model = declared_model(experiment).on_base(get_base("elastica").finer)
+        model = declared_model(experiment).on_base("elastica_4")
         found = fit(model, [experiment], gaussian=rig_uncertainty(experiment), tolerance=2e-5)
         predicted = predict(found, dataset.holdout[0])[0]
     distance = np.hypot(*(predicted - np.column_stack([motion.tip.real, motion.tip.imag])).T)

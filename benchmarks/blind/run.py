@@ -26,11 +26,10 @@ def trainings(case: Path) -> list[Path]:
 def exact_arm(declared, dataset):
     """Fit the exact arm with nothing added: what every effect must improve upon."""
     from discovery.fit import fit, prolonged, rig_uncertainty
-    from discovery.mechanics import get_base
 
     start = {n: v for n, v in declared.values.items() if n in ("alpha", "xi")}
     gaussian = rig_uncertainty(dataset.train[0])
-    model = declared.model.on_base(get_base("elastica").finer)
+    model = declared.model.on_base("elastica_4")
     return prolonged(fit(model, dataset.train, start=start, gaussian=gaussian, tolerance=2e-5))
 
 

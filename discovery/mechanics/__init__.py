@@ -21,7 +21,7 @@ def _bases() -> dict[str, Base]:
         servo,
     )
 
-    rods = (elastica.BASE, elastica.FOUR_MODES, elastica.TWO_MODES, elastica.ONE_MODE)
+    rods = (elastica.BASE, elastica.FOUR_MODES, elastica.CALM, elastica.TWO_MODES, elastica.ONE_MODE)
     lines = (oscillator, accelerometer, base_excited, servo, inverse_dynamics, falling_body)
     bases = (constant_radius.BASE, reduced.BASE, *rods, *(module.BASE for module in lines))
     return {base.name: base for base in bases}

@@ -139,8 +139,8 @@ class Base(ABC):
     prescribed: ClassVar[bool] = False
     #: Whether the instrument reads the state itself, not an acceleration or a force that follows from it.
     reads_state: ClassVar[bool] = True
-    #: Base of the same mechanics and parameters in more coordinates, on which an answer is fitted in the end, if any.
-    finer: ClassVar[str] = ""
+    #: Bases of the same parameters that idealise less; an answer is fitted in the end on the first that fits as well.
+    finer: ClassVar[tuple[str, ...]] = ()
     #: Parameter sets simulated side by side in one block of the kernel.
     lanes: ClassVar[int] = 32
 
