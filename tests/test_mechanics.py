@@ -267,10 +267,10 @@ def test_small_motions_have_the_frequencies_of_a_clamped_beam_with_tip_mass(base
 
 
 @pytest.mark.parametrize("mu", [0.05, 0.2845, 1.0])
-def test_a_heavier_third_shape_rings_half_as_fast_and_leaves_the_others_alone(mu: float) -> None:
+def test_a_heavier_third_shape_rings_more_slowly_and_leaves_the_others_alone(mu: float) -> None:
     calm, own = program_frequencies(CALM, mu), program_frequencies("elastica", mu)
-    np.testing.assert_allclose(calm[:2], own[:2], rtol=2e-4)
-    assert calm[2] == pytest.approx(own[2] / 4, rel=2e-2)
+    np.testing.assert_allclose(calm[:2], own[:2], rtol=1e-4)
+    assert calm[2] == pytest.approx(own[2] / 3, rel=2e-2)
 
 
 def test_seven_polynomials_have_the_frequencies_of_a_clamped_beam_with_tip_mass() -> None:
@@ -323,7 +323,7 @@ def test_the_exact_arm_moves_like_a_converged_beam(friction: float) -> None:
         mean[base], peak[base] = float(distance.mean()), float(distance.max())
     assert mean["elastica"] < 5e-5
     assert peak["elastica"] < 1.5e-4
-    assert mean[CALM] < 1e-4
+    assert mean[CALM] < 5e-5
     order = ("elastica_4", "elastica", CALM, "elastica_2", "elastica_1", "reduced", "constant_radius")
     assert sorted(mean, key=lambda base: mean[base]) == list(order)
 

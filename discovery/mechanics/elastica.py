@@ -31,9 +31,8 @@ _CALM = 1.5e-4
 #: The rod's inertia in the turn of its end, over that of the turn alone: it moves with the shapes too. With this, the
 #: second frequency of a rod that ends in a rotary inertia is that of a beam to 0.1 %, and none is far above the others.
 _END_SHARE = 3.0
-#: Inertia that the third shape of the arm for searches has more than the straight rod's, over that: its frequency
-#: halves, and so do the steps.
-_HEAVIER = 3.0
+#: Inertia that the third shape of the arm for searches has more than the straight rod's, over that.
+_HEAVIER = 2.0
 __all__ = [
     "BASE",
     "CALM",
@@ -344,7 +343,7 @@ class ElasticaFourModes(Elastica):
 
 
 class ElasticaCalm(Elastica):
-    """The exact arm with a heavier third shape, for searches: on steps twice as long nearly the same motion.
+    """The exact arm with a heavier third shape, for searches: on steps 1.7 times as long the same motion.
 
     That shape only follows the others, slowly: its inertia hardly matters, but its ringing would set the step.
     """
