@@ -48,10 +48,32 @@ def bounded_gains(
     wanted = -np.einsum("tlk,tk->tl", transform, push)
     low, high = lower * norm, upper * norm
     scaled = np.einsum("tkl,tl->tk", inverse, wanted)
+    outside = np.flatnonzero(((scaled < low) | (scaled > high)).any(axis=1))
     if push.shape[1] == 1:
         scaled = np.clip(scaled, low, high)
-    for i in np.flatnonzero(((scaled < low) | (scaled > high)).any(axis=1)):
-        scaled[i] = lsq_linear(factor[i], wanted[i], (low[i], high[i]), method="bvls", tol=1e-10).x
+    elif push.shape[1] == 2:
+        scaled[outside] = _on_an_edge(factor[outside], wanted[outside], low[outside], high[outside])
+    else:
+        for i in outside:
+            scaled[i] = lsq_linear(factor[i], wanted[i], (low[i], high[i]), method="bvls", tol=1e-10).x
     left = np.einsum("tlk,tk->tl", factor, scaled) - wanted
     gain = np.sum(wanted**2, axis=1) - np.sum(left**2, axis=1)
     return gain, scaled / norm, transform
+
+
+def _on_an_edge(factor: FloatArray, wanted: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return where |factor x - wanted|^2 is least on the edges of rectangles without a stationary point, (t, 2)."""
+    best, least = np.clip(0.0, low, high), np.full(len(wanted), np.inf)
+    for i, j in ((0, 1), (1, 0)):
+        for end in (low, high):
+            x = np.empty_like(low)
+            # An edge that lies nowhere is no edge.
+            x[:, i] = np.where(np.isfinite(end[:, i]), end[:, i], best[:, i])
+            rest = wanted - factor[:, :, i] * x[:, i, None]
+            own = factor[:, :, j]
+            along = np.sum(own * rest, axis=1) / np.maximum(np.sum(own**2, axis=1), _FLAT)
+            x[:, j] = np.clip(along, low[:, j], high[:, j])
+            left = np.sum((rest - own * x[:, j, None]) ** 2, axis=1)
+            better = left < least
+            best[better], least[better] = x[better], left[better]
+    return best

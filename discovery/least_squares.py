@@ -40,7 +40,9 @@ class Minimum:
     converged : bool
         Whether the stopping rule was met before the iterations ran out.
     iterations : int
-        Number of Jacobians.
+        Number of steps.
+    blown : bool
+        Whether a simulation on the way blew up.
     """
 
     x: FloatArray
@@ -50,6 +52,7 @@ class Minimum:
     at_bound: NDArray[np.bool_]
     converged: bool
     iterations: int
+    blown: bool = False
 
 
 def _cost(residuals: FloatArray) -> FloatArray:
@@ -142,6 +145,7 @@ def levenberg_marquardt(
 
     cost = float(_cost(residual[:, None])[0])
     fresh, converged, count = not quick, False, 0
+    blown = not np.isfinite(cost)
     while count < iterations and np.isfinite(cost) and np.isfinite(residual).all():
         count += 1
         gradient = jacobian.T @ residual
@@ -163,6 +167,7 @@ def levenberg_marquardt(
             trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
         answers = yield trials
         costs = _cost(answers)
+        blown = blown or not np.isfinite(costs).all()
         best = int(np.argmin(costs))
         gain = cost - costs[best]
         small = max(tolerance * cost, 1e-7 if not quick else 0.05)
@@ -187,7 +192,7 @@ def levenberg_marquardt(
         else:
             jacobian = yield from differenced()
             fresh = True
-    return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count)
+    return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count, blown)
 
 
 def minimise(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ _FINISHED = 6
 _FIRST_ROUND = 8
 _IN_THE_RACE = 18
 _SECOND_ROUND = 30
+#: A differenced Jacobian shows within so many steps what a quick search missed; the best ones are finished later.
+_CHECKED = 10
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
             )
         )
     minima = together(problems, requests)
+    blown = {label for label, m in zip(labels, minima, strict=True) if m.blown}
     # Only those go on that are still in the race.
     promising = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
     going = [i for i in promising if not minima[i].converged and np.isfinite(minima[i].cost)]
@@ -179,6 +182,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     ]
     for i, found in zip(going, together([problems[i] for i in going], further), strict=True):
         minima[i] = found
+        blown.update([labels[i]] if found.blown else [])
     # A quick search may stall on its carried Jacobian: the best ones are finished with differences, and so are effects
     # that leave more than the model without them.
     order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
@@ -188,11 +192,15 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
     chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
-    finished = settle([problems[i] for i in chosen], ends)
+    finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):
+        blown.update([labels[i]] if found.blown else [])
         if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
             minima[i] = found
-    return best_of(Refit(each[-1], p, m) for each, p, m in zip(labels, problems, minima, strict=True))
+    # What any start of an effect ran into may have stopped its best one, too.
+    return best_of(
+        Refit(each[-1], p, replace(m, blown=each in blown)) for each, p, m in zip(labels, problems, minima, strict=True)
+    )
 
 
 def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[Refit]:
@@ -235,9 +243,9 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     return Refit(smaller.model.effects[-1], smaller, minimum)
 
 
-def settle(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
-    """Minimise until a differenced Jacobian finds nothing better."""
-    return fit_problems(problems, starts, iterations=25, tolerance=1e-4, rough=True)
+def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:
+    """Minimise until a differenced Jacobian finds nothing better, in so many steps at most."""
+    return fit_problems(problems, starts, iterations=iterations, tolerance=1e-4, rough=True)
 
 
 def settled(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Refit]:

@@ -131,9 +131,10 @@ class Search:
                 self.best = chosen
             beam = [chosen] if chosen else []
             beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
-            beam = beam[:_BEAM]
             if not beam:
                 return
+            # What fails on the held-out recordings is no step towards anything but a pair.
+            beam = [node for node in beam[:_BEAM] if node.held < self.root.held]
 
     def _children(self, nodes: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
         """Return what the catalogue, or a part of it, offers beside some sets, best first."""

@@ -78,10 +78,11 @@ def choose_step(
         if error <= tolerance:
             return step
         tried[step] = error if np.isfinite(error) else np.inf
-        if len(tried) > _PATIENCE and min(tried.values()) > 0.1 * max(e for e in tried.values() if np.isfinite(e)):
+        finite = [e for e in tried.values() if np.isfinite(e)]
+        if len(finite) > _PATIENCE and min(finite) > 0.1 * max(finite):
             break
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
-        step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.25
+        step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
     best = min(tried, key=lambda h: tried[h])
     if tried[best] < _USABLE:
         # Dry friction at a turn, or ringing that is all but chaotic: finer steps do not help.

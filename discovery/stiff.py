@@ -27,6 +27,8 @@ _LITTLE = 1e-3
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
 _FEW = 12
+#: Steps are far from blowing up where so many times longer ones do not: the bare arm stands 1.4, see `choose_step`.
+_FARTHER = 1.25
 #: Steps that differ by less than this factor are the same.
 _SAME = 1.01
 
@@ -53,7 +55,7 @@ def unstiffened(
     best = {r.effect: r for r in quick}
     finest = dict(best)
     by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
-    benches = {0.5: Bench.like(problem.bench, 2 * problem.bench.step), 1: problem.bench}
+    benches = {1: problem.bench}
     n = problem.bench.n_data
     checked: set[str] = set()
     blown: set[str] = set()
@@ -66,7 +68,9 @@ def unstiffened(
         erring = {e for e, error in errors.items() if error > max(_WORTH, _LITTLE * (finest[e].chi2 - n))}
         # A refit that leaves much may also have stopped next to where the motion blows up.
         short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
-        stopped = {e for e, error in _solver_errors(short, benches[finer / 4]).items() if not np.isfinite(error)}
+        longer = Bench.like(fine, 2 * _FARTHER * fine.step)
+        stopped = {e for e, error in _solver_errors(short, longer).items() if not np.isfinite(error)}
+        stopped |= {r.effect for r in short if r.minimum.blown}
         rough = erring | stopped | blown
         checked |= {*leading} - rough
         if not rough:
@@ -99,16 +103,16 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
     coarse : Bench
         With the longest steps that are tried, then with half of them, and half of those.
     """
-    twice = Bench.like(coarse, 2 * coarse.step)
     while coarse.step > _SAME * fine.problem.bench.step:
+        longer = Bench.like(coarse, _FARTHER * coarse.step)
         # To begin with, it must be no start that blows up.
-        if _is_stable(fine, coarse) and _is_stable(fine, twice):
+        if _is_stable(fine, coarse) and _is_stable(fine, longer):
             problem = replace(fine.problem, bench=coarse)
             (minimum,) = settle([problem], [fine.minimum.x])
             again = Refit(fine.effect, problem, minimum)
-            if again.chi2 < fine.chi2 + _WORTH and _is_stable(again, twice):
+            if again.chi2 < fine.chi2 + _WORTH and _is_stable(again, longer):
                 return again
-        coarse, twice = Bench.like(coarse, coarse.step / 2), coarse
+        coarse = Bench.like(coarse, coarse.step / 2)
     return fine
 
 

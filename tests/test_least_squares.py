@@ -235,6 +235,9 @@ def test_trial_steps_into_a_blow_up_are_refused() -> None:
     assert found.converged
     assert found.x[0] == pytest.approx(1.5, abs=1e-4)
     assert np.isfinite(found.jacobian).all()
+    # Whoever wonders whether they stopped it can tell.
+    assert found.blown
+    assert not solve(residuals, [1.4], iterations=200).blown
 
 
 def test_a_start_without_a_finite_answer_is_given_up() -> None:
@@ -247,6 +250,7 @@ def test_a_start_without_a_finite_answer_is_given_up() -> None:
 def test_overflow_counts_as_a_blow_up() -> None:
     found = solve(lambda b: np.full((4, b.shape[1]), 1e200), [1.0])
     assert found.cost == np.inf
+    assert found.blown
     assert not found.converged
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import cache
 
@@ -123,6 +124,25 @@ def test_what_left_far_more_beside_fewer_is_not_tried_in_the_place_of_a_member()
     assert {r.effect for r in beside.refits} <= among | {first}
     assert len(beside.scored) == len(below.scored) - 1
     assert not beside.whole
+
+
+def test_a_set_that_fails_on_the_held_out_recordings_is_not_extended(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = searched(beta=1.0, f_c=0.02)
+    search = copy(found)
+    search.best, search.steps = found.root, []
+    better, worse = found.best, replace(found.best, added=("worse",), held=1.01 * found.root.held)
+    extended: list[list[tuple[str, ...]]] = []
+    paired: list[tuple[str, ...]] = []
+    monkeypatch.setattr(search, "_children", lambda nodes: extended.append([n.added for n in nodes]) or [])
+    monkeypatch.setattr(search._branches, "pairs", lambda node: paired.append(node.added) or [])
+    for leading, beams in (([worse, better], [[()], [better.added]]), ([worse], [[()], []])):
+        extended.clear()
+        paired.clear()
+        monkeypatch.setattr(search, "_leading", lambda children, besides, leading=leading: leading)
+        search._extend()
+        assert extended == beams
+        # Two together may still be right.
+        assert paired == [()]
 
 
 def test_a_branch_for_an_extension_is_whole() -> None:
