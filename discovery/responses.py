@@ -150,9 +150,9 @@ def respond(
     base, initial = fitted
     at = {name: i for i, name in enumerate(bench.names)}
     sets = np.repeat(base, len(settings), axis=1)
-    for column, changed in enumerate(settings):
-        for name, value in changed.items():
-            sets[at[name], column] = value
+    where = [at[name] for changed in settings for name in changed]
+    columns = np.repeat(np.arange(len(settings)), [len(changed) for changed in settings])
+    sets[where, columns] = [value for changed in settings for value in changed.values()]
     lanes = bench.simulators[0].kernel.lanes
     left = np.empty((len(settings), reference.size), dtype=np.float32)
     taken = np.empty((len(settings), known.shape[1]))
