@@ -20,8 +20,10 @@ __all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "
 FloatArray = NDArray[np.float64]
 #: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
 _Start = tuple[tuple[str, ...], FloatArray, FloatArray, Mapping[str, float] | None]
-#: So many of the best quick refits are finished with a differenced Jacobian.
+#: So many of the best quick refits, and of the best effects, are finished with a differenced Jacobian,
 _FINISHED = 6
+#: and so many of those with the largest scores.
+_PROMISING = 8
 #: All refits take so many steps, then only the best ones go on.
 _FIRST_ROUND = 8
 _IN_THE_RACE = 18
@@ -167,8 +169,8 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     minima = together(problems, requests)
     blown = {label for label, m in zip(labels, minima, strict=True) if m.blown}
     # Only those go on that are still in the race.
-    promising = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
-    going = [i for i in promising if not minima[i].converged and np.isfinite(minima[i].cost)]
+    ahead = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
+    going = [i for i in ahead if not minima[i].converged and np.isfinite(minima[i].cost)]
     further = [
         levenberg_marquardt(
             minima[i].x,
@@ -184,13 +186,15 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
         minima[i] = found
         blown.update([labels[i]] if found.blown else [])
     # A quick search may stall on its carried Jacobian: the best ones are finished with differences, and so are effects
-    # that leave more than the model without them.
+    # that promise most, or that leave more than the model without them.
     order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
     leading: dict[tuple[str, ...], int] = {}
     for i in order:
         leading.setdefault(labels[i], i)
     stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
-    chosen = list(dict.fromkeys([*order[:_FINISHED], *stalled]))
+    # Starts come in the order of their scores.
+    promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
+    chosen = list(dict.fromkeys([*order[:_FINISHED], *list(leading.values())[:_FINISHED], *promising, *stalled]))
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
     finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):

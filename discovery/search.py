@@ -31,6 +31,8 @@ _TRIED = 4
 _BEAM = 2
 #: a rival only if it leaves at most so many times what the best one leaves.
 _RIVAL = 2.0
+#: A set that leaves much is not extended on steps that are shorter than those of the start by more than this.
+_FINE = 6.0
 #: So many rivals of an effect are told apart from it.
 _RIVALS = 2
 #: Rounds of removal and exchange.
@@ -133,8 +135,10 @@ class Search:
             beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
             if not beam:
                 return
+            if self._is_costly(self.best):
+                return
             # What fails on the held-out recordings is no step towards anything but a pair.
-            beam = [node for node in beam[:_BEAM] if node.held < self.root.held]
+            beam = [n for n in beam[:_BEAM] if n.held < self.root.held and not self._is_costly(n)]
 
     def _children(self, nodes: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
         """Return what the catalogue, or a part of it, offers beside some sets, best first."""
@@ -198,6 +202,12 @@ class Search:
             # Where hardly more than noise is left, no rival can do much better.
             return self.best.rough > settings.ceiling and excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
         return self._helps(node.refit)
+
+    def _is_costly(self, node: Node) -> bool:
+        """Return whether a set asks for far finer steps than the start, and yet leaves too much for a name."""
+        left = self.case.excess(node.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
+        here, start = (n.refit.problem.bench.step for n in (node, self.root))
+        return _FINE * here < start and left > self.case.settings.least_known
 
     def _passes(self, node: Node) -> bool:
         """Decide whether a set replaces the best one so far, and tell the story."""

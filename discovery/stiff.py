@@ -86,7 +86,7 @@ def unstiffened(
         blown = rough - {r.effect for r in found}
         for r in found:
             finest[r.effect] = r
-            if r.chi2 < best[r.effect].chi2 - _WORTH:
+            if r.chi2 < best[r.effect].chi2 - max(_WORTH, _LITTLE * (best[r.effect].chi2 - n)):
                 best[r.effect] = coarsened(r, best[r.effect].problem.bench)
             else:
                 checked.add(r.effect)
