@@ -145,6 +145,25 @@ def test_a_set_that_fails_on_the_held_out_recordings_is_not_extended(monkeypatch
         assert paired == [()]
 
 
+def test_a_set_on_far_finer_steps_is_extended_only_if_it_explains_nearly_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = searched(beta=1.0, f_c=0.02)
+    refit = found.best.refit
+    fine = replace(refit.problem, bench=Bench.like(refit.problem.bench, refit.problem.bench.step / 10))
+    right = replace(found.best, refit=replace(refit, problem=fine))
+    much = 0.5 * sum(node.chi2 for node in (found.root, found.best))
+    poor = replace(right, refit=replace(right.refit, minimum=replace(refit.minimum, cost=0.5 * much)))
+    search = copy(found)
+    extended: list[list[tuple[str, ...]]] = []
+    monkeypatch.setattr(search, "_children", lambda nodes: extended.append([n.added for n in nodes]) or [])
+    monkeypatch.setattr(search._branches, "pairs", lambda node: [])
+    for node, beams in ((right, [[()], [right.added]]), (poor, [[()], []])):
+        search.best, search.steps = found.root, []
+        extended.clear()
+        monkeypatch.setattr(search, "_leading", lambda children, besides, node=node: [node])
+        search._extend()
+        assert extended == beams
+
+
 def test_a_branch_for_an_extension_is_whole() -> None:
     search = searched(beta=1.0, f_c=0.02)
     (first, _), node = search.added, search._without(search.added[0])
