@@ -166,8 +166,8 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
                 x, lower, upper, extended.scale, iterations=_FIRST_ROUND, tolerance=1e-3, jacobian=jacobian
             )
         )
-    minima = together(problems, requests)
-    blown = {label for label, m in zip(labels, minima, strict=True) if m.blown}
+    quick = together(problems, requests)
+    minima = list(quick)
     # Only those go on that are still in the race.
     ahead = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
     going = [i for i in ahead if not minima[i].converged and np.isfinite(minima[i].cost)]
@@ -182,9 +182,9 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
         )
         for i in going
     ]
-    for i, found in zip(going, together([problems[i] for i in going], further), strict=True):
+    second = together([problems[i] for i in going], further)
+    for i, found in zip(going, second, strict=True):
         minima[i] = found
-        blown.update([labels[i]] if found.blown else [])
     # A quick search may stall on its carried Jacobian: the best ones are finished with differences, and so are effects
     # that promise most, or that leave more than the model without them.
     order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
@@ -198,10 +198,11 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
     finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):
-        blown.update([labels[i]] if found.blown else [])
         if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
             minima[i] = found
     # What any start of an effect ran into may have stopped its best one, too.
+    tried = (*enumerate(quick), *zip(going, second, strict=True), *zip(chosen, finished, strict=True))
+    blown = {labels[i] for i, m in tried if m.blown}
     return best_of(
         Refit(each[-1], p, replace(m, blown=each in blown)) for each, p, m in zip(labels, problems, minima, strict=True)
     )

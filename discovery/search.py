@@ -100,7 +100,7 @@ class Search:
         """Search until both the training and the held-out residual are noise, or nothing passes."""
         self._extend()
         self._refine()
-        if self.best.added and not self.settled and self._left() <= self.case.settings.least_known:
+        if self.best.added and not self.settled and self._left(self.best) <= self.case.settings.least_known:
             # What is left may be the error of the mechanics of the search: it is judged on the finest.
             self.finest()
         self._distrust()
@@ -133,9 +133,7 @@ class Search:
                 self.best = chosen
             beam = [chosen] if chosen else []
             beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
-            if not beam:
-                return
-            if self._is_costly(self.best):
+            if not beam or self._is_costly(self.best):
                 return
             # What fails on the held-out recordings is no step towards anything but a pair.
             beam = [n for n in beam[:_BEAM] if n.held < self.root.held and not self._is_costly(n)]
@@ -205,9 +203,8 @@ class Search:
 
     def _is_costly(self, node: Node) -> bool:
         """Return whether a set asks for far finer steps than the start, and yet leaves too much for a name."""
-        left = self.case.excess(node.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
         here, start = (n.refit.problem.bench.step for n in (node, self.root))
-        return _FINE * here < start and left > self.case.settings.least_known
+        return _FINE * here < start and self._left(node) > self.case.settings.least_known
 
     def _passes(self, node: Node) -> bool:
         """Decide whether a set replaces the best one so far, and tell the story."""
@@ -281,7 +278,7 @@ class Search:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
             self.best = smaller
             return
-        if self._left() > _MUCH_LEFT:
+        if self._left(self.best) > _MUCH_LEFT:
             return
         among = self._contenders(effect)
         children = self._children([smaller], among)
@@ -337,7 +334,7 @@ class Search:
         """Search again without the laws that imitate others, where they are found and yet something is left."""
         imitating = [e for e in self.best.added if _imitates(e)]
         # What all laws together leave, the others leave too.
-        if self.settled or not imitating or self._left() > self.case.settings.least_known:
+        if self.settled or not imitating or self._left(self.best) > self.case.settings.least_known:
             return
         for effect in imitating:
             reason = f"what is left is not noise, and {effect} may imitate what nobody declared"
@@ -346,13 +343,13 @@ class Search:
         self._extend()
         self._refine()
 
-    def _left(self) -> float:
-        """Return the share of the excess chi-square in training that is left."""
-        return self.case.excess(self.best.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
+    def _left(self, node: Node) -> float:
+        """Return the share of the excess chi-square in training that a set leaves."""
+        return self.case.excess(node.chi2) / max(self.case.excess(self.root.chi2), 1e-300)
 
     def _withdraw(self) -> None:
         """Take everything back where too much is left for a name to be more than a guess."""
-        case, left = self.case, self._left()
+        case, left = self.case, self._left(self.best)
         ahead = case.held_excess(self.best.held) / max(case.held_excess(self.root.held), 1e-300)
         if left > case.settings.least_known or ahead > case.settings.least_foreseen:
             shares = f"{100 * left:.2g} % of the excess chi-square, {100 * ahead:.2g} % on the held-out ones"

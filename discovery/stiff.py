@@ -65,12 +65,13 @@ def unstiffened(
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
         errors = _solver_errors([finest[e] for e in unchecked], fine)
-        erring = {e for e, error in errors.items() if error > max(_WORTH, _LITTLE * (finest[e].chi2 - n))}
+        erring = {e for e, error in errors.items() if error > _worth(finest[e])}
         # A refit that leaves much may also have stopped next to where the motion blows up.
         short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
-        longer = Bench.like(fine, 2 * _FARTHER * fine.step)
-        stopped = {e for e, error in _solver_errors(short, longer).items() if not np.isfinite(error)}
-        stopped |= {r.effect for r in short if r.minimum.blown}
+        stopped = {r.effect for r in short if r.minimum.blown}
+        if near := [r for r in short if r.effect not in stopped]:
+            errors = _solver_errors(near, Bench.like(fine, 2 * _FARTHER * fine.step))
+            stopped |= {e for e, error in errors.items() if not np.isfinite(error)}
         rough = erring | stopped | blown
         checked |= {*leading} - rough
         if not rough:
@@ -86,7 +87,7 @@ def unstiffened(
         blown = rough - {r.effect for r in found}
         for r in found:
             finest[r.effect] = r
-            if r.chi2 < best[r.effect].chi2 - max(_WORTH, _LITTLE * (best[r.effect].chi2 - n)):
+            if r.chi2 < best[r.effect].chi2 - _worth(best[r.effect]):
                 best[r.effect] = coarsened(r, best[r.effect].problem.bench)
             else:
                 checked.add(r.effect)
@@ -114,6 +115,11 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
                 return again
         coarse = Bench.like(coarse, coarse.step / 2)
     return fine
+
+
+def _worth(refit: Refit) -> float:
+    """Return how much of chi-square is a difference to a refit."""
+    return max(_WORTH, _LITTLE * (refit.chi2 - refit.problem.bench.n_data))
 
 
 def _is_stable(refit: Refit, bench: Bench) -> bool:

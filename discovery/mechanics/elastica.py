@@ -31,8 +31,6 @@ _CALM = 1.5e-4
 #: The rod's inertia in the turn of its end, over that of the turn alone: it moves with the shapes too. With this, the
 #: second frequency of a rod that ends in a rotary inertia is that of a beam to 0.1 %, and none is far above the others.
 _END_SHARE = 3.0
-#: Inertia that the third shape of the arm for searches has more than the straight rod's, over that.
-_HEAVIER = 2.0
 __all__ = [
     "BASE",
     "CALM",
@@ -349,7 +347,7 @@ class ElasticaCalm(Elastica):
     """
 
     name = "elastica_calm"
-    heavier = _HEAVIER
+    heavier = 2.0
     finer = ("elastica_4", "elastica")
 
 
