@@ -22,6 +22,7 @@ from discovery.mechanics.rod_shapes import (
     polynomials,
     quadrature,
     reduced_shapes,
+    rod_masses,
     static_shapes,
 )
 from discovery.parameters import HalfNormal, Normal, Parameter
@@ -70,6 +71,8 @@ class Elastica(ArmBase):
     name = "elastica"
     n_coordinates = 3
     nodes = 6
+    #: Whether one of the nodes is at the root: one that does not turn costs nothing.
+    rooted: ClassVar[bool] = False
     lanes = 8
     #: Inertia that the last shape has more than the straight rod's, over that.
     heavier: ClassVar[float] = 0.0
@@ -88,10 +91,9 @@ class Elastica(ArmBase):
         return reduced_shapes(max(2, self.n_coordinates))[: self.n_coordinates]
 
     @cached_property
-    def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Shapes (n, nodes) at the quadrature nodes, weights, and the cumulative matrix."""
-        s_nodes, weights, cumulative = quadrature(self.nodes)
-        return self._weights @ polynomials(s_nodes), weights, cumulative
+    def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Arc lengths, weights, and the cumulative matrix."""
+        return quadrature(self.nodes, rooted=self.rooted)
 
     @cached_property
     def _symbols(self) -> tuple[tuple[sp.Symbol, ...], tuple[sp.Symbol, ...]]:
@@ -110,8 +112,8 @@ class Elastica(ArmBase):
 
     def _slopes(self, rod: Rod) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
         """Return how the slope at each node changes with each q_k, and what it is at rest."""
-        phi, turn = self._nodes[0], [rod.root * float(g) for g in self._root_curvature]
-        at, _, _ = quadrature(self.nodes)
+        at, _, _ = self._quadrature
+        phi, turn = self._weights @ polynomials(at), [rod.root * float(g) for g in self._root_curvature]
         changes = [[float(phi[k, a]) + turn[k] for a in range(self.nodes)] for k in range(self.n_coordinates)]
         return changes, [rod.rest_at(float(a)) for a in at]
 
@@ -119,7 +121,7 @@ class Elastica(ArmBase):
         """Return the mathematics."""
         n, nodes = self.n_coordinates, self.nodes
         q, qd = self._symbols
-        _, weights, cumulative = self._nodes
+        at, weights, cumulative = self._quadrature
         program: list[tuple[sp.Symbol, sp.Expr]] = []
 
         def name(label: str, expression: sp.Expr) -> sp.Symbol:
@@ -131,13 +133,14 @@ class Elastica(ArmBase):
         phi, rest = self._slopes(rod)
         sine, cosine, rate = [], [], []
         for a in range(nodes):
-            bend = name(f"psi_{a}", sum(phi[k][a] * q[k] for k in range(n)) + rest[a])
-            sine.append(name(f"sn_{a}", sp.sin(bend)))
-            cosine.append(name(f"cs_{a}", sp.cos(bend)))
+            bend = sum(phi[k][a] * q[k] for k in range(n)) + rest[a]
+            # A clamped root does not turn.
+            bend = name(f"psi_{a}", bend) if bend != 0 else sp.S.Zero
+            sine.append(name(f"sn_{a}", sp.sin(bend)) if bend != 0 else sp.S.Zero)
+            cosine.append(name(f"cs_{a}", sp.cos(bend)) if bend != 0 else sp.S.One)
             rate.append(name(f"rt_{a}", s.omega_m + sum(phi[k][a] * qd[k] for k in range(n))))
         # The mass that two pieces of the rod carry together: what lies beyond both, the tip included.
-        path = cumulative[:nodes]
-        both = (path.T * weights) @ path
+        both = rod_masses(self._weights, self.nodes, rooted=self.rooted)
         carried = {
             (b, c): name(f"W_{b}{c}", tip_share * (float(both[b, c]) * self.mu + float(weights[b] * weights[c])))
             for b in range(nodes)
@@ -188,13 +191,13 @@ class Elastica(ArmBase):
         vx = name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
         vy = name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
         channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd)
-        curved = self._weights @ curvatures(quadrature(nodes)[0])
+        curved = self._weights @ curvatures(at)
         kappa = [name(f"kp_{a}", sum(float(curved[k, a]) * q[k] for k in range(n))) for a in range(nodes)]
         cube = [name(f"kc_{a}", float(weights[a] / 3) * kappa[a] ** 3) for a in range(nodes)]
         quartic = sum(kappa[a] * cube[a] for a in range(nodes)) / 4
         hardening = tuple(sum(float(curved[k, a]) * cube[a] for a in range(nodes)) for k in range(n))
         channels |= {s.U_4: Channel(quartic, hardening), **self._rod_channels(rod)}
-        beyond = weights @ path
+        beyond = weights @ cumulative[:nodes]
         first = [name(f"W_{b}", tip_share * (float(beyond[b]) * self.mu + float(weights[b]))) for b in range(nodes)]
         moment_x, moment_y = total("mx", first, cosine), total("my", first, sine)
         lever_x = [total(f"lx_{k}", first, [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
@@ -292,7 +295,7 @@ class Elastica(ArmBase):
     def reading(self, closure, rod=STRAIGHT):
         """Return the tip position in lengths of the arm."""
         q, _ = self._symbols
-        _, weights, _ = self._nodes
+        _, weights, _ = self._quadrature
         phi, rest = self._slopes(rod)
         bend = [sum(phi[k][a] * q[k] for k in range(self.n_coordinates)) + rest[a] for a in range(self.nodes)]
         tip_x = sum(float(weights[a]) * sp.cos(bend[a]) for a in range(self.nodes))
@@ -348,6 +351,8 @@ class ElasticaCalm(Elastica):
 
     name = "elastica_calm"
     heavier = 2.0
+    nodes = 5
+    rooted = True
     finer = ("elastica_4", "elastica")
 
 

@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.special import roots_jacobi
 
 __all__ = [
     "RICH",
@@ -23,6 +24,7 @@ __all__ = [
     "polynomials",
     "quadrature",
     "reduced_shapes",
+    "rod_masses",
     "static_shapes",
 ]
 
@@ -48,9 +50,14 @@ def curvatures(at: FloatArray) -> FloatArray:
     return k * (k + 1) * (at ** (k - 1) - at**k)
 
 
-def quadrature(nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return Gauss-Legendre nodes and weights on [0, 1], and the matrix that integrates from 0 to each and to 1."""
-    x, w = np.polynomial.legendre.leggauss(nodes)
+def quadrature(nodes: int, *, rooted: bool = False) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return nodes and weights on [0, 1], and the matrix that integrates from 0 to each node and to 1.
+
+    They are those of Gauss and Legendre, or `rooted` those of Gauss and Radau, the first of which is at 0: what is
+    known there costs nothing (Davis and Rabinowitz, Methods of Numerical Integration, 2nd ed. (1984), section 2.7.1.1).
+    """
+    # The others of Radau's are the zeros of the Jacobi polynomial.
+    x = np.append(-1.0, roots_jacobi(nodes - 1, 0, 1)[0]) if rooted else np.polynomial.legendre.leggauss(nodes)[0]
     # Interpolate by Legendre polynomials; the integral of P_k from -1 is (P_{k+1} - P_{k-1}) / (2k + 1).
     vandermonde = np.polynomial.legendre.legvander(x, nodes - 1)
     ends = np.append(x, 1.0)
@@ -59,7 +66,8 @@ def quadrature(nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     integrals[:, 0] = ends + 1
     for k in range(1, nodes):
         integrals[:, k] = (upper[:, k + 1] - upper[:, k - 1]) / (2 * k + 1)
-    return (x + 1) / 2, w / 2, integrals @ np.linalg.inv(vandermonde) / 2
+    path = integrals @ np.linalg.inv(vandermonde) / 2
+    return (x + 1) / 2, path[-1], path
 
 
 def bending_matrix(weights: FloatArray) -> FloatArray:
@@ -74,6 +82,22 @@ def mass_matrix(weights: FloatArray, mu: float) -> FloatArray:
     s, w, cumulative = quadrature(RICH + 4)
     path = cumulative @ (weights @ polynomials(s)).T
     return (path.T * np.append(mu * w, 1.0)) @ path / (1 + 33 / 140 * mu)
+
+
+def rod_masses(weights: FloatArray, nodes: int, *, rooted: bool = False) -> FloatArray:
+    """Return the mass of the rod that its pieces at two nodes carry together, over its own, shape (nodes, nodes).
+
+    Quadrature of a few nodes errs by percents in the inertia of the highest shape. What it lacks of the inertia of the
+    straight rod, in every shape and as the whole rod turns, is added: so small motions are exact.
+    """
+    at, w, cumulative = quadrature(nodes, rooted=rooted)
+    s, fine, path = quadrature(RICH + 4)
+    masses = (cumulative[:-1].T * w) @ cumulative[:-1]
+    turned, turns = (np.vstack([weights @ polynomials(x), np.ones_like(x)]) for x in (at, s))
+    moved = path[:-1] @ turns.T
+    lacking = (moved.T * fine) @ moved - turned @ masses @ turned.T
+    back = np.linalg.pinv(turned)
+    return masses + back @ lacking @ back.T
 
 
 def end_residual(weights: FloatArray) -> tuple[float, float]:
