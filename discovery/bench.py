@@ -92,15 +92,28 @@ class Bench:
             for i, (e, simulator) in enumerate(zip(self.experiments, self.simulators, strict=True))
         ]
 
-    def residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
+    def residuals(
+        self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None = None
+    ) -> FloatArray:
         """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k).
 
-        A trial that blows up is infinite throughout.
+        A trial that blows up is infinite throughout. Where all trials share the `motions`, they are read only.
         """
         pieces = [
-            self._residuals(parameters[:, part], initial[:, :, part]) for part in self.pieces(parameters.shape[1])
+            self._residuals(parameters[:, part], initial[:, :, part], motions)
+            for part in self.pieces(parameters.shape[1])
         ]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
+
+    def motions(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
+        """Return how a first parameter set moves in every experiment, for `residuals`."""
+        batches = self._batches(parameters[:, :1], initial[:, :, :1])
+        return [simulator.motion(batch) for simulator, batch in zip(self.simulators, batches, strict=True)]
+
+    def moves_alike(self, parameters: FloatArray) -> NDArray[np.bool_]:
+        """Return which parameter sets (p, k) move as the first one does: they differ in what is read at most."""
+        moving = np.isin(self.names, list(self.simulators[0].kernel.program.moving))
+        return (parameters[moving] == parameters[moving, :1]).all(axis=0)
 
     def chi2(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
         """Return the sum of squared residuals of every experiment, shape (experiments, k), infinite for a blow-up.
@@ -174,10 +187,12 @@ class Bench:
             for simulator, (deflection, rate) in zip(self.simulators, initial, strict=True)
         ]
 
-    def _residuals(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
+    def _residuals(
+        self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None
+    ) -> FloatArray:
         found, sums = [], []
         for i, batch in enumerate(self._batches(parameters, initial)):
-            out, own = self.simulators[i].missed(batch, self._compared[i])
+            out, own = self.simulators[i].missed(batch, self._compared[i], None if motions is None else motions[i])
             found.append(self._filtered(i, out, own).reshape(-1, parameters.shape[1]))
             sums.append(own)
         residuals = found[0] if len(found) == 1 else np.concatenate(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,9 @@ from discovery.node import Node
 from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
+from discovery.simulate import THREADS
 from discovery.stiff import unstiffened
+from discovery.workers import at_once
 
 __all__ = ["FINISHED", "Branch", "Branches", "Child"]
 
@@ -84,14 +87,21 @@ class Branches:
         self.case.tell(f"refitting {'every candidate' if among is None else 'what may replace another'}{beside}")
         # Where much is left, some effects are of a size at which linear starts fail.
         far = node.rough > _FAR
-        starts = finite_starts(minimum, problem, tried) if far else []
-        shortlist = [c for c in scored if c.effect in tried]
-        quick = refit(problem.model, minimum, problem, shortlist, finite=starts)
-        quick = unstiffened(problem.model, minimum, problem, shortlist, quick)
-        full = finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
+
+        def whole() -> tuple[list[Refit], list[Refit]]:
+            starts = finite_starts(minimum, problem, tried) if far else []
+            shortlist = [c for c in scored if c.effect in tried]
+            quick = refit(problem.model, minimum, problem, shortlist, finite=starts)
+            quick = unstiffened(problem.model, minimum, problem, shortlist, quick)
+            return quick, finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
+
+        def growing() -> tuple[list[Refit], list[Refit]]:
+            return [], grown(node.refit.minimum, node.refit.problem, tried)
+
         # The first effect may be a ripple whose frequency the whole recording hides: there every residual deserves it.
-        if far or (not node.added and node.rough > self.case.settings.floor):
-            full = best_of([*full, *grown(node.refit.minimum, node.refit.problem, tried)])
+        grows = far or (not node.added and node.rough > self.case.settings.floor)
+        ways = at_once([whole, growing] if grows else [whole], threads=THREADS)
+        quick, full = ways[0][0], best_of(r for _, found in ways for r in found)
         done = {r.effect for r in full}
         rest = [r for r in quick if r.effect not in done]
         return Branch({c.effect: c for c in scored}, (*full, *rest), among is None)
@@ -113,6 +123,7 @@ class Branches:
     def children(self, beam: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
         """Return every set with one effect more, or one of some, smallest chi-square first."""
         found: dict[frozenset[str], Child] = {}
+        at_once([partial(self.of, node, among) for node in beam], threads=THREADS)
         for node in beam:
             for r in self.of(node, among).refits[:FINISHED]:
                 added = (*node.added, r.effect)

@@ -15,6 +15,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -33,6 +34,9 @@ from discovery.registry import get_effect
 from discovery.runge_kutta import CLASSICAL, Method, dormand_prince
 
 __all__ = ["Kernel", "compile_kernel", "leaps", "numpy_derivative"]
+
+#: No thread may use a module that another is still importing.
+_LOADING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -159,11 +163,12 @@ def compile_kernel(base_name: str, effect_ids: tuple[str, ...], method: Method =
     Kernel
         Compiled on its first call.
     """
-    program, source = _kept(base_name, effect_ids, method)
     switches = _switches(effect_ids)
+    with _LOADING:
+        program, source = _kept(base_name, effect_ids, method)
+        module = _load(source)
     rows = np.array([np.isin(program.parameters, names) for names in switches.values()], float)
     rows = rows.reshape(len(switches), len(program.parameters))
-    module = _load(source)
     taken = method if method.order == module.ORDER else CLASSICAL
     return Kernel(module.run, program, get_base(base_name).lanes, rows, taken)
 

@@ -22,7 +22,7 @@ _TEMPLATE, _STAGES, _READING = (
     Path(__file__).with_name(f"kernel_{name}.txt") for name in ("template", "stages", "reading")
 )
 #: Operations below which an effect is evaluated always: loops of its own would cost as much.
-_LEAST = 40
+_LEAST = 20
 #: Operations of a slope up to which a step is one loop: with more, its stages are too long a chain for one set alone.
 _SHORT = 40
 #: The same for a method of high order, whose fewer slopes are worth some waiting.

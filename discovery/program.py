@@ -83,6 +83,13 @@ class Program:
         law, at = sp.lambdify([sp.Symbol(p, real=True) for p in own], form), [self.parameters.index(p) for p in own]
         return lambda parameters: law(*(parameters[i] for i in at))
 
+    @cached_property
+    def moving(self) -> frozenset[str]:
+        """Parameters that change the motion; the others change what is read of it."""
+        laws = [e for _, e in (*self.drive, *self.derivative)]
+        used = sp.Tuple(*laws, *self.slopes, self.rod.deflection, self.rod.root).free_symbols
+        return frozenset(p for p in self.parameters if sp.Symbol(p, real=True) in used)
+
     def form(self, parameters: Sequence | NDArray) -> tuple:
         """Return the deflection of the unloaded rod [q] and the turn of its root per curvature [-].
 

@@ -130,7 +130,8 @@ def respond(
 ) -> Responses:
     """Return how parameter sets move the residual, zero where the motion blows up.
 
-    Blocks as wide as the kernel's stay in the processor's cache from the simulation to what is left.
+    Blocks as wide as the kernel's stay in the processor's cache from the simulation to what is left. What the
+    instrument alone does is read of one motion.
 
     Parameters
     ----------
@@ -157,14 +158,18 @@ def respond(
     left = np.empty((len(settings), reference.size), dtype=np.float32)
     taken = np.empty((len(settings), known.shape[1]))
 
-    def simulate(first: int) -> None:
-        part = slice(first, first + lanes)
-        moved = bench.residuals(sets[:, part], np.repeat(initial, sets[:, part].shape[1], axis=2))
+    alike = bench.moves_alike(np.column_stack([base, sets]))[1:]
+    motions = bench.motions(base, initial)
+
+    def simulate(part: NDArray[np.int64]) -> None:
+        shared = motions if alike[part[0]] else None
+        moved = bench.residuals(sets[:, part], np.repeat(initial, part.size, axis=2), shared)
         moved -= reference[:, None]
         # A set that blows up is infinite throughout.
         moved[:, ~np.isfinite(moved[0])] = 0.0
         taken[part] = moved.T @ known
         left[part] = dgemm(-1.0, taken[part], known, 1.0, moved.T, trans_b=True, overwrite_c=True)
 
-    list(pool.map(simulate, range(0, len(settings), lanes)))
+    groups = [np.flatnonzero(alike), np.flatnonzero(~alike)]
+    list(pool.map(simulate, [own[i : i + lanes] for own in groups for i in range(0, own.size, lanes)]))
     return Responses(known, left, taken)

@@ -33,6 +33,8 @@ def _threads() -> int:
 
 #: Blocks of lanes run in so many threads; the kernel releases the interpreter's lock.
 THREADS = _threads()
+#: Where no motion is kept.
+_NO_MOTION = np.empty((0, 0))
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
 
@@ -176,7 +178,16 @@ class Simulator:
         return Batch(padded, initial, order, lanes)
 
     def run(
-        self, batch: Batch, misses: Misses, out: FloatArray, sums: FloatArray, blocks: Sequence[int], place: int = 0
+        self,
+        batch: Batch,
+        misses: Misses,
+        out: FloatArray,
+        sums: FloatArray,
+        blocks: Sequence[int],
+        place: int = 0,
+        *,
+        motion: FloatArray = _NO_MOTION,
+        plays: bool = False,
     ) -> None:
         """Simulate some consecutive blocks.
 
@@ -194,20 +205,35 @@ class Simulator:
             Which blocks.
         place : int
             See `out`.
+        motion : ndarray, shape (steps, 4 states)
+            Gets the motion of the first set of the last of these blocks.
+        plays : bool
+            Whether `motion` is that of all sets instead, which are read only.
         """
         g = self.grid
         grid = (g.times, g.steps, g.restart, g.drive, g.out_step, g.out_fraction, g.out_time, g.out_drive)
         given = (misses.channel, misses.target, misses.weight, batch.parameters, batch.initial)
-        self.kernel.run(*grid, *given, out, sums, blocks[0], blocks[-1] + 1, place)
+        self.kernel.run(*grid, *given, out, sums, blocks[0], blocks[-1] + 1, place, motion, plays)
 
-    def missed(self, batch: Batch, misses: Misses) -> tuple[FloatArray, FloatArray]:
-        """Return all misses (m, c, k), and their sums (c + 1, k)."""
+    def motion(self, batch: Batch) -> FloatArray:
+        """Return how the first set moves: states and slopes at both ends of every step, shape (steps, 4 states)."""
+        motion = np.empty((self.grid.steps.size, 4 * len(self.kernel.program.states)))
+        channels, width = self._plain.target.shape[1], batch.blocks * batch.lanes
+        self.run(batch, self._plain, np.empty((0, channels, 1)), np.empty((channels + 1, width)), [0], motion=motion)
+        return motion
+
+    def missed(self, batch: Batch, misses: Misses, motion: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return all misses (m, c, k), and their sums (c + 1, k); of one motion, see `motion`, if all share it."""
         channels, width = misses.target.shape[1], batch.blocks * batch.lanes
         out, sums = np.empty((self.time.size, channels, width)), np.empty((channels + 1, width))
 
         def work(waiting: Iterator[range]) -> None:
             for part in waiting:
-                self.run(batch, misses, out, sums, part, part[0] * batch.lanes)
+                place = part[0] * batch.lanes
+                if motion is None:
+                    self.run(batch, misses, out, sums, part, place)
+                else:
+                    self.run(batch, misses, out, sums, part, place, motion=motion, plays=True)
 
         in_threads(work, batch.blocks, threads=THREADS)
         return batch.restored(out), batch.restored(sums)

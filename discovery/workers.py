@@ -1,16 +1,21 @@
-"""Threads that share blocks of work."""
+"""Threads that share blocks of work, or do different work side by side."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import lru_cache
+from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["in_threads", "single_algebra"]
+__all__ = ["at_once", "in_threads", "single_algebra"]
+
+T = TypeVar("T")
+_this_thread = threading.local()
 
 
 @lru_cache(maxsize=1)
@@ -57,3 +62,34 @@ def in_threads(work: Callable[[Iterator[range]], None], blocks: int, *, threads:
         errors = [helper.exception() for helper in helpers if not helper.cancel()]
     for error in filter(None, errors):
         raise error
+
+
+def at_once(calls: Sequence[Callable[[], T]], *, threads: int) -> list[T]:
+    """Make calls that do not depend on each other side by side, and return what they return in their order.
+
+    What simulates few blocks at a time leaves threads idle. Calls made within such a call follow each other.
+
+    Parameters
+    ----------
+    calls : sequence of callable
+        Without arguments; each pure, so that the outcome does not depend on which is first.
+    threads : int
+        At most so many, this one included.
+    """
+    threads = 1 if getattr(_this_thread, "is_beside", False) else min(threads, len(calls))
+
+    def beside(call: Callable[[], T]) -> T:
+        _this_thread.is_beside = True
+        try:
+            return call()
+        finally:
+            _this_thread.is_beside = False
+
+    # Limits that overlap in time would not be undone in their order, so one encloses all.
+    with single_algebra():
+        if threads < 2:
+            return [call() for call in calls]
+        with ThreadPoolExecutor(threads - 1) as pool:
+            others = [pool.submit(beside, call) for call in calls[1:]]
+            first = beside(calls[0])
+            return [first, *(other.result() for other in others)]

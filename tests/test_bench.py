@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import threading
 import tracemalloc
 
 import numpy as np
@@ -11,7 +12,7 @@ from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.recording import Recording
 from discovery.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.workers import in_threads
+from discovery.workers import at_once, in_threads
 
 EFFECTS = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law", "sensor_delay")
 VALUES = {"length": 1.0, "xi": 0.05, "alpha": 9.0, "beta": 0.5, "gamma": 0.45}
@@ -148,6 +149,44 @@ def test_threads_share_all_blocks() -> None:
     done: list[int] = []
     in_threads(lambda waiting: [done.extend(part) for part in waiting], 23, threads=3, together=4)
     assert sorted(done) == list(range(23))
+
+
+def test_calls_at_once_overlap_and_answer_in_their_order() -> None:
+    meet = threading.Barrier(2, timeout=30)
+    assert at_once([lambda k=k: (meet.wait(), k)[1] for k in range(2)], threads=2) == [0, 1]
+
+    def name(_: int = 0) -> int:
+        return threading.get_ident()
+
+    # Calls within such a call have its thread to themselves.
+    for inner in at_once([lambda: at_once([name] * 3, threads=2)] * 2, threads=2):
+        assert len(set(inner)) == 1
+    assert len(set(at_once([name] * 3, threads=1))) == 1
+
+    def fail() -> int:
+        raise ValueError("the second")
+
+    with pytest.raises(ValueError, match="the second"):
+        at_once([name, fail], threads=2)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_what_an_instrument_alone_does_is_read_of_one_motion(late: bool) -> None:
+    recordings = [arm("a", ("tip_x", "tip_y"), 150), arm("b", ("tip_x", "tip_y"), 90)]
+    bench = Bench("constant_radius", ("linear_stiffness", "sensor_delay", "camera_origin_offset"), recordings, 0.02)
+    parameters, initial = scattered(bench, 40, late)
+    instrument = np.isin(bench.names, ["tau", "x_0", "y_0"])
+    parameters[~instrument], initial[:] = parameters[~instrument, :1], initial[:, :, :1]
+    parameters[bench.names.index("x_0")] = np.linspace(-0.01, 0.01, 40)
+    assert bench.moves_alike(parameters).all()
+    own = bench.residuals(parameters, initial)
+    np.testing.assert_array_equal(bench.residuals(parameters, initial, bench.motions(parameters, initial)), own)
+    assert np.unique(own[100]).size == 40
+    for name in set(bench.names) - {"tau", "x_0", "y_0"}:
+        other = parameters.copy()
+        other[bench.names.index(name), 7] += 0.01
+        if name in bench.simulators[0].kernel.program.moving:
+            assert np.flatnonzero(~bench.moves_alike(other)).tolist() == [7]
 
 
 def test_leaps_give_the_same_residuals() -> None:

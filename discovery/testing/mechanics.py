@@ -102,7 +102,8 @@ class MechanicsContract:
         plain = (0, np.zeros((1, n)), np.ones((1, n)))
         middle = (np.zeros(1, np.int64), np.array([0.5]), time[1:2], drive.evaluate(time[1:2]).T.copy())
         steps = (grid.times, grid.steps, grid.restart, grid.drive)
-        kernel.run(*steps, *middle, *plain, sample.parameters, sample.state.copy(), out, sums, 0, 1, 0)
+        given = (sample.parameters, sample.state.copy())
+        kernel.run(*steps, *middle, *plain, *given, out, sums, 0, 1, 0, np.empty((0, 0)), False)
 
         expected = _plain_step(base, sample, drive, h)
         # Round-off of a stiff step grows as a small disturbance of the state does.
