@@ -3,6 +3,7 @@
 Each minimisation is a generator that asks for residuals of a handful of parameter vectors; `minimise` answers all of
 them with one simulation call a round. Trial steps with three dampings and the central differences of the Jacobian are
 therefore as cheap as one step, and refitting every candidate of a catalogue costs little more than refitting one.
+Parameters that trade with each other make valleys that are narrow and bent: there steps follow the bend.
 """
 
 from __future__ import annotations
@@ -18,6 +19,10 @@ __all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
 FloatArray = NDArray[np.float64]
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
 _KEPT = 0.8
+#: Steps that gain less than this part of what the longest of them promised are tried again along a bend,
+_BENT = 0.5
+#: that turns them by at most so many times their length.
+_TURN = 0.75
 Request = Generator[FloatArray, FloatArray, "Minimum"]
 
 
@@ -85,6 +90,49 @@ def _columns(answers: FloatArray, residual: FloatArray, apart: FloatArray) -> Fl
         columns = (answers[:, : apart.size] - behind) / apart
     columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
     return columns
+
+
+def _turned(
+    x: FloatArray,
+    trials: FloatArray,
+    changes: FloatArray,
+    jacobian: FloatArray,
+    damped: Sequence[FloatArray],
+    free: NDArray[np.bool_],
+) -> FloatArray:
+    """Return trial steps (p, k) that follow the bend of a narrow valley, from what the straight ones did to residuals.
+
+    What a step changes beyond its linear promise is half of the second derivative along it; the step that is best at
+    this second order is the geodesic acceleration of Transtrum and Sethna, arXiv:1201.5885 (2012). It is shortened to
+    where it is a small correction.
+
+    Parameters
+    ----------
+    x : ndarray, shape (p,)
+        Where the steps begin.
+    trials : ndarray, shape (p, k)
+        Where the straight ones end.
+    changes : ndarray, shape (n, k)
+        What they change of the residuals.
+    jacobian : ndarray, shape (n, p)
+        At `x`.
+    damped : sequence of ndarray, shape (f, f)
+        Scaled normal matrix of the free parameters for each trial, with its damping.
+    free : ndarray of bool, shape (p,)
+        Which parameters move.
+    """
+    size = np.sqrt(np.maximum(np.einsum("np,np->p", jacobian, jacobian), 1e-300))
+    turned = trials.copy()
+    for k, matrix in enumerate(damped):
+        if not np.isfinite(changes[:, k]).all():
+            continue
+        move, turn = trials[:, k] - x, np.zeros_like(x)
+        strayed = changes[:, k] - jacobian @ move
+        turn[free] = np.linalg.solve(matrix, -(jacobian[:, free].T @ strayed) / size[free]) / size[free]
+        straight, off = float(np.linalg.norm(size * move)), float(np.linalg.norm(size * turn))
+        share = min(1.0, _TURN * straight / max(off, 1e-300))
+        turned[:, k] = x + share * move + share**2 * turn
+    return turned
 
 
 def levenberg_marquardt(
@@ -161,22 +209,33 @@ def levenberg_marquardt(
         scaled = normal[np.ix_(free, free)] / np.outer(diagonal[free], diagonal[free])
         push = gradient[free] / diagonal[free]
         dampings = damping * np.array([0.01, 0.3, 10.0])
+        damped = [scaled + lam * np.eye(push.size) for lam in dampings]
         trials = np.repeat(x[:, None], 3, axis=1)
-        for k, lam in enumerate(dampings):
-            move = np.linalg.solve(scaled + lam * np.eye(push.size), -push) / diagonal[free]
+        for k, matrix in enumerate(damped):
+            move = np.linalg.solve(matrix, -push) / diagonal[free]
             trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
         answers = yield trials
         costs = _cost(answers)
         blown = blown or not np.isfinite(costs).all()
+        small = max(tolerance * cost, 1e-7 if not quick else 0.05)
+        farthest = trials[:, 0] - x
+        promised = -(gradient @ farthest + 0.5 * farthest @ normal @ farthest)
+        # The valley may be narrow and bent.
+        bent = fresh and promised > small and cost - costs.min() < _BENT * promised
+        if bent:
+            turned = _turned(x, trials, answers - residual[:, None], jacobian, damped, free)
+            turned = np.clip(turned, lower[:, None], upper[:, None])
+            more = yield turned
+            trials, answers = np.hstack([trials, turned]), np.hstack([answers, more])
+            dampings, costs = np.tile(dampings, 2), np.append(costs, _cost(more))
         best = int(np.argmin(costs))
         gain = cost - costs[best]
-        small = max(tolerance * cost, 1e-7 if not quick else 0.05)
         if gain > 0:
             moved, changed = trials[:, best] - x, answers[:, best] - residual
             x, residual, cost = trials[:, best], answers[:, best], float(costs[best])
             damping = float(np.clip(dampings[best], 1e-12, 1e12))
         if gain > small:
-            if quick or (rough and gain > -_KEPT * (gradient @ moved + 0.5 * moved @ normal @ moved)):
+            if quick or (rough and not bent and gain > -_KEPT * (gradient @ moved + 0.5 * moved @ normal @ moved)):
                 weighted = diagonal**2 * moved
                 jacobian += np.outer(changed - jacobian @ moved, weighted) / max(weighted @ moved, 1e-300)
                 fresh = False

@@ -310,6 +310,23 @@ def test_a_rough_search_ends_in_the_same_minimum_for_less(bounded: bool) -> None
     assert asked[True] < 0.8 * asked[False]
 
 
+@pytest.mark.parametrize("rough", [False, True])
+def test_a_search_follows_a_narrow_bent_valley_to_its_end(rough: bool) -> None:
+    asked = 0
+
+    def residuals(b: FloatArray) -> FloatArray:
+        nonlocal asked
+        asked += b.shape[1]
+        noise = np.ones((4000, b.shape[1]))
+        # Two parameters trade along a parabola, a hundred times as steep across as along.
+        return np.concatenate([noise, np.stack([3e3 * (b[1] - b[0] ** 2), 30 * (1 - b[0])])])
+
+    found = solve(residuals, [-1.2, 1.44], scale=[1.0, 1.0], tolerance=1e-4, rough=rough)
+    assert found.converged
+    assert found.x == pytest.approx([1.0, 1.0], abs=0.03)
+    assert asked < 250
+
+
 # Many at once.
 
 
