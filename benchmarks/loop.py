@@ -28,7 +28,7 @@ from discovery.refits import refit
 from discovery.step import choose_step
 
 DATASETS = Path(__file__).parents[1] / "datasets"
-BASES = ("constant_radius", "reduced", "elastica")
+BASES = ("constant_radius", "reduced", "elastica_calm", "elastica")
 SETS = ("arm", "arm_coulomb", "arm_delay", "arm_tilt")
 
 
@@ -72,7 +72,7 @@ def screening(dataset: Dataset, base: str, runs: int) -> dict[str, Any]:
     """Time one screening of the catalogue, and the bounded refits of every candidate, around a fit on a base."""
     train = dataset.train
     units = natural_units(train)
-    known = known_values(train[0]) | ({"tau_r": 1.5e-4} if base == "elastica" else {})
+    known = known_values(train[0]) | ({"tau_r": 1.5e-4} if base.startswith("elastica") else {})
     model = Model(base, ("viscous_damping", "linear_stiffness"), known)
     names = candidates(model)
     effects = tuple(sorted({*model.effects, *names}))

@@ -20,9 +20,9 @@ FloatArray = NDArray[np.float64]
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
 _KEPT = 0.8
 #: Steps that gain less than this part of what the longest of them promised are tried again along a bend,
-_BENT = 0.5
-#: that turns them by at most so many times their length.
-_TURN = 0.75
+_BENT = 0.1
+#: that turns them by at most so many times their length, until this has helped less than straight ones so often.
+_TURN, _PATIENCE = 0.75, 2
 Request = Generator[FloatArray, FloatArray, "Minimum"]
 
 
@@ -193,7 +193,7 @@ def levenberg_marquardt(
 
     cost = float(_cost(residual[:, None])[0])
     fresh, converged, count = not quick, False, 0
-    blown = not np.isfinite(cost)
+    blown, patience = not np.isfinite(cost), _PATIENCE
     while count < iterations and np.isfinite(cost) and np.isfinite(residual).all():
         count += 1
         gradient = jacobian.T @ residual
@@ -221,7 +221,7 @@ def levenberg_marquardt(
         farthest = trials[:, 0] - x
         promised = -(gradient @ farthest + 0.5 * farthest @ normal @ farthest)
         # The valley may be narrow and bent.
-        bent = fresh and promised > small and cost - costs.min() < _BENT * promised
+        bent = fresh and patience > 0 and promised > small and cost - costs.min() < _BENT * promised
         if bent:
             turned = _turned(x, trials, answers - residual[:, None], jacobian, damped, free)
             turned = np.clip(turned, lower[:, None], upper[:, None])
@@ -229,6 +229,8 @@ def levenberg_marquardt(
             trials, answers = np.hstack([trials, turned]), np.hstack([answers, more])
             dampings, costs = np.tile(dampings, 2), np.append(costs, _cost(more))
         best = int(np.argmin(costs))
+        if bent:
+            patience = _PATIENCE if best >= len(damped) else patience - 1
         gain = cost - costs[best]
         if gain > 0:
             moved, changed = trials[:, best] - x, answers[:, best] - residual

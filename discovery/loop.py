@@ -25,8 +25,10 @@ from discovery.separation import Separation, separate
 __all__ = ["UPGRADES", "LoopResult", "close_loop"]
 
 FloatArray = NDArray[np.float64]
+#: The exact arm on which effects are searched.
+_EXACT = "elastica_calm"
 #: What a base upgrade is called when the loop finds it.
-UPGRADES = (("reduced", "radius_inertia"), ("elastica_calm", "elastica_geometry"))
+UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
 #: Manoeuvres that are tried for each group of rivals.
@@ -280,7 +282,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
     """Search on the exact mechanics first: what geometry explains must not be explained by effects."""
     case.tell("refitting on the exact mechanics of the arm")
     start = {n: v for n, v in before.values.items() if n in ("alpha", "xi")}
-    exact = case.fit(before.model.on_base("elastica_calm"), start, rig_uncertainty(case.train[0]))
+    exact = case.fit(before.model.on_base(_EXACT), start, rig_uncertainty(case.train[0]))
     search = Search(exact, case)
     search.run()
     geometry, steps = _judge_geometry(before, search, case)

@@ -319,7 +319,7 @@ def test_a_search_follows_a_narrow_bent_valley_to_its_end(rough: bool) -> None:
         asked += b.shape[1]
         noise = np.ones((4000, b.shape[1]))
         # Two parameters trade along a parabola, a hundred times as steep across as along.
-        return np.concatenate([noise, np.stack([3e3 * (b[1] - b[0] ** 2), 30 * (1 - b[0])])])
+        return np.concatenate([noise, np.stack([2e3 * (b[1] - b[0] ** 2), 30 * (1 - b[0])])])
 
     found = solve(residuals, [-1.2, 1.44], scale=[1.0, 1.0], tolerance=1e-4, rough=rough)
     assert found.converged

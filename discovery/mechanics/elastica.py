@@ -346,7 +346,8 @@ class ElasticaFourModes(Elastica):
 class ElasticaCalm(Elastica):
     """The exact arm with a heavier third shape, for searches: on steps 1.7 times as long the same motion.
 
-    That shape only follows the others, slowly: its inertia hardly matters, but its ringing would set the step.
+    That shape only follows the others, slowly: its inertia hardly matters, but its ringing would set the step. A node
+    at the root makes up for two inside.
     """
 
     name = "elastica_calm"
