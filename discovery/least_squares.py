@@ -124,12 +124,15 @@ def _turned(
     size = np.sqrt(np.maximum(np.einsum("np,np->p", jacobian, jacobian), 1e-300))
     turned = trials.copy()
     for k, matrix in enumerate(damped):
-        if not np.isfinite(changes[:, k]).all():
-            continue
         move, turn = trials[:, k] - x, np.zeros_like(x)
-        strayed = changes[:, k] - jacobian @ move
-        turn[free] = np.linalg.solve(matrix, -(jacobian[:, free].T @ strayed) / size[free]) / size[free]
-        straight, off = float(np.linalg.norm(size * move)), float(np.linalg.norm(size * turn))
+        # Next to a blow-up numbers may be too large for their squares.
+        with np.errstate(over="ignore", invalid="ignore"):
+            strayed = jacobian[:, free].T @ (changes[:, k] - jacobian @ move)
+        if not np.isfinite(strayed).all():
+            continue
+        turn[free] = np.linalg.solve(matrix, -strayed / size[free]) / size[free]
+        with np.errstate(over="ignore"):
+            straight, off = float(np.linalg.norm(size * move)), float(np.linalg.norm(size * turn))
         share = min(1.0, _TURN * straight / max(off, 1e-300))
         turned[:, k] = x + share * move + share**2 * turn
     return turned
