@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
 _KEPT = 0.8
 #: Steps that gain less than this part of what the longest of them promised are tried again along a bend,
-_BENT = 0.1
+_BENT = 0.25
 #: that turns them by at most so many times their length, until this has helped less than straight ones so often.
 _TURN, _PATIENCE = 0.75, 2
 Request = Generator[FloatArray, FloatArray, "Minimum"]
