@@ -159,7 +159,7 @@ def respond(
     taken = np.empty((len(settings), known.shape[1]))
 
     alike = bench.moves_alike(np.column_stack([base, sets]))[1:]
-    motions = bench.motions(base, initial)
+    motions = bench.motions(base, initial) if alike.any() else None
 
     def simulate(part: NDArray[np.int64]) -> None:
         shared = motions if alike[part[0]] else None

@@ -33,8 +33,6 @@ def _threads() -> int:
 
 #: Blocks of lanes run in so many threads; the kernel releases the interpreter's lock.
 THREADS = _threads()
-#: Where no motion is kept.
-_NO_MOTION = np.empty((0, 0))
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
 
@@ -186,7 +184,7 @@ class Simulator:
         blocks: Sequence[int],
         place: int = 0,
         *,
-        motion: FloatArray = _NO_MOTION,
+        motion: FloatArray | None = None,
         plays: bool = False,
     ) -> None:
         """Simulate some consecutive blocks.
@@ -205,7 +203,7 @@ class Simulator:
             Which blocks.
         place : int
             See `out`.
-        motion : ndarray, shape (steps, 4 states)
+        motion : ndarray, shape (steps, 4 states), optional
             Gets the motion of the first set of the last of these blocks.
         plays : bool
             Whether `motion` is that of all sets instead, which are read only.
@@ -213,6 +211,7 @@ class Simulator:
         g = self.grid
         grid = (g.times, g.steps, g.restart, g.drive, g.out_step, g.out_fraction, g.out_time, g.out_drive)
         given = (misses.channel, misses.target, misses.weight, batch.parameters, batch.initial)
+        motion = np.empty((0, 0)) if motion is None else motion
         self.kernel.run(*grid, *given, out, sums, blocks[0], blocks[-1] + 1, place, motion, plays)
 
     def motion(self, batch: Batch) -> FloatArray:
@@ -230,10 +229,7 @@ class Simulator:
         def work(waiting: Iterator[range]) -> None:
             for part in waiting:
                 place = part[0] * batch.lanes
-                if motion is None:
-                    self.run(batch, misses, out, sums, part, place)
-                else:
-                    self.run(batch, misses, out, sums, part, place, motion=motion, plays=True)
+                self.run(batch, misses, out, sums, part, place, motion=motion, plays=motion is not None)
 
         in_threads(work, batch.blocks, threads=THREADS)
         return batch.restored(out), batch.restored(sums)
