@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from discovery.attribution import Candidate, candidates, screen
+from discovery.bench import Bench
 from discovery.case import Case
 from discovery.finite import finite_starts
 from discovery.growing import grown
 from discovery.likeness import likely_pairs
 from discovery.node import Node
-from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
+from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs, resettled
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
 from discovery.simulate import THREADS
@@ -54,6 +55,15 @@ class Branch:
     whole: bool = True
 
 
+def _moved(made: Branch, bench: Bench) -> Branch:
+    """Return a branch the best refits of which go on upon other mechanics."""
+    best, rest = made.refits[:FINISHED], made.refits[FINISHED:]
+    steps = {min(r.problem.bench.step, bench.step) for r in best}
+    benches = {step: bench if step == bench.step else Bench.like(bench, step) for step in steps}
+    moved = best_of(resettled(r, benches[min(r.problem.bench.step, bench.step)]) for r in best)
+    return replace(made, refits=(*moved, *rest))
+
+
 class Branches:
     """The branches of one search, each made once."""
 
@@ -71,10 +81,12 @@ class Branches:
         among : collection of str, optional
             Candidates that are refitted, if others need not be.
         """
-        key = frozenset(node.added)
+        key, bench = frozenset(node.added), node.refit.problem.bench
         made = self._made.get(key)
         if made is None or (among is None and not made.whole):
             made = self._made[key] = self._make(node, among)
+        elif any(r.problem.bench.base != bench.base for r in made.refits[:FINISHED]):
+            made = self._made[key] = _moved(made, bench)
         return made
 
     def _make(self, node: Node, among: Collection[str] | None) -> Branch:

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from discovery.attribution import candidates
 from discovery.bench import Bench
-from discovery.errors import ComputationError, SimulationFailure
+from discovery.errors import ComputationError
 from discovery.experiment import Experiment
 from discovery.fit import SHIFT, Fit, fit, fit_near, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
-from discovery.problem import NaturalUnits, Problem
-from discovery.refits import Refit
+from discovery.problem import NaturalUnits
+from discovery.refits import Refit, resettled
 from discovery.residual import roughness
 from discovery.shaking import shaken
 from discovery.step import choose_step
@@ -108,7 +108,7 @@ class Step:
     Parameters
     ----------
     action : str
-        "upgrade", "add", "remove", "renew", "exchange", "withdraw" or "stop".
+        "upgrade", "add", "refine", "remove", "renew", "exchange", "withdraw" or "stop".
     effect : str
         What was added or tried.
     accepted : bool
@@ -171,19 +171,17 @@ class Case:
         """Return a refit of the search with its intervals."""
         return fit_near(found.problem, found.values)
 
-    def finest(self, found: Refit) -> Fit:
-        """Return a refit of the search with its intervals, on finer mechanics where there are any that fit as well."""
+    def finer(self, found: Refit) -> Refit:
+        """Return a refit of the search on finer mechanics where there are any that fit as well, else the same."""
         for name in found.problem.model.mechanics.finer:
             self.tell(f"refitting on finer mechanics: {name}")
-            model = found.problem.model.on_base(name)
             try:
-                bench = self._bench(model, found.values)
-                fitted = fit_near(Problem(model, bench, self.units, found.problem.gaussian), found.values)
-            except (ComputationError, SimulationFailure):
+                again = resettled(found, self._bench(found.problem.model.on_base(name), found.values))
+            except ComputationError:
                 continue
-            if 2 * fitted.minimum.cost < _SAME_ANSWER * found.chi2 + self.settings.price:
-                return self.polish(fitted)
-        return self.polish(self.finished(found))
+            if again.chi2 < _SAME_ANSWER * found.chi2 + self.settings.price:
+                return again
+        return found
 
     def reshaped(self, fitted: Fit, effects: Sequence[str]) -> Fit:
         """Return a fit, or a better one of the same model in which the laws of some effects have another shape."""

@@ -304,8 +304,8 @@ def _judge_geometry(before: Fit, search: Search, case: Case) -> tuple[list[str],
     steps: list[Step] = []
     held_before, train_before = float("inf"), float("inf")
     for base, name in (("constant_radius", ""), *UPGRADES):
-        if base == search.best.refit.problem.model.base:
-            found = case.finished(search.best.refit)
+        if base == _EXACT:
+            found, _ = search.finest()
         elif base == "constant_radius" and not search.added:
             found = before
         else:

@@ -10,12 +10,24 @@ from numpy.typing import NDArray
 
 from discovery.attribution import Candidate
 from discovery.batch import fit_problems, together
+from discovery.bench import Bench
 from discovery.finite import FarStart
 from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
 
-__all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle", "settled"]
+__all__ = [
+    "Refit",
+    "best_of",
+    "finish",
+    "held_fixed",
+    "refit",
+    "refit_pairs",
+    "relaxed",
+    "resettled",
+    "settle",
+    "settled",
+]
 
 FloatArray = NDArray[np.float64]
 #: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
@@ -246,6 +258,13 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
     (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
     return Refit(smaller.model.effects[-1], smaller, minimum)
+
+
+def resettled(fitted: Refit, bench: Bench) -> Refit:
+    """Return the same model on another bench, of the same mechanics or another, from where it was fitted."""
+    problem = replace(fitted.problem, model=fitted.problem.model.on_base(bench.base), bench=bench)
+    (minimum,) = settle([problem], [problem.start(fitted.values)])
+    return Refit(fitted.effect, problem, minimum)
 
 
 def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:

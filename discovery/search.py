@@ -16,7 +16,7 @@ from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
 from discovery.fit import Fit
 from discovery.node import Node, merit
-from discovery.refits import Refit, relaxed
+from discovery.refits import Refit, relaxed, resettled
 from discovery.registry import catalogue
 from discovery.standing import evidence, rivals
 from discovery.stiff import coarsened
@@ -33,6 +33,8 @@ _BEAM = 2
 _RIVAL = 2.0
 #: A set that leaves much is not extended on steps that are shorter than those of the start by more than this.
 _FINE = 6.0
+#: A set that leaves a larger systematic residual [noise sds] lacks more than finer mechanics.
+_FAR = 3.0
 #: So many rivals of an effect are told apart from it.
 _RIVALS = 2
 #: Rounds of removal and exchange.
@@ -67,14 +69,15 @@ class Search:
         self.case = case
         whole = start.problem.bench.effects == case.kernel_effects(start.model)
         start = start if whole else case.fit(start.model, start.values, start.problem.gaussian)
-        self.root = self.best = Node.of((), Refit("", start.problem, start.minimum), case)
         self.steps: list[Step] = []
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
         self._branches = Branches(case)
         self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
+        self._finer: dict[Node, Refit] = {}
         self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
+        self.root = self._take(Node.of((), Refit("", start.problem, start.minimum), case))
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -92,7 +95,7 @@ class Search:
     def finest(self) -> tuple[Fit, list[FloatArray]]:
         """Return the set found, fitted on the finest mechanics, and its predictions of the held-out recordings."""
         if self.best not in self._finest:
-            fitted = self.case.finest(self.best.refit)
+            fitted = self.case.polish(self.case.finished(self._on_finer(self.best)))
             self._finest[self.best] = fitted, self.case.held(fitted)
         return self._finest[self.best]
 
@@ -130,13 +133,14 @@ class Search:
             ranked = self._ordered(children)
             chosen = next((node for node in ranked if self._passes(node)), None)
             if chosen is not None:
-                self.best = chosen
+                chosen = self._take(chosen)
             beam = [chosen] if chosen else []
             beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
             if not beam or self._is_costly(self.best):
                 return
             # What fails on the held-out recordings is no step towards anything but a pair.
             beam = [n for n in beam[:_BEAM] if n.held < self.root.held and not self._is_costly(n)]
+            beam = [n if n is self.best else self._resolved(n) for n in beam]
 
     def _children(self, nodes: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
         """Return what the catalogue, or a part of it, offers beside some sets, best first."""
@@ -236,14 +240,50 @@ class Search:
     def _without(self, effect: str) -> Node:
         """Return the best set without one of its members, refitted."""
         rest = tuple(e for e in self.best.added if e != effect)
-        if not rest:
+        start, bench = self.root.refit, self.best.refit.problem.bench
+        alike = start.problem.bench.base == bench.base
+        if alike and not rest:
             return self.root
         key = self.best, effect
         if key not in self._smaller:
+            smaller = relaxed(self.best.refit, [effect]) if rest else resettled(start, bench)
             # The steps may have been as fine as the effect alone needs.
-            smaller = coarsened(relaxed(self.best.refit, [effect]), self.root.refit.problem.bench)
+            smaller = coarsened(smaller, start.problem.bench) if alike else smaller
             self._smaller[key] = Node.of(rest, smaller, self.case)
         return self._smaller[key]
+
+    def _on_finer(self, node: Node) -> Refit:
+        """Return a set refitted on finer mechanics, or as it is where there are none."""
+        if node not in self._finer:
+            self._finer[node] = self.case.finer(node.refit)
+        return self._finer[node]
+
+    def _resolved(self, node: Node) -> Node:
+        """Return a set on finer mechanics where much of what it leaves is the error of quicker ones."""
+        settings = self.case.settings
+        if max(node.rough, node.held_rough) <= settings.floor or node.rough > _FAR:
+            return node
+        finer = self._on_finer(node)
+        error = node.chi2 - finer.chi2
+        if error <= max(settings.price, settings.least_share * self.case.excess(node.chi2)):
+            return node
+        return Node.of(node.added, finer, self.case)
+
+    def _take(self, node: Node) -> Node:
+        """Make a set the best one, on mechanics that resolve it, and return it."""
+        self.best = self._resolved(node)
+        if self.best is not node:
+            error, excess = node.chi2 - self.best.chi2, self.case.excess(node.chi2)
+            reason = f"of {excess:.0f} excess chi-square {error:.0f} is the error of quicker mechanics"
+            numbers = {
+                "chi2_before": node.chi2,
+                "chi2_after": self.best.chi2,
+                "chi2_holdout_before": node.held,
+                "chi2_holdout_after": self.best.held,
+                "n_holdout": float(self.case.n_held),
+            }
+            self.steps.append(Step("refine", "", True, reason, numbers))
+        return self.best
 
     def _contenders(self, effect: str) -> frozenset[str] | None:
         """Return what may serve in the place of a member: all but what left far more beside fewer; None for all."""
@@ -276,7 +316,7 @@ class Search:
         verdict = weigh(self.case, self.root, smaller, self.best, (effect,), None, strict=True)
         if not verdict.accepted:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
-            self.best = smaller
+            self._take(smaller)
             return
         if self._left(self.best) > _MUCH_LEFT:
             return
@@ -296,7 +336,7 @@ class Search:
                 self.steps.append(
                     Step("exchange", effect, True, reason, numbers, self._ranking(self._branches.of(smaller, among)))
                 )
-                self.best = node
+                self._take(node)
                 return
 
     def _renew(self, effect: str, again: Node) -> None:
@@ -306,7 +346,7 @@ class Search:
             reason = f"found again beside the others it lowers chi-square by {gain:.0f} more"
             numbers = {"chi2_before": self.best.chi2, "chi2_after": again.chi2}
             self.steps.append(Step("renew", effect, True, reason, numbers))
-            self.best = again
+            self._take(again)
             self._branches.forget(effect)
 
     def rivals(self) -> dict[str, dict[str, Refit]]:

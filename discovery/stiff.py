@@ -13,7 +13,7 @@ from discovery.finite import declared_starts
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.refits import Refit, refit, settle, settled
+from discovery.refits import Refit, refit, resettled, settled
 
 __all__ = ["coarsened", "unstiffened"]
 
@@ -108,9 +108,7 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
         longer = Bench.like(coarse, _FARTHER * coarse.step)
         # To begin with, it must be no start that blows up.
         if _is_stable(fine, coarse) and _is_stable(fine, longer):
-            problem = replace(fine.problem, bench=coarse)
-            (minimum,) = settle([problem], [fine.minimum.x])
-            again = Refit(fine.effect, problem, minimum)
+            again = resettled(fine, coarse)
             if again.chi2 < fine.chi2 + _WORTH and _is_stable(again, longer):
                 return again
         coarse = Bench.like(coarse, coarse.step / 2)

@@ -191,6 +191,7 @@ def test_the_story_of_what_did_not_last(tmp_path: Path) -> None:
         "effects": [{"id": "elastica_geometry", "parameters": {}, "evidence": {}, "ambiguous_with": []}],
         "steps": [
             _step("upgrade", "elastica_geometry", "the error is not smaller", accepted=False, numbers=kept),
+            _step("refine", "", "of 1342 excess chi-square 1214 is the error of quicker mechanics", numbers=kept),
             _step("renew", "encoder_ripple", "found again beside the others it lowers chi-square by 321 more"),
             _step("exchange", "table_tilt", "in its place initial_curvature lowers chi-square by 12345 more"),
             _step("remove", "quadratic_drag", "not enough: it removes 12 of 480 excess chi-square (by chance 40)"),
@@ -201,6 +202,7 @@ def test_the_story_of_what_did_not_last(tmp_path: Path) -> None:
     told = story.steps(Run(tmp_path, results))
     assert [(s["head"], s["outcome"]) for s in told] == [
         ("Compared the mechanics: elastica geometry", "kept"),
+        ("Went on upon finer mechanics", ""),
         ("Fitted anew: encoder ripple", "other values"),
         ("Exchanged: table tilt", "taken out"),
         ("Tried without: quadratic drag", "taken out"),

@@ -17,6 +17,8 @@ __all__ = ["Search", "decisions", "in_the_end", "searches", "steps"]
 #: What a step removed of how much, and by how much chance alone could.
 _REMOVED = re.compile(r"removes (-?\d+) of (-?\d+)( excess chi-square)?")
 _CHANCE = re.compile(r"\(by chance (\d+)\)")
+#: Head of a step that is about no effect.
+_ALONE = {"refine": "Went on upon finer mechanics", "stop": "Stopped"}
 #: Head of a step and its outcome, accepted or not.
 _WORDS = {
     "upgrade": ("Compared the mechanics", "kept", "not kept"),
@@ -95,8 +97,8 @@ def steps(run: Run) -> list[dict[str, str]]:
     for group in decisions(run):
         first, effects = group[0], [s["effect"] for s in group]
         action, reason = first["action"], first["reason"]
-        if action == "stop":
-            found.append({"head": "Stopped", "outcome": "", "title": "", "reason": reason})
+        if action in _ALONE:
+            found.append({"head": _ALONE[action], "outcome": "", "title": "", "reason": reason})
             continue
         head, yes, no = _WORDS[action]
         outcome = yes if first["accepted"] else no

@@ -131,6 +131,8 @@ def draw_steps(run: Run) -> Picture | None:
 def _label(run: Run, group: Sequence[Mapping[str, Any]]) -> str:
     """Return what was proposed, and whether it was in vain."""
     first, names = group[0], listed(effect_name(s["effect"]) for s in group)
+    if first["action"] == "refine":
+        return "finer mechanics"
     if first["action"] in ("remove", "exchange"):
         return f"without {names}"
     kept = first["accepted"] or (first["action"] == "upgrade" and in_the_end(run, first["effect"]))
