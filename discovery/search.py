@@ -327,17 +327,26 @@ class Search:
             self._renew(effect, Node.of(self.best.added, again, self.case))
         ranked = self._ordered(children)
         others = [n for n in ranked if n.added[-1] != effect]
-        price = self.case.settings.price
         for node in others:
-            gain = self.best.priced(price) - node.priced(price)
-            if gain > self.case.margin(self.best.chi2) and node.held < self.best.held:
-                reason = f"in its place {node.added[-1]} lowers chi-square by {gain:.0f} more"
+            if reason := self._better(node):
                 numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
                 self.steps.append(
                     Step("exchange", effect, True, reason, numbers, self._ranking(self._branches.of(smaller, among)))
                 )
                 self._take(node)
                 return
+
+    def _better(self, node: Node) -> str:
+        """Say why a set with another effect in the place of a member is better than the best one; "" if it is not."""
+        price, best = self.case.settings.price, self.best
+        gain = best.priced(price) - node.priced(price)
+        if gain > self.case.margin(best.chi2) and node.held < best.held:
+            return f"in its place {node.added[-1]} lowers chi-square by {gain:.0f} more"
+        (plain, count, *_), (plain_best, count_best, *_) = (merit(n, 0.0, price) for n in (node, best))
+        simpler = plain <= plain_best and count <= count_best and (plain, count) != (plain_best, count_best)
+        if simpler and node.chi2 <= best.chi2 + price and node.held <= best.held + price:
+            return f"in its place {node.added[-1]} leaves no more and is simpler"
+        return ""
 
     def _renew(self, effect: str, again: Node) -> None:
         """Take another minimum of the same set: what an effect was beside fewer others may have been a local one."""

@@ -15,8 +15,10 @@ from discovery.experiment import Experiment
 from discovery.fit import fit
 from discovery.holdout import HoldOut
 from discovery.model import Model
+from discovery.node import Node
 from discovery.problem import NaturalUnits
 from discovery.recording import Recording
+from discovery.refits import Refit
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.search import Search
 from discovery.testing.states import every_effect
@@ -106,6 +108,33 @@ def test_a_better_minimum_of_the_same_set_takes_its_place(gain: float, held: flo
         assert [s.action for s in search.steps[len(before) :]] == ["renew"] * renewed
     finally:
         search.best, search.steps = best, before
+
+
+def changed(node: Node, *, chi2: float, held: float) -> Node:
+    """Return a node whose refit leaves so much more."""
+    minimum = replace(node.refit.minimum, cost=node.refit.minimum.cost + 0.5 * chi2)
+    return replace(node, refit=replace(node.refit, minimum=minimum), held=node.held + held)
+
+
+@pytest.mark.parametrize(
+    ("chi2", "held", "better"),
+    [(5.0, 5.0, "is simpler"), (15.0, 0.0, ""), (0.0, 15.0, ""), (-9.0, -1.0, "lowers chi-square")],
+)
+def test_a_law_with_fewer_parameters_that_leaves_no_more_takes_the_place_of_a_member(
+    chi2: float, held: float, better: str
+) -> None:
+    """A slow ripple leaves what a gain of the encoder does, and needs two parameters more for it."""
+    search = copy(searched(c_2=0.3, tau=0.01))
+    small = search.best
+    problem = small.refit.problem
+    richer = replace(problem, model=problem.model.with_effect("periodic_disturbance"))
+    large = replace(small, refit=Refit("periodic_disturbance", richer, small.refit.minimum))
+    other = changed(small, chi2=chi2, held=held)
+    search.best = large
+    assert better in search._better(other)
+    assert bool(better) == bool(search._better(other))
+    search.best = small
+    assert not search._better(changed(large, chi2=-3.0, held=-1.0))
 
 
 def test_what_left_far_more_beside_fewer_is_not_tried_in_the_place_of_a_member() -> None:
