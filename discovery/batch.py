@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from discovery.least_squares import Minimum, Request, levenberg_marquardt, minimise
 from discovery.problem import Problem
+from discovery.race import Race
 
 __all__ = ["fit_problems", "together"]
 
@@ -22,10 +23,23 @@ def fit_problems(
     iterations: int = 40,
     tolerance: float = 1e-8,
     rough: bool = False,
+    race: bool = False,
 ) -> list[Minimum]:
-    """Fit several problems; the other arguments are those of `discovery.least_squares.levenberg_marquardt`."""
+    """Fit several problems; the other arguments are those of `discovery.least_squares.levenberg_marquardt`.
+
+    In a `race` only the best matter, and what is far behind is not followed to its minimum.
+    """
+    entries = Race(problems[0].bench.n_data) if race and problems else None
     requests = [
-        levenberg_marquardt(x, *p.bounds, p.scale, iterations=iterations, tolerance=tolerance, rough=rough)
+        levenberg_marquardt(
+            x,
+            *p.bounds,
+            p.scale,
+            iterations=iterations,
+            tolerance=tolerance,
+            rough=rough,
+            is_behind=entries.enter(p.model.effects) if entries is not None else None,
+        )
         for p, x in zip(problems, starts, strict=True)
     ]
     return together(problems, requests)

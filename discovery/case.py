@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from discovery.attribution import candidates
 from discovery.bench import Bench
-from discovery.errors import ComputationError
+from discovery.errors import ComputationError, SimulationFailure
 from discovery.experiment import Experiment
 from discovery.fit import SHIFT, Fit, fit, fit_near, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
-from discovery.problem import NaturalUnits
+from discovery.problem import NaturalUnits, Problem
 from discovery.refits import Refit, resettled
 from discovery.residual import roughness
 from discovery.shaking import shaken
@@ -152,6 +152,7 @@ class Case:
     settings: LoopSettings
     units: NaturalUnits
     tell: Tell
+    _benches: dict[tuple[str, float], Bench] = field(default_factory=dict, init=False, repr=False)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
@@ -171,17 +172,56 @@ class Case:
         """Return a refit of the search with its intervals."""
         return fit_near(found.problem, found.values)
 
-    def finer(self, found: Refit) -> Refit:
-        """Return a refit of the search on finer mechanics where there are any that fit as well, else the same."""
+    def _on_finer(self, found: Refit) -> Iterator[Problem]:
+        """Yield the problem of a refit on each finer mechanics, the best first."""
         for name in found.problem.model.mechanics.finer:
-            self.tell(f"refitting on finer mechanics: {name}")
+            model = found.problem.model.on_base(name)
+            key = name, found.problem.bench.step
             try:
-                again = resettled(found, self._bench(found.problem.model.on_base(name), found.values))
+                # The steps that the search needs tell how fine these must be.
+                if key not in self._benches:
+                    self._benches[key] = self._bench(model, found.values)
             except ComputationError:
                 continue
-            if again.chi2 < _SAME_ANSWER * found.chi2 + self.settings.price:
+            yield replace(found.problem, model=model, bench=self._benches[key])
+
+    def finer(self, found: Refit, least: float) -> Refit:
+        """Return a refit of the search on finer mechanics where there are any that fit as well, else the same.
+
+        Where these move its readings by less than `least` [noise sds, squared], they are not tried.
+        """
+        for problem in self._on_finer(found):
+            if self._moved(found, problem) < least:
+                return found
+            self.tell(f"refitting on finer mechanics: {problem.model.base}")
+            again = resettled(found, problem.bench)
+            if self._is_as_good(again.chi2, found):
                 return again
         return found
+
+    def finest(self, found: Refit) -> Fit:
+        """Return a refit of the search with its intervals, on finer mechanics where there are any that fit as well."""
+        for problem in self._on_finer(found):
+            self.tell(f"refitting on finer mechanics: {problem.model.base}")
+            try:
+                fitted = fit_near(problem, found.values)
+            except SimulationFailure:
+                continue
+            if self._is_as_good(fitted.chi2, found):
+                return self.polish(fitted)
+        return self.polish(self.finished(found))
+
+    def _is_as_good(self, chi2: float, found: Refit) -> bool:
+        return chi2 < _SAME_ANSWER * found.chi2 + self.settings.price
+
+    def _moved(self, found: Refit, other: Problem) -> float:
+        """Return how far another problem with the same values moves the readings of a refit [noise sds, squared]."""
+        there = other.predict(other.start(found.values))
+        moved = [
+            np.sum(np.square((b - a) / e.recording.noise))
+            for e, a, b in zip(self.train, found.predict(), there, strict=True)
+        ]
+        return float(np.nan_to_num(sum(moved), nan=np.inf))
 
     def reshaped(self, fitted: Fit, effects: Sequence[str]) -> Fit:
         """Return a fit, or a better one of the same model in which the laws of some effects have another shape."""

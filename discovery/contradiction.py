@@ -313,7 +313,9 @@ def _freed(fit: Fit, name: str, stated: tuple[float, float]) -> Fit:
             x = fit.minimum.x.copy()
             x[old.free.index(name)] = mean + away * sd
             starts.append(x)
-    minimum = min(fit_problems([problem] * len(starts), starts, iterations=25), key=lambda m: m.cost)
+    minimum = min(
+        fit_problems([problem] * len(starts), starts, iterations=25, tolerance=1e-6, rough=True), key=lambda m: m.cost
+    )
     covariance, reasons, directions = covariance_of(problem, minimum)
     return Fit(problem, minimum, covariance, reasons, directions, fit.solver_shift)
 

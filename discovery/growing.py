@@ -21,6 +21,7 @@ from discovery.finite import finite_starts
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
+from discovery.race import is_far_behind
 from discovery.refits import Refit, refit, settled
 
 __all__ = ["grown"]
@@ -82,8 +83,11 @@ def _followed(
         longer = _beginning(problem, share)
         problems = [Problem(model, longer.bench, problem.units, problem.gaussian) for model in models]
         starts = [p.start(v) for p, v in zip(problems, values, strict=True)]
-        minima = fit_problems(problems, starts, iterations=_ITERATIONS, tolerance=1e-3, rough=True)
-        values = [p.named(m.x) for p, m in zip(problems, minima, strict=True)]
+        minima = fit_problems(problems, starts, iterations=_ITERATIONS, tolerance=1e-3, rough=True, race=True)
+        best, n = 2 * min(m.cost for m in minima), longer.bench.n_data
+        near = [i for i, m in enumerate(minima) if not is_far_behind(2 * m.cost, best, n)]
+        models = [models[i] for i in near]
+        values = [problems[i].named(minima[i].x) for i in near]
     return list(zip(models, values, strict=True))
 
 

@@ -148,6 +148,7 @@ def levenberg_marquardt(
     tolerance: float = 1e-8,
     jacobian: FloatArray | None = None,
     rough: bool = False,
+    is_behind: Callable[[float, int], bool] | None = None,
 ) -> Request:
     """Minimise half the sum of squared residuals within bounds.
 
@@ -166,6 +167,8 @@ def levenberg_marquardt(
     rough : bool
         Difference to one side only, and carry the Jacobian along as long as steps keep what it promises; the search
         ends on one that was differenced. A quick search also differences to one side.
+    is_behind : callable, optional
+        Asked before every step, with the cost and the number of steps so far, whether to give up.
 
     Yields
     ------
@@ -198,6 +201,8 @@ def levenberg_marquardt(
     fresh, converged, count = not quick, False, 0
     blown, patience = not np.isfinite(cost), _PATIENCE
     while count < iterations and np.isfinite(cost) and np.isfinite(residual).all():
+        if is_behind is not None and is_behind(cost, count):
+            break
         count += 1
         gradient = jacobian.T @ residual
         normal = jacobian.T @ jacobian

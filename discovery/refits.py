@@ -40,7 +40,8 @@ _PROMISING = 8
 _FIRST_ROUND = 8
 _IN_THE_RACE = 18
 _SECOND_ROUND = 30
-#: A differenced Jacobian shows within so many steps what a quick search missed; the best ones are finished later.
+#: A differenced Jacobian shows within so many steps what a quick search missed (the best ones are finished later), and
+#: where a minimum is on another bench.
 _CHECKED = 10
 
 
@@ -263,13 +264,13 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
 def resettled(fitted: Refit, bench: Bench) -> Refit:
     """Return the same model on another bench, of the same mechanics or another, from where it was fitted."""
     problem = replace(fitted.problem, model=fitted.problem.model.on_base(bench.base), bench=bench)
-    (minimum,) = settle([problem], [problem.start(fitted.values)])
+    (minimum,) = settle([problem], [problem.start(fitted.values)], _CHECKED)
     return Refit(fitted.effect, problem, minimum)
 
 
 def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:
     """Minimise until a differenced Jacobian finds nothing better, in so many steps at most."""
-    return fit_problems(problems, starts, iterations=iterations, tolerance=1e-4, rough=True)
+    return fit_problems(problems, starts, iterations=iterations, tolerance=1e-4, rough=True, race=True)
 
 
 def settled(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Refit]:

@@ -8,6 +8,7 @@ it is idle, and exchanged where another effect serves better in its place.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,11 @@ from discovery.fit import Fit
 from discovery.node import Node, merit
 from discovery.refits import Refit, relaxed, resettled
 from discovery.registry import catalogue
+from discovery.simulate import THREADS
 from discovery.standing import evidence, rivals
 from discovery.stiff import coarsened
-from discovery.weighing import weigh
+from discovery.weighing import Verdict, weigh
+from discovery.workers import at_once
 
 __all__ = ["Search"]
 
@@ -95,7 +98,7 @@ class Search:
     def finest(self) -> tuple[Fit, list[FloatArray]]:
         """Return the set found, fitted on the finest mechanics, and its predictions of the held-out recordings."""
         if self.best not in self._finest:
-            fitted = self.case.polish(self.case.finished(self._on_finer(self.best)))
+            fitted = self.case.finest(self._finer.get(self.best, self.best.refit))
             self._finest[self.best] = fitted, self.case.held(fitted)
         return self._finest[self.best]
 
@@ -138,9 +141,7 @@ class Search:
             beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
             if not beam or self._is_costly(self.best):
                 return
-            # What fails on the held-out recordings is no step towards anything but a pair.
-            beam = [n for n in beam[:_BEAM] if n.held < self.root.held and not self._is_costly(n)]
-            beam = [n if n is self.best else self._resolved(n) for n in beam]
+            beam = [n if n is self.best else self._resolved(n) for n in beam[:_BEAM] if self._leads_on(n)]
 
     def _children(self, nodes: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
         """Return what the catalogue, or a part of it, offers beside some sets, best first."""
@@ -205,6 +206,11 @@ class Search:
             return self.best.rough > settings.ceiling and excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
         return self._helps(node.refit)
 
+    def _leads_on(self, node: Node) -> bool:
+        """Return whether a set is a step towards more than a pair: one that fails on the held-out recordings is not."""
+        smaller = self.best if len(node.added) > len(self.best.added) else self.root
+        return node.held < smaller.held and not self._is_costly(node)
+
     def _is_costly(self, node: Node) -> bool:
         """Return whether a set asks for far finer steps than the start, and yet leaves too much for a name."""
         here, start = (n.refit.problem.bench.step for n in (node, self.root))
@@ -252,22 +258,16 @@ class Search:
             self._smaller[key] = Node.of(rest, smaller, self.case)
         return self._smaller[key]
 
-    def _on_finer(self, node: Node) -> Refit:
-        """Return a set refitted on finer mechanics, or as it is where there are none."""
-        if node not in self._finer:
-            self._finer[node] = self.case.finer(node.refit)
-        return self._finer[node]
-
     def _resolved(self, node: Node) -> Node:
         """Return a set on finer mechanics where much of what it leaves is the error of quicker ones."""
         settings = self.case.settings
         if max(node.rough, node.held_rough) <= settings.floor or node.rough > _FAR:
             return node
-        finer = self._on_finer(node)
-        error = node.chi2 - finer.chi2
-        if error <= max(settings.price, settings.least_share * self.case.excess(node.chi2)):
-            return node
-        return Node.of(node.added, finer, self.case)
+        least = max(settings.price, settings.least_share * self.case.excess(node.chi2))
+        if node not in self._finer:
+            self._finer[node] = self.case.finer(node.refit, least)
+        finer = self._finer[node]
+        return Node.of(node.added, finer, self.case) if finer.chi2 < node.chi2 - least else node
 
     def _take(self, node: Node) -> Node:
         """Make a set the best one, on mechanics that resolve it, and return it."""
@@ -303,17 +303,32 @@ class Search:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
         for _ in range(_ROUNDS):
             before = self.best.added
+            if len(before) > 1:
+                self._foresee()
             for effect in before:
                 if len(self.best.added) > 1 and effect in self.best.added:
                     self._retry(effect)
             if self.best.added == before:
                 break
 
+    def _foresee(self) -> None:
+        """Make side by side what `_retry` will ask for, one member after the other."""
+        members = self.best.added
+        smaller = at_once([partial(self._without, e) for e in members], threads=THREADS)
+        if self._left(self.best) > _MUCH_LEFT or not all(self._weighed(e).accepted for e in members):
+            return
+        offers = [(node, self._contenders(e)) for node, e in zip(smaller, members, strict=True)]
+        at_once([partial(self._branches.of, node, among) for node, among in offers], threads=THREADS)
+
+    def _weighed(self, effect: str) -> Verdict:
+        """Decide whether a member is more than idle."""
+        return weigh(self.case, self.root, self._without(effect), self.best, (effect,), None, strict=True)
+
     def _retry(self, effect: str) -> None:
         smaller = self._without(effect)
         if not np.isfinite(smaller.chi2):
             return
-        verdict = weigh(self.case, self.root, smaller, self.best, (effect,), None, strict=True)
+        verdict = self._weighed(effect)
         if not verdict.accepted:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
             self._take(smaller)

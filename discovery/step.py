@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from discovery.errors import ComputationError
 from discovery.experiment import Experiment
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem
+from discovery.simulate import THREADS
+from discovery.workers import at_once
 
 __all__ = ["TOLERANCE", "choose_step"]
 
@@ -69,8 +72,9 @@ def choose_step(
         bench = Bench(model.base, effects or model.effects, experiments, step)
         problem = Problem(model, bench, units, {})
         vector = problem.start(values)[:, None]
-        coarse = bench.predict(*problem.expand(vector))
-        fine = Bench.like(bench, step / 2).predict(*problem.expand(vector))
+        finer = Bench.like(bench, step / 2)
+        simulations = [partial(each.predict, *problem.expand(vector)) for each in (finer, bench)]
+        fine, coarse = at_once(simulations, threads=THREADS)
         with np.errstate(invalid="ignore", over="ignore"):
             # The error against half the step, a sixteenth of which the finer solve still has.
             error = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(coarse, fine, strict=True)) / size
