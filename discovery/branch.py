@@ -71,7 +71,7 @@ class Branches:
         self.case = case
         self._made: dict[frozenset[str], Branch] = {}
 
-    def of(self, node: Node, among: Collection[str] | None = None) -> Branch:
+    def of(self, node: Node, among: Collection[str] | None = None, *, grows: bool = True) -> Branch:
         """Return the branch of a set of effects: screen the catalogue and refit every candidate beside it.
 
         Parameters
@@ -80,16 +80,18 @@ class Branches:
             The set.
         among : collection of str, optional
             Candidates that are refitted, if others need not be.
+        grows : bool
+            Whether candidates are also tried on the first swings alone, where much is left.
         """
         key, bench = frozenset(node.added), node.refit.problem.bench
         made = self._made.get(key)
         if made is None or (among is None and not made.whole):
-            made = self._made[key] = self._make(node, among)
+            made = self._made[key] = self._make(node, among, grows)
         elif any(r.problem.bench.base != bench.base for r in made.refits[:FINISHED]):
             made = self._made[key] = _moved(made, bench)
         return made
 
-    def _make(self, node: Node, among: Collection[str] | None) -> Branch:
+    def _make(self, node: Node, among: Collection[str] | None, grows: bool) -> Branch:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
         names = candidates(problem.model, self.case.train[0].coordinate_unit)
         tried = names if among is None else tuple(n for n in names if n in among)
@@ -111,7 +113,7 @@ class Branches:
             return [], grown(node.refit.minimum, node.refit.problem, tried)
 
         # The first effect may be a ripple whose frequency the whole recording hides: there every residual deserves it.
-        grows = far or (not node.added and node.rough > self.case.settings.floor)
+        grows = grows and (far or (not node.added and node.rough > self.case.settings.floor))
         ways = at_once([whole, growing] if grows else [whole], threads=THREADS)
         quick, full = ways[0][0], best_of(r for _, found in ways for r in found)
         done = {r.effect for r in full}

@@ -297,7 +297,11 @@ class Search:
 
     def _in_place_of(self, effect: str) -> Branch:
         """Return what the catalogue offers beside the best set without one of its members."""
-        return self._branches.of(self._without(effect), self._contenders(effect))
+        return self._offered(self._without(effect), self._contenders(effect))
+
+    def _offered(self, node: Node, among: Collection[str] | None) -> Branch:
+        """Return what may serve in the place of a member; where nothing better is needed, its whole fits will do."""
+        return self._branches.of(node, among, grows=not self.settled)
 
     def _refine(self) -> None:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
@@ -318,7 +322,7 @@ class Search:
         if self._left(self.best) > _MUCH_LEFT or not all(self._weighed(e).accepted for e in members):
             return
         offers = [(node, self._contenders(e)) for node, e in zip(smaller, members, strict=True)]
-        at_once([partial(self._branches.of, node, among) for node, among in offers], threads=THREADS)
+        at_once([partial(self._offered, node, among) for node, among in offers], threads=THREADS)
 
     def _weighed(self, effect: str) -> Verdict:
         """Decide whether a member is more than idle."""
@@ -336,6 +340,7 @@ class Search:
         if self._left(self.best) > _MUCH_LEFT:
             return
         among = self._contenders(effect)
+        branch = self._offered(smaller, among)
         children = self._children([smaller], among)
         again = next((r for added, r in children if added[-1] == effect), None)
         if again is not None:
@@ -345,9 +350,7 @@ class Search:
         for node in others:
             if reason := self._better(node):
                 numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
-                self.steps.append(
-                    Step("exchange", effect, True, reason, numbers, self._ranking(self._branches.of(smaller, among)))
-                )
+                self.steps.append(Step("exchange", effect, True, reason, numbers, self._ranking(branch)))
                 self._take(node)
                 return
 
