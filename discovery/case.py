@@ -18,7 +18,7 @@ from discovery.fit import SHIFT, Fit, fit, fit_near, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem
-from discovery.refits import Refit, resettled
+from discovery.refits import Refit, distances, resettled
 from discovery.residual import roughness
 from discovery.shaking import shaken
 from discovery.step import choose_step
@@ -216,12 +216,9 @@ class Case:
 
     def _moved(self, found: Refit, other: Problem) -> float:
         """Return how far another problem with the same values moves the readings of a refit [noise sds, squared]."""
-        there = other.predict(other.start(found.values))
-        moved = [
-            np.sum(np.square((b - a) / e.recording.noise))
-            for e, a, b in zip(self.train, found.predict(), there, strict=True)
-        ]
-        return float(np.nan_to_num(sum(moved), nan=np.inf))
+        predictions = (found.predict(), other.predict(other.start(found.values)))
+        here, there = ([channels[:, :, None] for channels in each] for each in predictions)
+        return float(distances(self.train, here, there)[0])
 
     def reshaped(self, fitted: Fit, effects: Sequence[str]) -> Fit:
         """Return a fit, or a better one of the same model in which the laws of some effects have another shape."""

@@ -84,7 +84,7 @@ def _followed(
         problems = [Problem(model, longer.bench, problem.units, problem.gaussian) for model in models]
         starts = [p.start(v) for p, v in zip(problems, values, strict=True)]
         minima = fit_problems(problems, starts, iterations=_ITERATIONS, tolerance=1e-3, rough=True, race=True)
-        best, n = 2 * min(m.cost for m in minima), longer.bench.n_data
+        best, n = 2 * min((m.cost for m in minima), default=np.inf), longer.bench.n_data
         near = [i for i, m in enumerate(minima) if not is_far_behind(2 * m.cost, best, n)]
         models = [models[i] for i in near]
         values = [problems[i].named(minima[i].x) for i in near]

@@ -305,15 +305,16 @@ def _judge_geometry(before: Fit, search: Search, case: Case) -> tuple[list[str],
     held_before, train_before = float("inf"), float("inf")
     for base, name in (("constant_radius", ""), *UPGRADES):
         if base == _EXACT:
-            found, _ = search.finest()
+            found, predicted = search.finest()
         elif base == "constant_radius" and not search.added:
-            found = before
+            found, predicted = before, case.held(before)
         else:
             case.tell(f"comparing mechanics: {base}")
             model = before.model.with_effect(*[e for e in search.added if e not in before.model.effects]).on_base(base)
             values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
             found = case.fit(model, values, {})
-        held, count, _ = case.judge.score(case.held(found))
+            predicted = case.held(found)
+        held, count, _ = case.judge.score(predicted)
         if name:
             # Fewer free parameters and a better fit of everything, or a smaller held-out error alone.
             better = held < 0.98 * held_before or held + found.chi2 < 0.98 * (held_before + train_before)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from discovery.attribution import Candidate
 from discovery.batch import fit_problems, together
 from discovery.bench import Bench
+from discovery.experiment import Experiment
 from discovery.finite import FarStart
 from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
@@ -19,6 +20,7 @@ from discovery.problem import Problem
 __all__ = [
     "Refit",
     "best_of",
+    "distances",
     "finish",
     "held_fixed",
     "refit",
@@ -259,6 +261,19 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
     (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
     return Refit(smaller.model.effects[-1], smaller, minimum)
+
+
+def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], there: Sequence[FloatArray]) -> FloatArray:
+    """Return how far two predictions of recordings, each (n, c, k), lie apart, shape (k,) [noise sds, squared].
+
+    Held-out samples count, too; infinite where a motion blew up.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = sum(
+            np.square((b - a) / e.recording.noise[:, None]).sum(axis=(0, 1))
+            for e, a, b in zip(experiments, here, there, strict=True)
+        )
+    return np.where(np.isfinite(apart), apart, np.inf)
 
 
 def resettled(fitted: Refit, bench: Bench) -> Refit:

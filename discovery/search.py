@@ -319,7 +319,8 @@ class Search:
         """Make side by side what `_retry` will ask for, one member after the other."""
         members = self.best.added
         smaller = at_once([partial(self._without, e) for e in members], threads=THREADS)
-        if self._left(self.best) > _MUCH_LEFT or not all(self._weighed(e).accepted for e in members):
+        known = all(np.isfinite(node.chi2) for node in smaller)
+        if not known or self._left(self.best) > _MUCH_LEFT or not all(self._weighed(e).accepted for e in members):
             return
         offers = [(node, self._contenders(e)) for node, e in zip(smaller, members, strict=True)]
         at_once([partial(self._offered, node, among) for node, among in offers], threads=THREADS)

@@ -13,7 +13,7 @@ from discovery.finite import declared_starts
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.refits import Refit, refit, resettled, settled
+from discovery.refits import Refit, distances, refit, resettled, settled
 
 __all__ = ["coarsened", "unstiffened"]
 
@@ -132,11 +132,6 @@ def _solver_errors(refits: Sequence[Refit], other: Bench) -> dict[str, float]:
         own = [r for r in refits if r.problem.bench is bench]
         sets = [r.problem.expand(r.minimum.x[:, None]) for r in own]
         parameters, initial = (np.concatenate(each, axis=-1) for each in zip(*sets, strict=True))
-        moved = np.zeros(len(own))
-        for e, here, there in zip(
-            bench.experiments, bench.predict(parameters, initial), other.predict(parameters, initial), strict=True
-        ):
-            with np.errstate(over="ignore", invalid="ignore"):
-                moved += np.square((there - here) / e.recording.noise[:, None]).sum(axis=(0, 1))
-        errors |= dict(zip([r.effect for r in own], np.where(np.isfinite(moved), moved, np.inf).tolist(), strict=True))
+        here, there = (each.predict(parameters, initial) for each in (bench, other))
+        errors |= dict(zip([r.effect for r in own], distances(bench.experiments, here, there).tolist(), strict=True))
     return errors

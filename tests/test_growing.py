@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from pendulum import swing
 
+from discovery import growing
 from discovery.bench import Bench
 from discovery.dataset import load_dataset
 from discovery.fit import declared_model, fit
@@ -37,3 +39,11 @@ def test_a_short_recording_needs_none(tmp_path) -> None:
     found = fit(declared_model(data.train[0]), data.train)
     assert grown(found.minimum, found.problem, ["coulomb_friction"]) == []
     np.testing.assert_allclose(found.values["g_c"], 30.0, rtol=2e-3)
+
+
+def test_where_every_candidate_blows_up_on_the_first_swings_there_is_none(
+    tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    declared = large_swing(tmp_path)
+    monkeypatch.setattr(growing, "refit", lambda *args, **options: [])
+    assert grown(declared.minimum, declared.problem, ["viscous_damping"]) == []
