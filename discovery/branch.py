@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,16 +134,27 @@ class Branches:
         return next((b for b in offers if b.whole and any(r.effect == effect for r in b.refits)), None)
 
     def children(self, beam: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
-        """Return every set with one effect more, or one of some, smallest chi-square first."""
+        """Return every set with one effect more, or one of some, smallest chi-square first.
+
+        Where one of them leaves noise, sets that leave more than its own without that effect are not extended.
+        """
         found: dict[frozenset[str], Child] = {}
-        at_once([partial(self.of, node, among) for node in beam], threads=THREADS)
-        for node in beam:
+        for node in sorted(beam, key=lambda n: n.chi2):
             for r in self.of(node, among).refits[:FINISHED]:
                 added = (*node.added, r.effect)
                 key = frozenset(added)
                 if key not in found or r.chi2 < found[key][1].chi2:
                     found[key] = added, r
+            if found and self._is_noise(*min(found.values(), key=lambda child: child[1].chi2)):
+                break
         return sorted(found.values(), key=lambda child: child[1].chi2)
+
+    def _is_noise(self, added: tuple[str, ...], refit: Refit) -> bool:
+        """Return whether effects, none of which imitates others, leave noise of all recordings."""
+        if any(catalogue()[e].pliable for e in added):
+            return False
+        node = Node.of(added, refit, self.case)
+        return max(node.rough, node.held_rough) <= self.case.settings.floor
 
     def pairs(self, node: Node) -> list[Child]:
         """Return sets with two effects more that would explain the residual to first order."""

@@ -291,7 +291,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
         # declared one, searched alike, leaves nothing but noise.
         if not search.settled:
             plain = Search(before, case)
-            plain.run()
+            plain.run(search.least)
             if plain.settled and plain.best.held < _MUCH_LESS * search.best.held:
                 return plain, [], steps
         geometry.append("elastica_geometry")

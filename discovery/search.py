@@ -17,6 +17,7 @@ from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
 from discovery.fit import Fit
 from discovery.node import Node, merit
+from discovery.race import is_far_behind
 from discovery.refits import Refit, relaxed, resettled
 from discovery.registry import catalogue
 from discovery.simulate import THREADS
@@ -66,6 +67,8 @@ class Search:
         The story.
     evidence, ambiguous : dict
         By added effect.
+    least : float
+        Chi-square that the set found leaves, also where none of its effects is named.
     """
 
     def __init__(self, start: Fit, case: Case) -> None:
@@ -81,6 +84,7 @@ class Search:
         self._finer: dict[Node, Refit] = {}
         self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
         self.root = self._take(Node.of((), Refit("", start.problem, start.minimum), case))
+        self.least = self.root.chi2
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -102,18 +106,25 @@ class Search:
             self._finest[self.best] = fitted, self.case.held(fitted)
         return self._finest[self.best]
 
-    def run(self) -> None:
-        """Search until both the training and the held-out residual are noise, or nothing passes."""
-        self._extend()
+    def run(self, rival: float = np.inf) -> None:
+        """Search until both the training and the held-out residual are noise, or nothing passes.
+
+        Parameters
+        ----------
+        rival : float
+            What another search leaves of chi-square: this one ends where a further effect leaves far more.
+        """
+        self._extend(rival)
         self._refine()
         if self.best.added and not self.settled and self._left(self.best) <= self.case.settings.least_known:
             # What is left may be the error of the mechanics of the search: it is judged on the finest.
             self.finest()
         self._distrust()
+        self.least = self.best.chi2
         self._conclude()
 
-    def _extend(self) -> None:
-        """Add effects, one at a time or two together, while they pass."""
+    def _extend(self, rival: float = np.inf) -> None:
+        """Add effects, one at a time or two together, while they pass and leave not far more than a rival."""
         settings = self.case.settings
         beam, level = [self.best], 0
         base: Node | None = None
@@ -129,6 +140,8 @@ class Search:
                 return
             level += 1
             children = self._children(beam)
+            if children and is_far_behind(children[0][1].chi2, rival, self.case.n_data):
+                return
             if base is not None:
                 pairs = self._trusted(self._branches.pairs(base))
                 children = sorted([*children, *pairs], key=lambda child: child[1].chi2)

@@ -206,6 +206,34 @@ def test_a_branch_for_an_extension_is_whole() -> None:
     assert branches.of(node, {first}) is whole
 
 
+def test_what_had_left_more_is_not_extended_once_noise_is_left() -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    # The best set lacks nothing but its last member; what leaves more beside it would find a pair of its own.
+    *smaller, last = search.added
+    ahead = search._without(last)
+    assert ahead.chi2 < search.root.chi2
+    branches = Branches(search.case)
+    children = branches.children([search.root, ahead])
+    assert {frozenset(added) for added, _ in children} >= {frozenset(search.added)}
+    assert branches.made(smaller) is not None
+    assert branches.made(()) is None
+    # Where what is left counts as more than noise, all are extended.
+    stricter = replace(search.case, settings=replace(search.case.settings, floor=0.0))
+    branches = Branches(stricter)
+    branches.children([search.root, ahead])
+    assert branches.made(()) is not None
+
+
+def test_a_search_ends_where_a_further_effect_leaves_far_more_than_another_search() -> None:
+    found = searched(c_2=0.3, tau=0.01)
+    search = copy(found)
+    for rival, added in ((search.case.n_data, ()), (np.inf, found.added)):
+        search.best, search.steps = found.root, []
+        search.run(rival)
+        assert search.added == added
+        assert search.least == search.best.chi2
+
+
 def test_the_story_tells_every_decision() -> None:
     search = searched(beta=1.0, f_c=0.02)
     kept = [s.effect for s in search.steps if s.action == "add" and s.accepted]
