@@ -45,13 +45,14 @@ class Branch:
         Every candidate with its sensitivities.
     refits : tuple of Refit
         First those with what the rig knows free, at least `FINISHED`, then the others; both by chi-square.
-    whole : bool
-        Whether every candidate was refitted.
+    whole, grown : bool
+        Whether every candidate was refitted, and whether on the first swings too, where much is left.
     """
 
     scored: Mapping[str, Candidate]
     refits: tuple[Refit, ...]
     whole: bool = True
+    grown: bool = True
 
 
 def _moved(made: Branch, bench: Bench) -> Branch:
@@ -84,7 +85,7 @@ class Branches:
         """
         key, bench = frozenset(node.added), node.refit.problem.bench
         made = self._made.get(key)
-        if made is None or (among is None and not made.whole):
+        if made is None or (among is None and not made.whole) or (grows and not made.grown):
             made = self._made[key] = self._make(node, among, grows)
         elif any(r.problem.bench.base != bench.base for r in made.refits[:FINISHED]):
             made = self._made[key] = _moved(made, bench)
@@ -112,12 +113,12 @@ class Branches:
             return [], grown(node.refit.minimum, node.refit.problem, tried)
 
         # The first effect may be a ripple whose frequency the whole recording hides: there every residual deserves it.
-        grows = grows and (far or (not node.added and node.rough > self.case.settings.floor))
-        ways = at_once([whole, growing] if grows else [whole], threads=THREADS)
+        much = far or (not node.added and node.rough > self.case.settings.floor)
+        ways = at_once([whole, growing] if grows and much else [whole], threads=THREADS)
         quick, full = ways[0][0], best_of(r for _, found in ways for r in found)
         done = {r.effect for r in full}
         rest = [r for r in quick if r.effect not in done]
-        return Branch({c.effect: c for c in scored}, (*full, *rest), among is None)
+        return Branch({c.effect: c for c in scored}, (*full, *rest), among is None, grows or not much)
 
     def forget(self, effect: str) -> None:
         """Forget what was offered beside sets with an effect, for its values have changed."""
@@ -129,7 +130,8 @@ class Branches:
 
     def below(self, added: Collection[str], effect: str) -> Branch | None:
         """Return the branch of the largest of these sets' subsets beside which an effect was refitted, if any."""
-        subsets = sorted((key for key in self._made if key <= frozenset(added)), key=len, reverse=True)
+        inside = [key for key in self._made if key <= frozenset(added)]
+        subsets = sorted(inside, key=lambda key: (-len(key), sorted(key)))
         offers = (self._made[key] for key in subsets)
         return next((b for b in offers if b.whole and any(r.effect == effect for r in b.refits)), None)
 
@@ -140,13 +142,13 @@ class Branches:
         """
         found: dict[frozenset[str], Child] = {}
         for node in sorted(beam, key=lambda n: n.chi2):
+            if found and self._is_noise(*min(found.values(), key=lambda child: child[1].chi2)):
+                break
             for r in self.of(node, among).refits[:FINISHED]:
                 added = (*node.added, r.effect)
                 key = frozenset(added)
                 if key not in found or r.chi2 < found[key][1].chi2:
                     found[key] = added, r
-            if found and self._is_noise(*min(found.values(), key=lambda child: child[1].chi2)):
-                break
         return sorted(found.values(), key=lambda child: child[1].chi2)
 
     def _is_noise(self, added: tuple[str, ...], refit: Refit) -> bool:

@@ -38,6 +38,7 @@ class HoldOut:
         reach = largest_deflection(train)
         self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
         self._benches: dict[tuple[str, tuple[str, ...], float], Bench] = {}
+        self._shares: dict[tuple[str, tuple[str, ...]], float] = {}
 
     @property
     def kind(self) -> str:
@@ -50,11 +51,16 @@ class HoldOut:
         """Return the predictions of the held-out recordings by each model (model, values, training predictions)."""
         if self.continued:
             return [on_train for _, _, on_train in models]
-        key = (bench.base, bench.effects, bench.step)
-        if key not in self._benches:
+        kernel = (bench.base, bench.effects)
+        if kernel not in self._shares:
+            # How much finer steps these recordings need than the fitted ones: later sets do not ask again, so that
+            # which of them comes first makes no difference.
             model, values, _ = models[0]
             step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
-            self._benches[key] = Bench(bench.base, bench.effects, self.separate, min(step, bench.step))
+            self._shares[kernel] = min(step / bench.step, 1.0)
+        key = (*kernel, bench.step)
+        if key not in self._benches:
+            self._benches[key] = Bench(*kernel, self.separate, self._shares[kernel] * bench.step)
         return held_out([(m, v) for m, v, _ in models], self.separate, self._benches[key], self.units)
 
     @property
@@ -78,15 +84,23 @@ class HoldOut:
         return inside or list(range(len(self.experiments)))
 
     def score(self, predictions: Sequence[FloatArray]) -> tuple[float, int, float]:
-        """Return chi-square, number of samples and systematic residual of the deciding recordings."""
-        chi2, count, parts = 0.0, 0, []
+        """Return chi-square, number of samples and systematic residual of the deciding recordings.
+
+        Both measures are infinite where a sample is not predicted: a motion blew up.
+        """
+        chi2, count = 0.0, 0
+        parts: list[float] = []
         outputs = self.outputs()
         for i in self.deciding():
             e = self.experiments[i]
             normal = (predictions[i] - outputs[i]) / e.recording.noise
-            good = np.isfinite(normal)
-            chi2 += float(np.sum(normal[good] ** 2))
-            count += int(good.sum())
+            measured = np.isfinite(outputs[i])
+            count += int(measured.sum())
+            if not np.isfinite(normal[measured]).all():
+                chi2 = np.inf
+                parts.append(np.inf)
+                continue
+            chi2 += float(np.sum(normal[measured] ** 2))
             parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
         return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
 

@@ -43,7 +43,8 @@ class Race:
         def is_behind(cost: float, steps: int) -> bool:
             chi2 = 2 * cost
             ahead, who = self._ahead.get(model, (chi2, me))
-            if chi2 <= ahead:
+            # Of two that are equal the first is followed.
+            if chi2 < ahead or who == me:
                 self._ahead[model] = chi2, me
             if steps < _WARM:
                 return False

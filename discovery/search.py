@@ -68,7 +68,7 @@ class Search:
     evidence, ambiguous : dict
         By added effect.
     least : float
-        Chi-square that the set found leaves, also where none of its effects is named.
+        Chi-square that the set found at last leaves, also where none of its effects is named.
     """
 
     def __init__(self, start: Fit, case: Case) -> None:
@@ -114,14 +114,19 @@ class Search:
         rival : float
             What another search leaves of chi-square: this one ends where a further effect leaves far more.
         """
+        self._look(rival)
+        if self._distrusts():
+            self._look(rival)
+        self.least = self.best.chi2
+        self._conclude()
+
+    def _look(self, rival: float) -> None:
+        """Add effects, and try in reverse what was found."""
         self._extend(rival)
         self._refine()
         if self.best.added and not self.settled and self._left(self.best) <= self.case.settings.least_known:
             # What is left may be the error of the mechanics of the search: it is judged on the finest.
             self.finest()
-        self._distrust()
-        self.least = self.best.chi2
-        self._conclude()
 
     def _extend(self, rival: float = np.inf) -> None:
         """Add effects, one at a time or two together, while they pass and leave not far more than a rival."""
@@ -226,8 +231,9 @@ class Search:
 
     def _is_costly(self, node: Node) -> bool:
         """Return whether a set asks for far finer steps than the start, and yet leaves too much for a name."""
-        here, start = (n.refit.problem.bench.step for n in (node, self.root))
-        return _FINE * here < start and self._left(node) > self.case.settings.least_known
+        here, start = (n.refit.problem.bench for n in (node, self.root))
+        finer = here.base == start.base and _FINE * here.step < start.step
+        return finer and self._left(node) > self.case.settings.least_known
 
     def _passes(self, node: Node) -> bool:
         """Decide whether a set replaces the best one so far, and tell the story."""
@@ -411,18 +417,17 @@ class Search:
             chance = self._branches.chance(branch, whole)
             self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, tied, chance)
 
-    def _distrust(self) -> None:
-        """Search again without the laws that imitate others, where they are found and yet something is left."""
+    def _distrusts(self) -> bool:
+        """Begin again without the laws that imitate others, and say so, where they are found and yet much is left."""
         imitating = [e for e in self.best.added if _imitates(e)]
         # What all laws together leave, the others leave too.
         if self.settled or not imitating or self._left(self.best) > self.case.settings.least_known:
-            return
+            return False
         for effect in imitating:
             reason = f"what is left is not noise, and {effect} may imitate what nobody declared"
             self.steps.append(Step("withdraw", effect, True, reason))
         self.best, self._plain = self.root, True
-        self._extend()
-        self._refine()
+        return True
 
     def _left(self, node: Node) -> float:
         """Return the share of the excess chi-square in training that a set leaves."""

@@ -37,6 +37,15 @@ def test_of_two_starts_of_one_model_that_meet_the_later_one_gives_up() -> None:
     assert first(490.0, 8)
 
 
+def test_of_two_starts_that_are_equal_one_goes_on() -> None:
+    race = Race(100)
+    first, second = race.enter("a"), race.enter("a")
+    assert not first(600.0, 4)
+    assert not second(600.0, 4)
+    assert not first(600.0, 5)
+    assert second(600.0, 5)
+
+
 def valleys(levels: list[float], *, race: bool) -> list[Minimum]:
     """Minimise narrow bent valleys that end on different levels, 100 residuals each."""
 

@@ -234,6 +234,36 @@ def test_a_search_ends_where_a_further_effect_leaves_far_more_than_another_searc
         assert search.least == search.best.chi2
 
 
+def test_what_was_not_tried_on_the_first_swings_is_when_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched(c_2=0.3, tau=0.01)
+    tried: list[int] = []
+    monkeypatch.setattr("discovery.branch.grown", lambda minimum, problem, names: tried.append(len(names)) or [])
+    branches = Branches(search.case)
+    assert search.root.rough > search.case.settings.floor
+    branches.of(search.root, {"quadratic_drag"}, grows=False)
+    assert tried == []
+    part = branches.of(search.root, {"quadratic_drag"})
+    assert tried == [1]
+    # What has been is not done again.
+    assert branches.of(search.root, {"quadratic_drag"}, grows=False) is part
+
+
+def test_without_laws_that_imitate_the_search_keeps_its_rival_and_is_judged_on_the_finest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = searched(beta=1.0, f_c=0.02)
+    search = copy(found)
+    asked: list[object] = []
+    monkeypatch.setattr(Search, "settled", property(lambda self: False))
+    monkeypatch.setattr(search, "_extend", lambda rival: asked.append(rival))
+    monkeypatch.setattr(search, "_refine", lambda: None)
+    monkeypatch.setattr(search, "finest", lambda: asked.append("finest"))
+    monkeypatch.setattr(search, "_distrusts", lambda: True)
+    monkeypatch.setattr(search, "_conclude", lambda: None)
+    search.run(123.0)
+    assert asked == [123.0, "finest"] * 2
+
+
 def test_the_story_tells_every_decision() -> None:
     search = searched(beta=1.0, f_c=0.02)
     kept = [s.effect for s in search.steps if s.action == "add" and s.accepted]

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from discovery.bench import Bench
+from discovery.fit import fit
+from discovery.holdout import HoldOut
+from discovery.model import Model
+from discovery.node import Node
+from discovery.refits import Refit
+from tests.test_search import DECLARED, EFFECTS, UNITS, pushes, recorded, searched
+
+HELD = recorded("held", pushes(-0.8, 1.2, 0.3, 0.0), 100)
+
+
+def judge() -> HoldOut:
+    return HoldOut([recorded("train", pushes(1.0, -1.5, 0.7, 0.0), 0)], [HELD], UNITS, 2e-5)
+
+
+def test_a_motion_that_blows_up_is_infinitely_wrong() -> None:
+    held = judge()
+    right = HELD.recording.output.copy()
+    chi2, count, rough = held.score([right])
+    assert (chi2, count) == (0.0, right.size)
+    assert np.isfinite(rough)
+    right[-5:] = np.nan
+    assert held.score([right]) == (np.inf, count, np.inf)
+    # Where nothing was measured, nothing is missed.
+    gaps = replace(HELD, recording=replace(HELD.recording, output=np.where(np.isnan(right), np.nan, right)))
+    chi2, count, _ = HoldOut(held.train, [gaps], UNITS, 2e-5).score([right])
+    assert (chi2, count) == (0.0, right.size - 5)
+
+
+def test_how_fine_the_steps_are_does_not_depend_on_which_set_is_judged_later() -> None:
+    train = [recorded("train", pushes(1.0, -1.5, 0.7, 0.0), 0)]
+    found = fit(Model("oscillator", DECLARED), train, start={"xi": 0.08, "alpha": 9.0}, units=UNITS)
+    models = [(found.model, values, []) for values in (found.values, {**found.values, "alpha": 900.0})]
+    benches = [Bench("oscillator", EFFECTS, train, step) for step in (0.04, 0.01)]
+    predicted = []
+    for order in (models, models[::-1]):
+        held = judge()
+        held.predictions(benches[0], models[:1])
+        predicted.append({m[1]["alpha"]: held.predictions(benches[1], [m])[0][0] for m in order})
+    for alpha in predicted[0]:
+        np.testing.assert_array_equal(predicted[0][alpha], predicted[1][alpha])
+
+
+def test_a_set_that_blows_up_on_held_out_recordings_is_no_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched()
+    case = search.case
+    monkeypatch.setattr(
+        case.judge, "predictions", lambda bench, models: [[np.full_like(HELD.recording.output, np.nan)]]
+    )
+    node = Node.of((), Refit("", search.root.refit.problem, search.root.refit.minimum), case)
+    assert node.held == node.held_rough == np.inf
