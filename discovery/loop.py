@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.case import Case, LoopSettings, Step
-from discovery.contradiction import ContradictionReport, check_contradictions
+from discovery.contradiction import ContradictionReport, check_contradictions, grossly_unlike
 from discovery.experiment import Experiment
 from discovery.fit import Fit, declared_model, fit, prolonged, rig_uncertainty, widened
 from discovery.holdout import HoldOut
@@ -213,7 +213,7 @@ def close_loop(
             "after": after_train if only_train else [*after_train, *after_held],
         },
         test=test,
-        contradiction=_contradiction(after, search, case) if settings.follow_up and (noise or not arm) else None,
+        contradiction=_contradiction(after, search, case, noise=noise) if settings.follow_up else None,
         separations=_separations(search, case) if settings.follow_up and arm else (),
         recordings=tuple(e.recording for e in (*train, *holdout)),
         unlike=unlike,
@@ -230,11 +230,18 @@ def _attainable(settings: LoopSettings, train: Sequence[Experiment], judge: Hold
     return replace(settings, floor=max(settings.floor, judge.chance(), *rounding))
 
 
-def _contradiction(after: Fit, search: Search, case: Case) -> ContradictionReport:
-    """Test the final values against what the rig and the elastica predict."""
+def _contradiction(after: Fit, search: Search, case: Case, *, noise: bool) -> ContradictionReport:
+    """Test the final values against what the rig and the elastica predict.
+
+    Where more than noise is left and the search names nothing, nothing is named that would reconcile them either.
+    """
     case.tell("comparing with the rig")
     rng = np.random.default_rng([case.settings.seed, 1])
-    return check_contradictions(after, rng, bench=search.best.refit.problem.bench, progress=case.tell)
+    if not noise and case.train[0].is_arm:
+        return grossly_unlike(after, rng)
+    names = None if noise or search.added else ()
+    bench = search.best.refit.problem.bench
+    return check_contradictions(after, rng, candidates=names, bench=bench, progress=case.tell)
 
 
 def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
@@ -288,12 +295,16 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
     geometry, steps = _judge_geometry(before, search, case)
     if "elastica_geometry" not in geometry:
         # Rare: the exact mechanics predicts no better than the declared one. It is given up only where it fails and the
-        # declared one, searched alike, leaves nothing but noise.
+        # declared one, searched alike, leaves nothing but noise, or where nothing is named upon either.
         if not search.settled:
             plain = Search(before, case)
             plain.run(search.least)
             if plain.settled and plain.best.held < _MUCH_LESS * search.best.held:
                 return plain, [], steps
+            if not search.added:
+                idle = "the error is smaller, but the exact arm's is not, and no effect is named upon either"
+                refused = [replace(s, accepted=False, reason=idle) if s.accepted else s for s in steps]
+                return Search(before, case), [], [*refused, *search.steps]
         geometry.append("elastica_geometry")
     return search, geometry, steps
 

@@ -20,6 +20,8 @@ LENGTH_MARGIN = 0.10
 NEAREST = 0.2
 LARGEST_TURN = 4.0 * np.pi
 LARGEST_DEFLECTION = np.pi
+#: So small a share of readings may be wild ones.
+_WILD = 0.01
 # Steps by which times go back where another trial begins.
 _FAR = 10.0
 # Where the rig does not tell the period [s]; the arms of the literature swing faster.
@@ -84,11 +86,11 @@ def check_signals(
         )
     if not outputs:
         if time.size < 2:
-            raise InputError(f"{table.path} is too short: {time.size} rows. A prediction needs at least 2.")
+            raise InputError(f"{table.path} is too short: {_rows(time.size)}. A prediction needs at least 2.")
         return
     if time.size < fewest:
         raise InputError(
-            f"{table.path} is too short: {time.size} rows, and at least {fewest} are needed. Record longer or faster."
+            f"{table.path} is too short: {_rows(time.size)}, and at least {fewest} are needed. Record longer or faster."
         )
     for channel, values in outputs.items():
         finite = values[np.isfinite(values)]
@@ -189,13 +191,18 @@ def _check_duration(table: Table, column: str, rig: Rig, time: FloatArray) -> No
             raise InputError(
                 f"{table.path}, column {column!r}: the record is too short: it lasts {duration:.4g} s, less than one "
                 f"swing "
-                f"of this arm ({period:.3g} s). Record longer, or correct the unit in the column's name."
+                f"of this arm ({period:.3g} s by the rig file's masses, length and rigidity). Record longer, or "
+                "correct these, or the unit in the column's name."
             )
     if step > 0.25 * period:
         raise InputError(
             f"{table.path}, column {column!r}: the samples are {step:.4g} s apart, too far for an arm that swings in "
             f"{period:.3g} s. If the times are in milliseconds, rename the column to 'time_ms'; else sample faster."
         )
+
+
+def _rows(count: int) -> str:
+    return f"{count} row" if count == 1 else f"{count} rows"
 
 
 def _check_within(table: Table, columns: Sequence[str], length: float, distance: FloatArray) -> None:
@@ -209,6 +216,8 @@ def _check_within(table: Table, columns: Sequence[str], length: float, distance:
         cure = f"If it is in millimetres, rename to {names}."
     else:
         cure = "Correct length_m in the rig file, the unit in the column's name, or the camera's origin: it is the hub."
+        if beyond.sum() <= _WILD * np.isfinite(distance).sum():
+            cure = f"Few readings are that far ({beyond.sum()}): empty the cells of a wild one. Else: {cure}"
     raise InputError(
         f"{table.path}, {_columns(columns)}, {table.where(row)}: the tip would be {distance[row]:.4g} m away "
         f"on an "

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
 from discovery.quantisation import quantum
 from discovery.sensor_faults import drift, flat_runs, spikes
 
-__all__ = ["clean_output", "time_notes"]
+__all__ = ["bend_notes", "clean_output", "time_notes"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -17,6 +19,7 @@ _GAP = 1.5  # steps
 _RARE = 0.1  # share of the steps
 _SLOW, _FAST = 1.0, 1e-6  # steps of mechanical recordings [s]
 _COARSE = 0.3  # of the noise
+_BENT = 0.9  # rms deflection of a rod [rad]
 
 
 def time_notes(time: FloatArray, assumed: bool) -> list[str]:
@@ -55,6 +58,31 @@ def time_notes(time: FloatArray, assumed: bool) -> list[str]:
             "the unit or the rate in the rig file."
         )
     return notes
+
+
+def bend_notes(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> list[str]:
+    """Tell of an arm whose tip does not point where the motor does: its columns may not be what they are called.
+
+    Parameters
+    ----------
+    motor_angle : array, shape (n,)
+        [rad].
+    outputs : mapping of str to array, shape (n,)
+        Readings [m or rad], NaN in gaps.
+    """
+    if "tip_x" in outputs:
+        direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
+    elif "tip_angle" in outputs:
+        direction = outputs["tip_angle"]
+    else:
+        return []
+    bend = float(np.sqrt(np.nanmean(np.angle(np.exp(1j * (direction - motor_angle))) ** 2)))
+    if bend <= _BENT:
+        return []
+    return [
+        f"The tip lies {bend:.2g} rad beside the motor's direction (rms), more than a rod bends in use. Are its "
+        "columns exchanged, is one of opposite sign, or is an angle in another unit than its column's name says?"
+    ]
 
 
 def clean_output(

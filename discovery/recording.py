@@ -16,7 +16,7 @@ from discovery.kinds import KINDS
 from discovery.plausibility import check_arm, check_signals
 from discovery.quantisation import resolution
 from discovery.reading_noise import estimate_noise, noise_note
-from discovery.reading_notes import clean_output, time_notes
+from discovery.reading_notes import bend_notes, clean_output, time_notes
 from discovery.recording_columns import ARM_OUTPUTS, ARM_STEMS, arm_columns, declared_columns, listed, picked_rows
 from discovery.rig import ForceView, Rig
 from discovery.unit_mistakes import check_units, near_hanging
@@ -143,6 +143,7 @@ def read_recording(
     check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
     if arm:
         check_arm(table, names, rig, time, inputs, read)
+        turned = [] if inputs is None else bend_notes(inputs, read)
     elif read:
         check_units(table, rig, names, time, read["output"], inputs is not None)
     if inputs is not None and "added" in values and rig.controller is not None:

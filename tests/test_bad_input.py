@@ -114,7 +114,12 @@ TABLES = {
     ),
     "beyond reach in one row": (
         change(77, "tip_x_m", 1.4),
-        ["row 78 (line 79 of the file)", "m away on an arm that is 0.9 m long", "length_m"],
+        [
+            "row 78 (line 79 of the file)",
+            "m away on an arm that is 0.9 m long",
+            "empty the cells of a wild one",
+            "length_m",
+        ],
     ),
     "degrees as radians": (
         lambda f: f.assign(motor_angle_rad=np.degrees(f["motor_angle_rad"])),
@@ -221,7 +226,7 @@ def test_prediction_files_are_checked_too(tmp_path):
     frame.assign(motor_angle_rad=np.degrees(frame["motor_angle_rad"])).to_csv(path, index=False)
     assert "'motor_angle_deg'" in refused(path, require_output=False)
     frame[:1].to_csv(path, index=False)
-    assert "too short: 1 rows" in refused(path, require_output=False)
+    assert "too short: 1 row." in refused(path, require_output=False)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,14 @@ from synthetic_run import write_arm_run
 from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
 
 from discovery.bench import Bench
-from discovery.contradiction import Check, Contradiction, ContradictionReport, _adjusted, check_contradictions
+from discovery.contradiction import (
+    Check,
+    Contradiction,
+    ContradictionReport,
+    _adjusted,
+    check_contradictions,
+    grossly_unlike,
+)
 from discovery.dataset import load_dataset
 from discovery.exact_counterpart import exact_counterpart
 from discovery.fit import Fit, declared_model, fit, rig_uncertainty
@@ -71,13 +78,37 @@ def test_several_effects_that_reconcile_are_all_named() -> None:
     assert "no effect of the catalogue reconciles" in none.sentence
 
 
-def test_nothing_is_predicted_for_an_oscillator() -> None:
-    clean = exact("clean")
-    experiment = replace(clean.problem.bench.experiments[0], rig=Rig("o", "oscillator"))
+def with_rig(found: Fit, rig: Rig) -> Fit:
+    """Return the same fit as if the rig file had stated something else."""
+    experiment = replace(found.problem.bench.experiments[0], rig=rig)
     bench = object.__new__(Bench)
-    bench.__dict__.update({**clean.problem.bench.__dict__, "experiments": (experiment,)})
-    other = replace(clean, problem=replace(clean.problem, bench=bench))
-    assert check(other) == ContradictionReport((), ())
+    bench.__dict__.update({**found.problem.bench.__dict__, "experiments": (experiment,)})
+    return replace(found, problem=replace(found.problem, bench=bench))
+
+
+def test_nothing_is_predicted_for_an_oscillator() -> None:
+    assert check(with_rig(exact("clean"), Rig("o", "oscillator"))) == ContradictionReport((), ())
+
+
+def test_where_nothing_is_sought_the_sentence_says_so() -> None:
+    contradiction = Contradiction(numbers(6.0), (), sought=False)
+    assert "no effect is sought" in contradiction.sentence
+    assert "of the catalogue" not in contradiction.sentence
+    found = check(exact("compliance"), ()).contradictions
+    assert [c.sought for c in found] == [False] * len(found)
+    assert found
+
+
+@pytest.mark.parametrize(("factor", "count"), [(1.0, 0), (1.3, 0), (1e-3, 1), (3.0, 1)])
+def test_a_rig_file_that_is_grossly_wrong_shows_in_the_stiffness(factor: float, count: int) -> None:
+    clean = exact("clean")
+    rig = clean.problem.bench.experiments[0].rig
+    assert rig.tip_mass is not None
+    wrong = replace(rig, tip_mass=Quantity(factor * rig.tip_mass.value, factor * rig.tip_mass.sd))
+    report = grossly_unlike(with_rig(clean, wrong), np.random.default_rng(0))
+    assert [c.parameter for c in report.checks] == ["alpha"]
+    assert len(report.contradictions) == count
+    assert all("Is the rig file right?" in c.sentence for c in report.contradictions)
 
 
 # Clean arms.

@@ -22,6 +22,7 @@ from discovery.dataset import load_dataset
 from discovery.loop import LoopResult, close_loop
 from discovery.mechanics.elastica import ElasticaCalm
 from discovery.provenance import plain
+from discovery.search import Search
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 GEOMETRY = ["radius_inertia", "elastica_geometry"]
@@ -332,6 +333,22 @@ def test_gusts_stay_unexplained(tmp_path: Path) -> None:
     assert result.verdict == "unexplained"
     assert {*result.added} <= {*GEOMETRY}
     assert "above" in result.test
+
+
+def test_mechanics_that_predict_no_better_are_not_reported_where_nothing_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = pd.read_csv(DATASETS / "arm" / "train_paper.csv")
+    frame.assign(tip_y_m=-frame["tip_y_m"]).to_csv(tmp_path / "mirrored.csv", index=False)
+    monkeypatch.setattr(Search, "run", lambda search, rival=np.inf: None)
+    result = alone(tmp_path / "mirrored.csv")
+    assert result.verdict == "unexplained"
+    assert result.added == ()
+    assert result.after.model.base == "constant_radius"
+    upgrades = [s for s in result.steps if s.action == "upgrade"]
+    assert [s.accepted for s in upgrades] == [False, False]
+    # The file says what may be wrong.
+    assert "beside the motor's direction" in result.summary()["recordings"][0]["notes"][0]
 
 
 def test_a_camera_that_is_knocked_about_stays_unexplained(tmp_path: Path) -> None:

@@ -57,6 +57,14 @@ def write(frame, path):
     return path
 
 
+def test_an_arm_whose_tip_does_not_follow_the_motor_is_told(tmp_path):
+    good = swing()
+    exchanged = good.rename(columns={"tip_x_m": "tip_y_m", "tip_y_m": "tip_x_m"})
+    degrees = good.assign(motor_angle_rad=np.degrees(good["motor_angle_rad"]) / 4)
+    notes = [read_recording(write(f, tmp_path / "a.csv"), ARM).notes for f in (good, exchanged, degrees)]
+    assert [any("beside the motor" in note for note in each) for each in notes] == [False, True, True]
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".tsv", ".parquet", ".mat", ".h5"])
 def test_formats(tmp_path, suffix):
     frame = swing()

@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         cli.main(arguments, prog_name="discovery", standalone_mode=False)
     except click.exceptions.Abort:
-        click.echo("interrupted", err=True)
+        click.echo("interrupted: no file is half-written, and the same command goes on from what is finished", err=True)
         sys.exit(130)
     except click.ClickException as error:
         error.show()

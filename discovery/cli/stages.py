@@ -83,7 +83,8 @@ def loop(
     _say_loop(result)
     if missing is not None and missing.depends:
         of = " or ".join(", ".join(d.variables) for d in missing.depends)
-        click.echo(f"missing force: depends on {of}; {'a patch is' if missing.patch else 'no patch is'} offered")
+        patch = "a patch is offered, see missing_force in loop.json" if missing.patch else "no patch is offered"
+        click.echo(f"missing force: depends on {of}; {patch}")
 
 
 def _initial(text: str | None) -> tuple[float, float] | None:
