@@ -264,6 +264,23 @@ def test_without_laws_that_imitate_the_search_keeps_its_rival_and_is_judged_on_t
     assert asked == [123.0, "finest"] * 2
 
 
+def test_a_start_that_had_stopped_short_is_fitted_again_and_needs_no_effect() -> None:
+    clean = searched()
+    good = clean.root
+    short = replace(good.refit.minimum, cost=good.refit.minimum.cost + 500)
+    search = copy(clean)
+    search.root = search.best = replace(good, refit=replace(good.refit, minimum=short), held=good.held + 500)
+    search.steps = []
+    offered = Branches(search.case).of(good).refits[0]
+    node = Node.of((offered.effect,), offered, search.case)
+    assert search._leads_back(node)
+    assert search.added == ()
+    assert search.root.chi2 == pytest.approx(good.chi2, abs=0.1)
+    assert [(s.action, s.effect) for s in search.steps] == [("withdraw", offered.effect)]
+    # From the best minimum it leads nowhere else.
+    assert not search._leads_back(node)
+
+
 def test_the_story_tells_every_decision() -> None:
     search = searched(beta=1.0, f_c=0.02)
     kept = [s.effect for s in search.steps if s.action == "add" and s.accepted]
