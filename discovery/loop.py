@@ -297,14 +297,16 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
         # Rare: the exact mechanics predicts no better than the declared one. It is given up only where it fails and the
         # declared one, searched alike, leaves nothing but noise, or where nothing is named upon either.
         if not search.settled:
-            plain = Search(before, case)
+            # Both searches begin at the same fit, on the kernel of the whole catalogue.
+            declared = case.fit(before.model, before.values, before.problem.gaussian)
+            plain = Search(declared, case)
             plain.run(search.least)
             if plain.settled and plain.best.held < _MUCH_LESS * search.best.held:
                 return plain, [], steps
             if not search.added:
                 idle = "the error is smaller, but the exact arm's is not, and no effect is named upon either"
                 refused = [replace(s, accepted=False, reason=idle) if s.accepted else s for s in steps]
-                return Search(before, case), [], [*refused, *search.steps]
+                return Search(declared, case), [], [*refused, *search.steps]
         geometry.append("elastica_geometry")
     return search, geometry, steps
 

@@ -137,20 +137,20 @@ def read_recording(
     inputs = values.get("motor_angle" if arm else "input")
     shown = channels or (ARM_OUTPUTS[0] if arm else ("output",))
     read = {channel: values[channel] for channel in channels}
-    turned: list[str] = []
+    told: list[str] = []
     if rig.kind == "pendulum" and rig.view is None and "output" in read:
-        read["output"], turned = near_hanging(read["output"])
+        read["output"], told = near_hanging(read["output"])
     check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
     if arm:
         check_arm(table, names, rig, time, inputs, read)
-        turned = [] if inputs is None else bend_notes(inputs, read)
+        told = [] if inputs is None else bend_notes(inputs, read)
     elif read:
         check_units(table, rig, names, time, read["output"], inputs is not None)
     if inputs is not None and "added" in values and rig.controller is not None:
         # What is added to the command acts as a reference that is further off.
         inputs = inputs + values["added"] / (rig.controller.kv * rig.controller.kp)
     si = tuple(ARM_STEMS[channel] if arm else si_symbol(rig.columns.output.unit) for channel in shown)
-    stated, noise, notes = _stated_noise(rig, shown), [], [*time_notes(time, rig.columns.time.assumed), *turned]
+    stated, noise, notes = _stated_noise(rig, shown), [], [*time_notes(time, rig.columns.time.assumed), *told]
     for channel, known, unit in zip(shown, stated, si, strict=True):
         if channel not in read:
             noise.append(1.0 if known is None else known)
