@@ -20,8 +20,10 @@ __all__ = ["Bench"]
 FloatArray = NDArray[np.float64]
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7
-# Residuals at once that stay in the cache.
+#: Residuals at once that stay in the cache.
 _CACHED = 400_000
+#: An instrument may read so far ahead of its stamp [s], see `discovery.effects.sensor_delay`.
+_AHEAD = 0.3
 #: What the kernel makes of the tip position, see `discovery.simulate.Misses`.
 _CHANNELS: dict[tuple[str, ...], int] = {("tip_angle",): 1, ("tip_deflection",): 2}
 
@@ -54,21 +56,27 @@ class Bench:
         self.base, self.effects, self.experiments, self.step = base, tuple(effects), tuple(experiments), step
         self.leap = leap if leap is not None and leaps(base, self.effects) else None
         longest, method = (step, CLASSICAL) if self.leap is None else (self.leap, dormand_prince())
-        self.simulators = [
+        self._whole = [
             Simulator(base, self.effects, e.recording.time, e.drive, step=longest, method=method) for e in experiments
         ]
+        self._parts = [e.fitted_part for e in self.experiments]
+        #: To the last fitted samples.
+        self.simulators = [
+            simulator if part is e else simulator.until(part.recording.time.size, _AHEAD)
+            for e, part, simulator in zip(self.experiments, self._parts, self._whole, strict=True)
+        ]
         self.names = self.simulators[0].names
-        self._weights = [np.ascontiguousarray(e.weights()) for e in experiments]
+        self._weights = [np.ascontiguousarray(e.weights()) for e in self._parts]
         self._targets = [
             np.ascontiguousarray(np.where(w > 0, e.recording.output, 0.0))
-            for e, w in zip(experiments, self._weights, strict=True)
+            for e, w in zip(self._parts, self._weights, strict=True)
         ]
         #: What the kernel compares readings with: a view passes a filter first.
         self._compared = [
             Misses(_CHANNELS.get(e.recording.channels, 0), target, weight)
             if e.rig.view is None
             else Misses(0, np.zeros_like(target), np.ones_like(weight))
-            for e, target, weight in zip(experiments, self._targets, self._weights, strict=True)
+            for e, target, weight in zip(self._parts, self._targets, self._weights, strict=True)
         ]
 
     @classmethod
@@ -78,7 +86,7 @@ class Bench:
         return cls(other.base, other.effects, other.experiments, step, leap)
 
     def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
-        """Return simulated channels of every experiment, each (n, c, k).
+        """Return simulated channels of every experiment to the end of its recording, each (n, c, k).
 
         Parameters
         ----------
@@ -89,13 +97,13 @@ class Bench:
         """
         return [
             e.channels(simulator(parameters, initial[i, 0], initial[i, 1]))
-            for i, (e, simulator) in enumerate(zip(self.experiments, self.simulators, strict=True))
+            for i, (e, simulator) in enumerate(zip(self.experiments, self._whole, strict=True))
         ]
 
     def residuals(
         self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None = None
     ) -> FloatArray:
-        """Return (prediction - measurement) / noise of every fitted sample, zero in gaps, shape (n, k).
+        """Return (prediction - measurement) / noise to the last fitted samples, zero in gaps, shape (n, k).
 
         A trial that blows up is infinite throughout. Where all trials share the `motions`, they are read only.
         """
@@ -201,7 +209,7 @@ class Bench:
 
     def _filtered(self, i: int, out: FloatArray, sums: FloatArray) -> FloatArray:
         """Return the residuals of what the kernel gave: the same, but for a view with its low-pass; renew its sums."""
-        experiment = self.experiments[i]
+        experiment = self._parts[i]
         if experiment.rig.view is None:
             return out
         with np.errstate(over="ignore", invalid="ignore"):
@@ -221,7 +229,8 @@ class Bench:
             yield slice(first, first + width)
 
     def blocks(self) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
-        """Yield the rows of every recording in a residual, and where its samples (n, c) are fitted and finite."""
+        """Yield the rows of every recording in a residual, and where of its samples to the last fitted one, (n, c), any
+        is fitted and finite."""
         first = 0
         for weight in self._weights:
             yield slice(first, first + weight.size), weight > 0

@@ -55,6 +55,12 @@ class Experiment:
         return replace(self, recording=part, fitted_samples=None)
 
     @property
+    def fitted_part(self) -> Experiment:
+        """The experiment to its last fitted sample: no residual needs more, but where readings pass a filter."""
+        part = self.fitted_samples is not None and self.rig.view is None
+        return self.first(len(self.recording.time[self.fitted])) if part else self
+
+    @property
     def is_arm(self) -> bool:
         """Whether the system is a flexible arm."""
         return self.rig.kind == ARM

@@ -78,6 +78,13 @@ class Grid:
         fraction = np.clip((time - times[out_step]) / steps[out_step], 0.0, 1.0)
         return cls(times, steps, restart, values, out_step, fraction, np.ascontiguousarray(time, float), out_drive)
 
+    def until(self, count: int, ahead: float) -> Grid:
+        """Return the grid of the first outputs, with all steps that begin less than `ahead` [s] after the last one."""
+        n = max(int(self.out_step[count - 1]) + 1, int(np.searchsorted(self.times, self.out_time[count - 1] + ahead)))
+        by_step = (each[:n] for each in (self.times, self.steps, self.restart, self.drive))
+        by_output = (each[:count] for each in (self.out_step, self.out_fraction, self.out_time, self.out_drive))
+        return Grid(*by_step, *by_output)
+
 
 def _breaks(drive: DriveLike, samples: int) -> NDArray[np.float64]:
     """Return where steps must end: kinks, and where a smooth motor profile changes its polynomial.

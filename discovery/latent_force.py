@@ -135,8 +135,7 @@ def _parameters(fit: Fit, index: int) -> FloatArray:
     vectors = np.repeat(x[:, None], n + 1, axis=1)
     vectors[np.arange(n), np.arange(1, n + 1)] += sizes
     parameters, initial = problem.expand(vectors)
-    bench, e = problem.bench, problem.bench.experiments[index]
-    channels = e.channels(bench.simulators[index](parameters, initial[index, 0], initial[index, 1]))
+    channels = problem.bench.predict(parameters, initial)[index]
     return (channels[:, :, 1:] - channels[:, :, :1]) / sizes
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,10 +132,20 @@ class Simulator:
 
     def refined(self, factor: float = 0.5) -> Simulator:
         """Return the same simulator with steps shortened by `factor`."""
-        other = object.__new__(Simulator)
-        other.__dict__.update(self.__dict__)
+        other = copy(self)
         other.step = self.step * factor
         other.grid = Grid.build(self.time, self.drive, other.step, self.kernel.method)
+        return other
+
+    def until(self, count: int, ahead: float) -> Simulator:
+        """Return the same simulator that ends with the first outputs, on the same steps.
+
+        An instrument may read so far ahead [s] of the last of them.
+        """
+        other = copy(self)
+        other.time = self.time[:count]
+        other.grid = self.grid.until(count, ahead)
+        other._plain = Misses(0, self._plain.target[:count], self._plain.weight[:count])
         return other
 
     def __call__(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> FloatArray:

@@ -48,7 +48,8 @@ def expected(bench: Bench, parameters: np.ndarray, initial: np.ndarray) -> list[
     found = []
     for e, channels in zip(bench.experiments, bench.predict(parameters, initial), strict=True):
         weights = e.weights()[:, :, None]
-        found.append(np.where(weights > 0, (channels - e.recording.output[:, :, None]) * weights, 0.0))
+        left = np.where(weights > 0, (channels - e.recording.output[:, :, None]) * weights, 0.0)
+        found.append(left[: e.fitted.stop])
     return found
 
 
