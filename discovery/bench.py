@@ -229,8 +229,10 @@ class Bench:
             yield slice(first, first + width)
 
     def blocks(self) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
-        """Yield the rows of every recording in a residual, and where of its samples to the last fitted one, (n, c), any
-        is fitted and finite."""
+        """Yield the rows of every recording in a residual, and where its samples (n, c) are fitted and finite.
+
+        They end with the last fitted one.
+        """
         first = 0
         for weight in self._weights:
             yield slice(first, first + weight.size), weight > 0

@@ -64,6 +64,16 @@ def _moved(made: Branch, bench: Bench) -> Branch:
     return replace(made, refits=(*moved, *rest))
 
 
+def _with_growth(made: Branch, node: Node) -> Branch:
+    """Return a branch whose candidates have been tried on the first swings, too."""
+    found = grown(node.refit.minimum, node.refit.problem, [r.effect for r in made.refits])
+    best: dict[str, Refit] = {}
+    for r in sorted([*made.refits[:FINISHED], *found], key=lambda r: r.chi2):
+        best.setdefault(r.effect, r)
+    rest = [r for r in made.refits[FINISHED:] if r.effect not in best]
+    return replace(made, refits=(*best.values(), *rest), grown=True)
+
+
 class Branches:
     """The branches of one search, each made once."""
 
@@ -85,10 +95,12 @@ class Branches:
         """
         key, bench = frozenset(node.added), node.refit.problem.bench
         made = self._made.get(key)
-        if made is None or (among is None and not made.whole) or (grows and not made.grown):
+        if made is None or (among is None and not made.whole):
             made = self._made[key] = self._make(node, among, grows)
         elif any(r.problem.bench.base != bench.base for r in made.refits[:FINISHED]):
             made = self._made[key] = _moved(made, bench)
+        if grows and not made.grown:
+            made = self._made[key] = _with_growth(made, node)
         return made
 
     def _make(self, node: Node, among: Collection[str] | None, grows: bool) -> Branch:
@@ -135,24 +147,29 @@ class Branches:
         offers = (self._made[key] for key in subsets)
         return next((b for b in offers if b.whole and any(r.effect == effect for r in b.refits)), None)
 
-    def children(self, beam: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
-        """Return every set with one effect more, or one of some, smallest chi-square first.
+    def children(
+        self, beam: Sequence[Node], among: Collection[str] | None = None, *, grows: bool = True
+    ) -> list[Child]:
+        """Return every set with one effect more, or one of some, see `of`, smallest chi-square first.
 
         Where one of them leaves noise, sets that leave more than its own without that effect are not extended.
         """
         found: dict[frozenset[str], Child] = {}
         for node in sorted(beam, key=lambda n: n.chi2):
-            if found and self._is_noise(*min(found.values(), key=lambda child: child[1].chi2)):
+            if self.leaves_noise(found.values()):
                 break
-            for r in self.of(node, among).refits[:FINISHED]:
+            for r in self.of(node, among, grows=grows).refits[:FINISHED]:
                 added = (*node.added, r.effect)
                 key = frozenset(added)
                 if key not in found or r.chi2 < found[key][1].chi2:
                     found[key] = added, r
         return sorted(found.values(), key=lambda child: child[1].chi2)
 
-    def _is_noise(self, added: tuple[str, ...], refit: Refit) -> bool:
-        """Return whether effects, none of which imitates others, leave noise of all recordings."""
+    def leaves_noise(self, children: Collection[Child]) -> bool:
+        """Return whether the set that leaves least, if none of its effects imitates others, leaves noise."""
+        if not children:
+            return False
+        added, refit = min(children, key=lambda child: child[1].chi2)
         if any(catalogue()[e].pliable for e in added):
             return False
         node = Node.of(added, refit, self.case)

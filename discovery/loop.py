@@ -32,7 +32,7 @@ UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
 #: Manoeuvres that are tried for each group of rivals.
-_DESIGNS = 200
+_DESIGNS = 100
 
 
 @dataclass(frozen=True)

@@ -113,20 +113,30 @@ class Search:
         Parameters
         ----------
         rival : float
-            What another search leaves of chi-square: this one ends where a further effect leaves far more.
+            What another search leaves of chi-square: this one ends where a further effect leaves far more, or where its
+            effects do not leave noise.
         """
-        self._look(rival)
+        self._extend(rival)
+        self.least = self.best.chi2
+        if np.isfinite(rival):
+            self._judge()
+            if not self.settled:
+                return
+        self._reverse()
         if self._distrusts():
-            self._look(rival)
+            self._extend(rival)
+            self._reverse()
         self.least = self.best.chi2
         self._conclude()
 
-    def _look(self, rival: float) -> None:
-        """Add effects, and try in reverse what was found."""
-        self._extend(rival)
+    def _reverse(self) -> None:
+        """Try in reverse what was found."""
         self._refine()
+        self._judge()
+
+    def _judge(self) -> None:
+        """Judge what leaves little on the finest mechanics: it may be the error of those of the search."""
         if self.best.added and not self.settled and self._left(self.best) <= self.case.settings.least_known:
-            # What is left may be the error of the mechanics of the search: it is judged on the finest.
             self.finest()
 
     def _extend(self, rival: float = np.inf) -> None:
@@ -145,15 +155,15 @@ class Search:
             if level > len(self.best.added) + 1:
                 return
             level += 1
-            children = self._children(beam)
-            if children and is_far_behind(children[0][1].chi2, rival, self.case.n_data):
-                return
-            if base is not None:
-                pairs = self._trusted(self._branches.pairs(base))
-                children = sorted([*children, *pairs], key=lambda child: child[1].chi2)
+            children = [] if base is None else self._trusted(self._branches.pairs(base))
             base = self.best
-            ranked = self._ordered(children)
-            chosen = next((node for node in ranked if self._passes(node)), None)
+            # Where a pair leaves noise, no set need be extended.
+            chosen = self._chosen(children) if self._branches.leaves_noise(children) else None
+            if chosen is None:
+                children = sorted([*self._children(beam), *children], key=lambda child: child[1].chi2)
+                if children and is_far_behind(children[0][1].chi2, rival, self.case.n_data):
+                    return
+                chosen = self._chosen(children)
             if chosen is not None and not base.added and self._leads_back(chosen):
                 beam, level, base = [self.best], 0, None
                 continue
@@ -165,11 +175,16 @@ class Search:
                 return
             beam = [n if n is self.best else self._resolved(n) for n in beam[:_BEAM] if self._leads_on(n)]
 
+    def _chosen(self, children: Sequence[Child]) -> Node | None:
+        """Return the first set that replaces the best one so far, in the order of `_ordered`."""
+        return next((node for node in self._ordered(children) if self._passes(node)), None)
+
     def _leads_back(self, node: Node) -> bool:
         """Begin anew where a first set shows that the fit of the start had stopped short of its best minimum."""
         bare = coarsened(relaxed(node.refit, node.added), self.root.refit.problem.bench)
         gain = self.root.chi2 - bare.chi2
-        if not gain > self.case.settings.price:
+        # Less than what is asked of an effect is not worth another search.
+        if not gain > max(self.case.settings.price, self.case.settings.least_share * self.case.excess(self.root.chi2)):
             return False
         again = Node.of((), replace(bare, effect=""), self.case)
         if not again.held < self.root.held:
@@ -181,9 +196,9 @@ class Search:
         self.root = self._take(again)
         return True
 
-    def _children(self, nodes: Sequence[Node], among: Collection[str] | None = None) -> list[Child]:
-        """Return what the catalogue, or a part of it, offers beside some sets, best first."""
-        return self._trusted(self._branches.children(nodes, among))
+    def _children(self, nodes: Sequence[Node]) -> list[Child]:
+        """Return what the catalogue offers beside some sets, best first."""
+        return self._trusted(self._branches.children(nodes))
 
     def _trusted(self, children: Sequence[Child]) -> list[Child]:
         """Return the sets without laws that imitate others, once these have been given up."""
@@ -258,8 +273,9 @@ class Search:
     def _passes(self, node: Node) -> bool:
         """Decide whether a set replaces the best one so far, and tell the story."""
         new = tuple(e for e in node.added if e not in self.best.added)
-        # Of a pair that was tried at once, the smaller set has not been screened.
-        parent = self._branches.made(node.added[:-1]) or self._branches.of(self.best)
+        # Of a pair that was tried at once, the smaller set has not been screened, but the one without both.
+        made = (self._branches.made(node.added[:-n]) for n in (1, 2))
+        parent = next((branch for branch in made if branch), None) or self._branches.of(self.best)
         chance = self._branches.chance(parent, node)
         verdict = weigh(self.case, self.root, self.best, node, new, chance)
         ranking = self._ranking(parent)
@@ -342,6 +358,10 @@ class Search:
         """Return what may serve in the place of a member; where nothing better is needed, its whole fits will do."""
         return self._branches.of(node, among, grows=not self.settled)
 
+    def _instead(self, node: Node, among: Collection[str] | None) -> list[Child]:
+        """Return the sets of what `_offered` offers, best first."""
+        return self._trusted(self._branches.children([node], among, grows=not self.settled))
+
     def _refine(self) -> None:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
         for _ in range(_ROUNDS):
@@ -381,7 +401,7 @@ class Search:
             return
         among = self._contenders(effect)
         branch = self._offered(smaller, among)
-        children = self._children([smaller], among)
+        children = self._instead(smaller, among)
         again = next((r for added, r in children if added[-1] == effect), None)
         if again is not None:
             self._renew(effect, Node.of(self.best.added, again, self.case))

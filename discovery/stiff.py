@@ -21,8 +21,9 @@ __all__ = ["coarsened", "unstiffened"]
 _LEADING, _PROMISING = 3, 8
 #: where the solver moves the residual by this much, and kept if they lower chi-square by as much;
 _WORTH = 5.0
-#: less than this part of the excess that a refit leaves is no difference either.
-_LITTLE = 1e-3
+#: less than this part of the excess that a refit leaves is no difference either, nor less than this part of how far it is
+#: behind the best one.
+_LITTLE, _NEARER = 1e-3, 0.1
 #: A refit that leaves more than this part of the excess may have been stopped by a motion that blows up.
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
@@ -62,10 +63,11 @@ def unstiffened(
     for finer in (2, 4, 8, 16, 32):
         leading = [r.effect for r in sorted(best.values(), key=lambda r: r.chi2)[:_LEADING]]
         leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
+        least = min(r.chi2 for r in best.values())
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
         errors = _solver_errors([finest[e] for e in unchecked], fine)
-        erring = {e for e, error in errors.items() if error > _worth(finest[e])}
+        erring = {e for e, error in errors.items() if error > _worth(finest[e], least)}
         # A refit that leaves much may also have stopped next to where the motion blows up.
         short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
         stopped = {r.effect for r in short if r.minimum.blown}
@@ -87,7 +89,7 @@ def unstiffened(
         blown = rough - {r.effect for r in found}
         for r in found:
             finest[r.effect] = r
-            if r.chi2 < best[r.effect].chi2 - _worth(best[r.effect]):
+            if r.chi2 < best[r.effect].chi2 - _worth(best[r.effect], least):
                 best[r.effect] = coarsened(r, best[r.effect].problem.bench)
             else:
                 checked.add(r.effect)
@@ -115,9 +117,9 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
     return fine
 
 
-def _worth(refit: Refit) -> float:
-    """Return how much of chi-square is a difference to a refit."""
-    return max(_WORTH, _LITTLE * (refit.chi2 - refit.problem.bench.n_data))
+def _worth(refit: Refit, least: float) -> float:
+    """Return how much of chi-square is a difference to a refit where the best one leaves the least."""
+    return max(_WORTH, _LITTLE * (refit.chi2 - refit.problem.bench.n_data), _NEARER * (refit.chi2 - least))
 
 
 def _is_stable(refit: Refit, bench: Bench) -> bool:

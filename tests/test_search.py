@@ -248,11 +248,11 @@ def test_what_was_not_tried_on_the_first_swings_is_when_that_is_asked_for(monkey
     assert branches.of(search.root, {"quadratic_drag"}, grows=False) is part
 
 
-def test_without_laws_that_imitate_the_search_keeps_its_rival_and_is_judged_on_the_finest(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(("rival", "times"), [(np.inf, 2), (123.0, 1)])
+def test_what_is_not_noise_is_judged_on_the_finest_and_searched_again_unless_there_is_a_rival(
+    monkeypatch: pytest.MonkeyPatch, rival: float, times: int
 ) -> None:
-    found = searched(beta=1.0, f_c=0.02)
-    search = copy(found)
+    search = copy(searched(beta=1.0, f_c=0.02))
     asked: list[object] = []
     monkeypatch.setattr(Search, "settled", property(lambda self: False))
     monkeypatch.setattr(search, "_extend", lambda rival: asked.append(rival))
@@ -260,8 +260,36 @@ def test_without_laws_that_imitate_the_search_keeps_its_rival_and_is_judged_on_t
     monkeypatch.setattr(search, "finest", lambda: asked.append("finest"))
     monkeypatch.setattr(search, "_distrusts", lambda: True)
     monkeypatch.setattr(search, "_conclude", lambda: None)
-    search.run(123.0)
-    assert asked == [123.0, "finest"] * 2
+    search.run(rival)
+    assert asked == [rival, "finest"] * times
+    assert search.least == search.best.chi2
+
+
+def test_members_are_exchanged_on_the_first_swings_only_where_what_is_found_leaves_more_than_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = copy(searched(beta=1.0, f_c=0.02))
+    tried: list[int] = []
+    monkeypatch.setattr("discovery.branch.grown", lambda minimum, problem, names: tried.append(len(names)) or [])
+    monkeypatch.setattr("discovery.branch._FAR", 0.0)
+    for noise in (True, False):
+        monkeypatch.setattr(Search, "settled", property(lambda self, noise=noise: noise))
+        search._branches = Branches(search.case)
+        search._retry(search.added[0])
+        assert bool(tried) is not noise
+
+
+def test_where_a_pair_leaves_noise_no_single_effect_more_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = searched(beta=1.0, f_c=0.02)
+    assert len(found.added) == 2
+    search = copy(found)
+    search.best, search.steps = found.root, []
+    search._branches = Branches(search.case)
+    # Neither passes alone, both together do.
+    monkeypatch.setattr(search, "_passes", lambda node: len(node.added) == 2)
+    search._extend()
+    assert set(search.added) == set(found.added)
+    assert all(search._branches.made([e]) is None for e in found.added)
 
 
 def test_a_start_that_had_stopped_short_is_fitted_again_and_needs_no_effect() -> None:
