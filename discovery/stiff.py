@@ -21,8 +21,8 @@ __all__ = ["coarsened", "unstiffened"]
 _LEADING, _PROMISING = 3, 8
 #: where the solver moves the residual by this much, and kept if they lower chi-square by as much;
 _WORTH = 5.0
-#: less than this part of the excess that a refit leaves is no difference either, nor less than this part of how far it is
-#: behind the best one.
+#: less than this part of the excess that a refit leaves is no difference either, nor less than this part of how far it
+#: is behind the best one.
 _LITTLE, _NEARER = 1e-3, 0.1
 #: A refit that leaves more than this part of the excess may have been stopped by a motion that blows up.
 _MUCH = 0.01
