@@ -81,9 +81,16 @@ class Grid:
     def until(self, count: int, ahead: float) -> Grid:
         """Return the grid of the first outputs, with all steps that begin less than `ahead` [s] after the last one."""
         n = max(int(self.out_step[count - 1]) + 1, int(np.searchsorted(self.times, self.out_time[count - 1] + ahead)))
-        by_step = (each[:n] for each in (self.times, self.steps, self.restart, self.drive))
-        by_output = (each[:count] for each in (self.out_step, self.out_fraction, self.out_time, self.out_drive))
-        return Grid(*by_step, *by_output)
+        return Grid(
+            self.times[:n],
+            self.steps[:n],
+            self.restart[:n],
+            self.drive[:n],
+            self.out_step[:count],
+            self.out_fraction[:count],
+            self.out_time[:count],
+            self.out_drive[:count],
+        )
 
 
 def _breaks(drive: DriveLike, samples: int) -> NDArray[np.float64]:
