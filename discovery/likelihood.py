@@ -261,14 +261,14 @@ def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
         centre, covariance = refined_start(fit, models, widths, NOISE_PRIOR)
         whitened = settled(lambda c, f: LogPosterior(problem, parts, c, f, models), centre, cholesky(covariance))
         return LogPosterior(problem, parts, *whitened, models)
-    sizes = np.cumsum([0, *(e.recording.output.size for e in problem.bench.experiments)])
-    residual, jacobian = fit.minimum.residual[: sizes[-1]], fit.minimum.jacobian[: sizes[-1]].copy()
+    rows, n_rows = [own for own, _ in problem.bench.blocks()], problem.bench.n_rows
+    residual, jacobian = fit.minimum.residual[:n_rows], fit.minimum.jacobian[:n_rows].copy()
     log_factors = []
     for part in parts:
-        chi2 = sum(float(np.sum(residual[sizes[i] : sizes[i + 1]] ** 2)) for i in part.experiments)
+        chi2 = sum(float(np.sum(residual[rows[i]] ** 2)) for i in part.experiments)
         log_factors.append(0.5 * math.log(max(chi2, np.finfo(float).tiny) / part.n))
         for i in part.experiments:
-            jacobian[sizes[i] : sizes[i + 1]] *= math.exp(-log_factors[-1])
+            jacobian[rows[i]] *= math.exp(-log_factors[-1])
     p, d = len(problem.names), len(problem.names) + len(parts)
     covariance = np.zeros((d, d))
     covariance[:p, :p] = information_covariance(jacobian, widths)

@@ -32,8 +32,8 @@ __all__ = ["Search"]
 FloatArray = NDArray[np.float64]
 #: So many sets that are equally good are judged on held-out data,
 _TRIED = 4
-#: and so many are extended side by side,
-_BEAM = 2
+#: and so many are extended side by side, of sets of two or more one:
+_BEAM = (2, 1)
 #: a rival only if it leaves at most so many times what the best one leaves.
 _RIVAL = 2.0
 #: A set that leaves much is not extended on steps that are shorter than those of the start by more than this.
@@ -173,7 +173,8 @@ class Search:
             beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
             if not beam or self._is_costly(self.best):
                 return
-            beam = [n if n is self.best else self._resolved(n) for n in beam[:_BEAM] if self._leads_on(n)]
+            wide = _BEAM[min(level, len(_BEAM)) - 1]
+            beam = [n if n is self.best else self._resolved(n) for n in beam[:wide] if self._leads_on(n)]
 
     def _chosen(self, children: Sequence[Child]) -> Node | None:
         """Return the first set that replaces the best one so far, in the order of `_ordered`."""
@@ -248,7 +249,7 @@ class Search:
     def _leading(self, children: Sequence[Child], besides: Sequence[Node]) -> list[Node]:
         """Return the best sets that are not among those already taken."""
         taken = {frozenset(node.added) for node in besides}
-        leading = [(added, r) for added, r in children[: _BEAM + 1] if frozenset(added) not in taken]
+        leading = [(added, r) for added, r in children[: max(_BEAM) + 1] if frozenset(added) not in taken]
         return [Node.of(added, r, self.case) for added, r in leading]
 
     def _worth_pursuing(self, node: Node) -> bool:

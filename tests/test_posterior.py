@@ -409,6 +409,15 @@ def test_gaps_and_held_out_samples_do_not_count():
     assert target.log_likelihood(x[None]) == pytest.approx([expected], abs=1e-3)
 
 
+def test_several_recordings_partly_held_out_count_as_their_fitted_parts():
+    parts = [experiment(np.random.default_rng(i), name=f"run {i}") for i in range(2)]
+    held_out = [dataclasses.replace(e, fitted_samples=n) for e, n in zip(parts, (100, 60), strict=True)]
+    cut = [e.first(n) for e, n in zip(parts, (100, 60), strict=True)]
+    targets = [log_posterior(fit(linear_model(), each)) for each in (held_out, cut)]
+    np.testing.assert_allclose(targets[0].centre, targets[1].centre, rtol=1e-6)
+    np.testing.assert_allclose(targets[0].factor, targets[1].factor, rtol=1e-4, atol=1e-9)
+
+
 def test_a_parameter_at_its_bound_has_a_one_sided_posterior():
     """Undamped data: the damping is at zero, and its posterior is the part of a Gaussian that is not negative."""
     fitted = fit(Model("oscillator", EFFECTS), [experiment(np.random.default_rng(7), xi=-0.004)])
