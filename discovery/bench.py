@@ -22,8 +22,6 @@ FloatArray = NDArray[np.float64]
 _PIECE = 4e7
 #: Residuals at once that stay in the cache.
 _CACHED = 400_000
-#: An instrument may read so far ahead of its stamp [s], see `discovery.effects.sensor_delay`.
-_AHEAD = 0.3
 #: What the kernel makes of the tip position, see `discovery.simulate.Misses`.
 _CHANNELS: dict[tuple[str, ...], int] = {("tip_angle",): 1, ("tip_deflection",): 2}
 
@@ -62,7 +60,7 @@ class Bench:
         self._parts = [e.fitted_part for e in self.experiments]
         #: To the last fitted samples.
         self.simulators = [
-            simulator if part is e else simulator.until(part.recording.time.size, _AHEAD)
+            simulator if part is e else simulator.until(part.recording.time.size)
             for e, part, simulator in zip(self.experiments, self._parts, self._whole, strict=True)
         ]
         self.names = self.simulators[0].names

@@ -66,7 +66,10 @@ def _moved(made: Branch, bench: Bench) -> Branch:
 
 def _with_growth(made: Branch, node: Node) -> Branch:
     """Return a branch whose candidates have been tried on the first swings, too."""
-    found = grown(node.refit.minimum, node.refit.problem, [r.effect for r in made.refits])
+    # What blew up on the whole recordings has no refit yet.
+    refitted = {r.effect for r in made.refits}
+    tried = [e for e in catalogue() if e in (made.scored if made.whole else refitted)]
+    found = grown(node.refit.minimum, node.refit.problem, tried)
     best: dict[str, Refit] = {}
     for r in sorted([*made.refits[:FINISHED], *found], key=lambda r: r.chi2):
         best.setdefault(r.effect, r)
@@ -166,14 +169,12 @@ class Branches:
         return sorted(found.values(), key=lambda child: child[1].chi2)
 
     def leaves_noise(self, children: Collection[Child]) -> bool:
-        """Return whether the set that leaves least, if none of its effects imitates others, leaves noise."""
-        if not children:
-            return False
-        added, refit = min(children, key=lambda child: child[1].chi2)
-        if any(catalogue()[e].pliable for e in added):
-            return False
-        node = Node.of(added, refit, self.case)
-        return max(node.rough, node.held_rough) <= self.case.settings.floor
+        """Return whether one of the sets that leave least, none of its effects imitating others, leaves noise."""
+        limit = min((r.chi2 for _, r in children), default=np.inf) + self.case.settings.price
+        least = [(added, r) for added, r in children if r.chi2 <= limit]
+        plain = [(added, r) for added, r in least if not any(catalogue()[e].pliable for e in added)]
+        nodes = (Node.of(added, r, self.case) for added, r in plain)
+        return any(max(node.rough, node.held_rough) <= self.case.settings.floor for node in nodes)
 
     def pairs(self, node: Node) -> list[Child]:
         """Return sets with two effects more that would explain the residual to first order."""

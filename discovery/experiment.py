@@ -57,8 +57,8 @@ class Experiment:
     @property
     def fitted_part(self) -> Experiment:
         """The experiment to its last fitted sample: no residual needs more, but where readings pass a filter."""
-        part = self.fitted_samples is not None and self.rig.view is None
-        return self.first(len(self.recording.time[self.fitted])) if part else self
+        cut = self.fitted_samples and self.rig.view is None
+        return self.first(len(self.recording.time[self.fitted])) if cut else self
 
     @property
     def is_arm(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -78,18 +78,14 @@ class Grid:
         fraction = np.clip((time - times[out_step]) / steps[out_step], 0.0, 1.0)
         return cls(times, steps, restart, values, out_step, fraction, np.ascontiguousarray(time, float), out_drive)
 
-    def until(self, count: int, ahead: float) -> Grid:
-        """Return the grid of the first outputs, with all steps that begin less than `ahead` [s] after the last one."""
-        n = max(int(self.out_step[count - 1]) + 1, int(np.searchsorted(self.times, self.out_time[count - 1] + ahead)))
-        return Grid(
-            self.times[:n],
-            self.steps[:n],
-            self.restart[:n],
-            self.drive[:n],
-            self.out_step[:count],
-            self.out_fraction[:count],
-            self.out_time[:count],
-            self.out_drive[:count],
+    def until(self, count: int) -> Grid:
+        """Return the same steps with the first outputs only: the integration ends with the last of them."""
+        return replace(
+            self,
+            out_step=self.out_step[:count],
+            out_fraction=self.out_fraction[:count],
+            out_time=self.out_time[:count],
+            out_drive=self.out_drive[:count],
         )
 
 

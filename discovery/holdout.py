@@ -100,9 +100,12 @@ class HoldOut:
                 chi2 = np.inf
                 parts.append(np.inf)
                 continue
-            chi2 += float(np.sum(normal[measured] ** 2))
-            parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
-        return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
+            # Shortly before a blow-up squares may be too large for a number.
+            with np.errstate(over="ignore"):
+                chi2 += float(np.sum(normal[measured] ** 2))
+                parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
+        with np.errstate(over="ignore"):
+            return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
 
     def chance(self) -> float:
         """Return the systematic residual [noise sds] that noise alone exceeds once in a hundred."""

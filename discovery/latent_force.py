@@ -128,14 +128,16 @@ class _Prior:
 
 
 def _parameters(fit: Fit, index: int) -> FloatArray:
-    """Return how the channels of one recording change with each free parameter of the model, shape (n, c, p)."""
+    """Return how the fitted channels of one recording change with each free parameter of the model, shape (n, c, p)."""
     problem, x, n = fit.problem, fit.minimum.x, len(fit.problem.free)
     sizes = 1e-4 * problem.scale[:n]
     sizes = np.where(x[:n] + sizes > problem.bounds[1][:n], -sizes, sizes)
     vectors = np.repeat(x[:, None], n + 1, axis=1)
     vectors[np.arange(n), np.arange(1, n + 1)] += sizes
     parameters, initial = problem.expand(vectors)
-    channels = problem.bench.predict(parameters, initial)[index]
+    bench = problem.bench
+    reading = bench.simulators[index](parameters, initial[index, 0], initial[index, 1])
+    channels = bench.experiments[index].fitted_part.channels(reading)
     return (channels[:, :, 1:] - channels[:, :, :1]) / sizes
 
 

@@ -113,10 +113,12 @@ def chance_variance(good: NDArray[np.bool_], time: FloatArray, period: float) ->
 
 def _normalised(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]) -> list[FloatArray]:
     """Return the residuals of the fitted samples in noise sds, NaN elsewhere, each (n, c)."""
-    return [
-        np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan)
-        for e, p in zip(experiments, predictions, strict=True)
-    ]
+    # A motion may blow up after the last fitted sample.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return [
+            np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan)
+            for e, p in zip(experiments, predictions, strict=True)
+        ]
 
 
 def roughness(experiments: Sequence[Experiment], predictions: Sequence[FloatArray], period: float) -> float:
@@ -245,12 +247,13 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
     prediction, measured : ndarray, shape (n, c)
         Free-run prediction and measurement.
     """
-    distance = np.sqrt(np.sum((prediction - measured) ** 2, axis=1))
-    distance = distance[np.isfinite(distance)]
+    taken = np.isfinite(measured).all(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
+    # What blew up is not near.
+    distance[~np.isfinite(distance)] = np.inf
     if distance.size == 0:
         return {"rms": float("nan"), "mean": float("nan"), "peak": float("nan")}
-    return {
-        "rms": float(np.sqrt(np.mean(distance**2))),
-        "mean": float(distance.mean()),
-        "peak": float(distance.max()),
-    }
+    with np.errstate(over="ignore"):
+        rms = float(np.sqrt(np.mean(distance**2)))
+    return {"rms": rms, "mean": float(distance.mean()), "peak": float(distance.max())}

@@ -157,24 +157,28 @@ class Search:
             level += 1
             children = [] if base is None else self._trusted(self._branches.pairs(base))
             base = self.best
-            # Where a pair leaves noise, no set need be extended.
-            chosen = self._chosen(children) if self._branches.leaves_noise(children) else None
+            # Where a pair leaves noise, no set need be extended, unless it is refused.
+            tried = children if self._branches.leaves_noise(children) else []
+            chosen = self._chosen(tried)
             if chosen is None:
+                refused = {id(r) for _, r in tried}
                 children = sorted([*self._children(beam), *children], key=lambda child: child[1].chi2)
                 if children and is_far_behind(children[0][1].chi2, rival, self.case.n_data):
                     return
-                chosen = self._chosen(children)
+                chosen = self._chosen([child for child in children if id(child[1]) not in refused])
             if chosen is not None and not base.added and self._leads_back(chosen):
                 beam, level, base = [self.best], 0, None
                 continue
             if chosen is not None:
                 chosen = self._take(chosen)
             beam = [chosen] if chosen else []
-            beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
+            wide = _BEAM[min(level, len(_BEAM)) - 1]
+            if len(beam) < wide:
+                beam += [node for node in self._leading(children, beam) if self._worth_pursuing(node)]
             if not beam or self._is_costly(self.best):
                 return
-            wide = _BEAM[min(level, len(_BEAM)) - 1]
-            beam = [n if n is self.best else self._resolved(n) for n in beam[:wide] if self._leads_on(n)]
+            beam = [n for n in beam if self._leads_on(n)][:wide]
+            beam = [n if n is self.best else self._resolved(n) for n in beam]
 
     def _chosen(self, children: Sequence[Child]) -> Node | None:
         """Return the first set that replaces the best one so far, in the order of `_ordered`."""

@@ -137,14 +137,11 @@ class Simulator:
         other.grid = Grid.build(self.time, self.drive, other.step, self.kernel.method)
         return other
 
-    def until(self, count: int, ahead: float) -> Simulator:
-        """Return the same simulator that ends with the first outputs, on the same steps.
-
-        An instrument may read so far ahead [s] of the last of them.
-        """
+    def until(self, count: int) -> Simulator:
+        """Return the same simulator that ends with the first outputs, on the same steps."""
         other = copy(self)
         other.time = self.time[:count]
-        other.grid = self.grid.until(count, ahead)
+        other.grid = self.grid.until(count)
         other._plain = Misses(0, self._plain.target[:count], self._plain.weight[:count])
         return other
 

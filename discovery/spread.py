@@ -174,13 +174,7 @@ def _client(address: str | None, workers: int) -> Iterator[Client]:
     from distributed import Client, LocalCluster
 
     # A worker that dies is replaced; what it did is tried again here, not by the scheduler, which keeps a short diary.
-    # A case waits at the scheduler, not at a worker, where it would die with the case before it.
-    settings = {
-        "distributed.scheduler.allowed-failures": 0,
-        "distributed.scheduler.worker-saturation": 1.0,
-        "distributed.admin.log-length": 500,
-    }
-    with dask.config.set(settings):
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.admin.log-length": 500}):
         if address is None:
             if workers < 1:
                 raise InputError(f"{workers} workers cannot work; give at least one.")
@@ -230,7 +224,8 @@ def _stream(
         seconds = time.perf_counter() - start
         outcome = _outcome(future, name, seconds)
         future.release()
-        # A process that did not heed its limit ended itself; any that died sooner may have died of another's doing.
+        # A process that does not heed its limit ends itself; one that died sooner may have died of the case before,
+        # behind which this one waited.
         if outcome is None and tries < _TRIES and (limit is None or seconds < limit + _GRACE):
             submit(name, case, tries + 1)
             continue

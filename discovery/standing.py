@@ -51,7 +51,8 @@ def evidence(
     others = [r.chi2 for r in branch.refits if r.effect != effect]
     own = branch.scored[effect]
     likeness = {n: similarity(own.sensitivity, c.sensitivity) for n, c in branch.scored.items() if n != effect}
-    moved = [a - b for a, b in zip(smaller.refit.predict(), larger.refit.predict(), strict=True)]
+    predicted = zip(case.train, smaller.refit.predict(), larger.refit.predict(), strict=True)
+    moved = [(a - b)[e.fitted] for e, a, b in predicted]
     return {
         "delta_chi2_train": gain,
         "delta_chi2_holdout": smaller.held - larger.held,

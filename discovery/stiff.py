@@ -118,7 +118,7 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
 
 
 def _worth(refit: Refit, least: float) -> float:
-    """Return how much of chi-square is a difference to a refit where the best one leaves the least."""
+    """Return how much of chi-square is a difference to a refit, where `least` is what the best one leaves."""
     return max(_WORTH, _LITTLE * (refit.chi2 - refit.problem.bench.n_data), _NEARER * (refit.chi2 - least))
 
 

@@ -39,7 +39,7 @@ def scattered(bench: Bench, k: int, late: bool = False) -> tuple[np.ndarray, np.
     parameters = np.repeat([[VALUES.get(n, 0.0)] for n in bench.names], k, axis=1)
     parameters *= 1 + 0.02 * rng.standard_normal(parameters.shape)
     if late:
-        parameters[bench.names.index("tau"), ::3] = rng.uniform(-0.03, 0.05, -(-k // 3))
+        parameters[bench.names.index("tau"), ::3] = rng.uniform(-0.3, 0.05, -(-k // 3))
     return parameters, 0.1 * rng.standard_normal((len(bench.experiments), 2, k))
 
 

@@ -201,6 +201,12 @@ def test_errors_are_distances_over_complete_samples() -> None:
     }
 
 
+@pytest.mark.parametrize("last", [np.nan, np.inf, 1e200])
+def test_what_blew_up_is_not_near(last: float) -> None:
+    found = errors(np.array([[0.0], [1.0], [last]]), np.array([[0.0], [np.nan], [0.0]]))
+    assert found == {"rms": np.inf, "mean": np.inf, "peak": np.inf}
+
+
 def test_errors_of_nothing_are_not_numbers() -> None:
     found = errors(np.zeros((3, 1)), np.full((3, 1), np.nan))
     assert all(np.isnan(v) for v in found.values())

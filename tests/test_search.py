@@ -289,7 +289,7 @@ def test_where_a_pair_leaves_noise_no_single_effect_more_is_tried(monkeypatch: p
     monkeypatch.setattr(search, "_passes", lambda node: len(node.added) == 2)
     search._extend()
     assert set(search.added) == set(found.added)
-    assert all(search._branches.made([e]) is None for e in found.added)
+    assert set(search._branches._made) == {frozenset()}
 
 
 def test_a_start_that_had_stopped_short_is_fitted_again_and_needs_no_effect() -> None:
