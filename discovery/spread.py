@@ -36,7 +36,7 @@ SCHEDULER = "DISCOVERY_SCHEDULER"
 _TRIES = 3
 #: Seconds after which a process whose work does not heed its limit is ended.
 _GRACE = 10.0
-#: Seconds in which a scheduler must answer.
+#: Seconds in which a scheduler must answer, and have a worker.
 _PATIENCE = 10.0
 
 Work = Callable[[Any, SeedSequence], Mapping[str, Any]]
@@ -195,8 +195,12 @@ def _client(address: str | None, workers: int) -> Iterator[Client]:
         except (OSError, ValueError) as error:
             raise InputError(f"No Dask scheduler answers at {address!r}: {error}") from error
         with client:
-            if not client.ncores():
-                raise InputError(f"The Dask scheduler at {address!r} has no workers. Start some: dask worker {address}")
+            # Workers that died are replaced after a while.
+            try:
+                client.wait_for_workers(1, timeout=_PATIENCE)
+            except TimeoutError as error:
+                said = f"The Dask scheduler at {address!r} has no workers. Start some: dask worker {address}"
+                raise InputError(said) from error
             yield client
 
 

@@ -91,13 +91,6 @@ def test_what_raises_dies_or_hangs_takes_no_other_with_it(cluster):
     assert all(outcomes[name].result is None for name, _ in cases[:4])
 
 
-def test_a_case_that_waits_for_a_worker_does_not_die_of_the_cases_before_it(cluster):
-    cases = [*((f"dies_{i}", "die") for i in range(4)), ("hangs", "slow")]
-    outcomes = {o.name: o for o in spread(troubled, cases, scheduler=cluster, limit=0.5)}
-    assert outcomes["hangs"].error.startswith("TooLong")
-    assert all(outcomes[f"dies_{i}"].error.startswith("WorkerDied") for i in range(4))
-
-
 def test_this_process_keeps_limits_and_errors_too():
     first, second, third = spread(troubled, [("a", "slow"), ("b", "raise"), ("c", 1)], workers=1, limit=0.1)
     assert first.error.startswith("TooLong")
