@@ -60,8 +60,7 @@ class Bench:
         self._parts = [e.fitted_part for e in self.experiments]
         #: To the last fitted samples.
         self.simulators = [
-            simulator if part is e else simulator.until(part.recording.time.size)
-            for e, part, simulator in zip(self.experiments, self._parts, self._whole, strict=True)
+            whole.until(part.recording.time.size) for part, whole in zip(self._parts, self._whole, strict=True)
         ]
         self.names = self.simulators[0].names
         self._weights = [np.ascontiguousarray(e.weights()) for e in self._parts]

@@ -54,6 +54,10 @@ class Branch:
     whole: bool = True
     grown: bool = True
 
+    def children(self, added: tuple[str, ...]) -> list[Child]:
+        """Return the set that it belongs to with one finished effect more, smallest chi-square first."""
+        return [((*added, r.effect), r) for r in sorted(self.refits[:FINISHED], key=lambda r: r.chi2)]
+
 
 def _moved(made: Branch, bench: Bench) -> Branch:
     """Return a branch the best refits of which go on upon other mechanics."""
@@ -150,10 +154,8 @@ class Branches:
         offers = (self._made[key] for key in subsets)
         return next((b for b in offers if b.whole and any(r.effect == effect for r in b.refits)), None)
 
-    def children(
-        self, beam: Sequence[Node], among: Collection[str] | None = None, *, grows: bool = True
-    ) -> list[Child]:
-        """Return every set with one effect more, or one of some, see `of`, smallest chi-square first.
+    def children(self, beam: Sequence[Node]) -> list[Child]:
+        """Return every set with one effect more, smallest chi-square first.
 
         Where one of them leaves noise, sets that leave more than its own without that effect are not extended.
         """
@@ -161,8 +163,7 @@ class Branches:
         for node in sorted(beam, key=lambda n: n.chi2):
             if self.leaves_noise(found.values()):
                 break
-            for r in self.of(node, among, grows=grows).refits[:FINISHED]:
-                added = (*node.added, r.effect)
+            for added, r in self.of(node).children(node.added):
                 key = frozenset(added)
                 if key not in found or r.chi2 < found[key][1].chi2:
                     found[key] = added, r

@@ -83,6 +83,8 @@ class HoldOut:
         inside = [i for i, flag in enumerate(self.inside) if flag]
         return inside or list(range(len(self.experiments)))
 
+    # Shortly before a blow-up squares may be too large for a number.
+    @np.errstate(over="ignore")
     def score(self, predictions: Sequence[FloatArray]) -> tuple[float, int, float]:
         """Return chi-square, number of samples and systematic residual of the deciding recordings.
 
@@ -100,12 +102,9 @@ class HoldOut:
                 chi2 = np.inf
                 parts.append(np.inf)
                 continue
-            # Shortly before a blow-up squares may be too large for a number.
-            with np.errstate(over="ignore"):
-                chi2 += float(np.sum(normal[measured] ** 2))
-                parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
-        with np.errstate(over="ignore"):
-            return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
+            chi2 += float(np.sum(normal[measured] ** 2))
+            parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
+        return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
 
     def chance(self) -> float:
         """Return the systematic residual [noise sds] that noise alone exceeds once in a hundred."""

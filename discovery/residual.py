@@ -111,14 +111,14 @@ def chance_variance(good: NDArray[np.bool_], time: FloatArray, period: float) ->
     return sum(each) / len(each) ** 2
 
 
+# A motion may blow up after the last fitted sample.
+@np.errstate(over="ignore", invalid="ignore")
 def _normalised(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]) -> list[FloatArray]:
     """Return the residuals of the fitted samples in noise sds, NaN elsewhere, each (n, c)."""
-    # A motion may blow up after the last fitted sample.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return [
-            np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan)
-            for e, p in zip(experiments, predictions, strict=True)
-        ]
+    return [
+        np.where(e.weights() > 0, (p - e.recording.output) * e.weights(), np.nan)
+        for e, p in zip(experiments, predictions, strict=True)
+    ]
 
 
 def roughness(experiments: Sequence[Experiment], predictions: Sequence[FloatArray], period: float) -> float:
@@ -239,8 +239,11 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
     """Return rms, mean and peak of the error: Euclidean distance over the channels, samples with finite output only.
+
+    They are infinite where the prediction of one of these is not finite.
 
     Parameters
     ----------
@@ -248,12 +251,12 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
         Free-run prediction and measurement.
     """
     taken = np.isfinite(measured).all(axis=1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
-    # What blew up is not near.
+    distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
     distance[~np.isfinite(distance)] = np.inf
     if distance.size == 0:
         return {"rms": float("nan"), "mean": float("nan"), "peak": float("nan")}
-    with np.errstate(over="ignore"):
-        rms = float(np.sqrt(np.mean(distance**2)))
-    return {"rms": rms, "mean": float(distance.mean()), "peak": float(distance.max())}
+    return {
+        "rms": float(np.sqrt(np.mean(distance**2))),
+        "mean": float(distance.mean()),
+        "peak": float(distance.max()),
+    }

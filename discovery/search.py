@@ -189,7 +189,7 @@ class Search:
         bare = coarsened(relaxed(node.refit, node.added), self.root.refit.problem.bench)
         gain = self.root.chi2 - bare.chi2
         # Less than what is asked of an effect is not worth another search.
-        if not gain > max(self.case.settings.price, self.case.settings.least_share * self.case.excess(self.root.chi2)):
+        if not (gain > self.case.settings.price and self._helps(bare)):
             return False
         again = Node.of((), replace(bare, effect=""), self.case)
         if not again.held < self.root.held:
@@ -363,10 +363,6 @@ class Search:
         """Return what may serve in the place of a member; where nothing better is needed, its whole fits will do."""
         return self._branches.of(node, among, grows=not self.settled)
 
-    def _instead(self, node: Node, among: Collection[str] | None) -> list[Child]:
-        """Return the sets of what `_offered` offers, best first."""
-        return self._trusted(self._branches.children([node], among, grows=not self.settled))
-
     def _refine(self) -> None:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
         for _ in range(_ROUNDS):
@@ -404,9 +400,8 @@ class Search:
             return
         if self._left(self.best) > _MUCH_LEFT:
             return
-        among = self._contenders(effect)
-        branch = self._offered(smaller, among)
-        children = self._instead(smaller, among)
+        branch = self._in_place_of(effect)
+        children = self._trusted(branch.children(smaller.added))
         again = next((r for added, r in children if added[-1] == effect), None)
         if again is not None:
             self._renew(effect, Node.of(self.best.added, again, self.case))
