@@ -15,19 +15,19 @@ from discovery.finite import finite_starts
 from discovery.growing import grown
 from discovery.likeness import likely_pairs
 from discovery.node import Node
-from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs, resettled
+from discovery.refits import Refit, best_of, finish, held_fixed, near_the_best, refit, refit_pairs, resettled
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
 from discovery.simulate import THREADS
 from discovery.stiff import unstiffened
 from discovery.workers import at_once
 
-__all__ = ["FINISHED", "Branch", "Branches", "Child"]
+__all__ = ["Branch", "Branches", "Child"]
 
 #: Added effects, and the model with them.
 Child = tuple[tuple[str, ...], Refit]
 #: So many of the best quick refits are finished with everything free;
-FINISHED = 6
+_FINISHED = 6
 #: so many pairs that promise most to first order are refitted, and so many of them finished.
 _PAIRS = 8
 _BEST_PAIRS = 4
@@ -44,28 +44,36 @@ class Branch:
     scored : mapping of str to Candidate
         Every candidate with its sensitivities.
     refits : tuple of Refit
-        First those with what the rig knows free, at least `FINISHED`, then the others; both by chi-square.
+        First those with what the rig knows free, then the others; both by chi-square.
+    finished : int
+        How many the first are.
     whole, grown : bool
         Whether every candidate was refitted, and whether on the first swings too, where much is left.
     """
 
     scored: Mapping[str, Candidate]
     refits: tuple[Refit, ...]
+    finished: int
     whole: bool = True
     grown: bool = True
 
     def children(self, added: tuple[str, ...]) -> list[Child]:
         """Return the set that it belongs to with one finished effect more, smallest chi-square first."""
-        return [((*added, r.effect), r) for r in sorted(self.refits[:FINISHED], key=lambda r: r.chi2)]
+        return [((*added, r.effect), r) for r in sorted(self.best, key=lambda r: r.chi2)]
+
+    @property
+    def best(self) -> tuple[Refit, ...]:
+        """The best of the finished refits."""
+        return self.refits[: min(self.finished, _FINISHED)]
 
 
 def _moved(made: Branch, bench: Bench) -> Branch:
     """Return a branch the best refits of which go on upon other mechanics."""
-    best, rest = made.refits[:FINISHED], made.refits[FINISHED:]
+    best, rest = made.best, made.refits[len(made.best) :]
     steps = {min(r.problem.bench.step, bench.step) for r in best}
     benches = {step: bench if step == bench.step else Bench.like(bench, step) for step in steps}
     moved = best_of(resettled(r, benches[min(r.problem.bench.step, bench.step)]) for r in best)
-    return replace(made, refits=(*moved, *rest))
+    return replace(made, refits=(*moved, *rest), finished=len(moved))
 
 
 def _with_growth(made: Branch, node: Node) -> Branch:
@@ -75,17 +83,28 @@ def _with_growth(made: Branch, node: Node) -> Branch:
     tried = [e for e in catalogue() if e in (made.scored if made.whole else refitted)]
     found = grown(node.refit.minimum, node.refit.problem, tried)
     best: dict[str, Refit] = {}
-    for r in sorted([*made.refits[:FINISHED], *found], key=lambda r: r.chi2):
+    for r in sorted([*made.best, *found], key=lambda r: r.chi2):
         best.setdefault(r.effect, r)
-    rest = [r for r in made.refits[FINISHED:] if r.effect not in best]
-    return replace(made, refits=(*best.values(), *rest), grown=True)
+    rest = [r for r in made.refits[len(made.best) :] if r.effect not in best]
+    return replace(made, refits=(*best.values(), *rest), finished=len(best), grown=True)
 
 
 class Branches:
-    """The branches of one search, each made once."""
+    """The branches of one search, each made once.
 
-    def __init__(self, case: Case) -> None:
-        self.case = case
+    All candidates are refitted on the mechanics on which the search began; the best of them go on upon those of the set
+    beside which they are tried, where these are finer.
+
+    Parameters
+    ----------
+    case : Case
+        Recordings, thresholds, progress.
+    bench : Bench
+        With the mechanics on which the search began.
+    """
+
+    def __init__(self, case: Case, bench: Bench) -> None:
+        self.case, self.bench = case, bench
         self._made: dict[frozenset[str], Branch] = {}
 
     def of(self, node: Node, among: Collection[str] | None = None, *, grows: bool = True) -> Branch:
@@ -103,12 +122,23 @@ class Branches:
         key, bench = frozenset(node.added), node.refit.problem.bench
         made = self._made.get(key)
         if made is None or (among is None and not made.whole):
-            made = self._made[key] = self._make(node, among, grows)
-        elif any(r.problem.bench.base != bench.base for r in made.refits[:FINISHED]):
-            made = self._made[key] = _moved(made, bench)
+            made = self._make(self._quick(node), among, grows)
         if grows and not made.grown:
-            made = self._made[key] = _with_growth(made, node)
+            made = _with_growth(made, self._quick(node))
+        if any(r.problem.bench.base != bench.base for r in made.best):
+            made = _moved(made, bench)
+        self._made[key] = made
         return made
+
+    def _quick(self, node: Node) -> Node:
+        """Return the same set on the mechanics on which the search began, or as it is where it blows up on these."""
+        fine, bench = node.refit.problem.bench, self.bench
+        while bench.base != fine.base and bench.step > fine.step:
+            quick = resettled(node.refit, bench)
+            if np.isfinite(quick.chi2):
+                return Node.of(node.added, quick, self.case)
+            bench = Bench.like(bench, bench.step / 2)
+        return node
 
     def _make(self, node: Node, among: Collection[str] | None, grows: bool) -> Branch:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
@@ -126,7 +156,7 @@ class Branches:
             shortlist = [c for c in scored if c.effect in tried]
             quick = refit(problem.model, minimum, problem, shortlist, finite=starts)
             quick = unstiffened(problem.model, minimum, problem, shortlist, quick)
-            return quick, finish(node.refit.problem, node.refit.minimum, quick[:FINISHED])
+            return quick, finish(node.refit.problem, node.refit.minimum, near_the_best(quick)[:_FINISHED])
 
         def growing() -> tuple[list[Refit], list[Refit]]:
             return [], grown(node.refit.minimum, node.refit.problem, tried)
@@ -137,7 +167,8 @@ class Branches:
         quick, full = ways[0][0], best_of(r for _, found in ways for r in found)
         done = {r.effect for r in full}
         rest = [r for r in quick if r.effect not in done]
-        return Branch({c.effect: c for c in scored}, (*full, *rest), among is None, grows or not much)
+        scores = {c.effect: c for c in scored}
+        return Branch(scores, (*full, *rest), len(full), among is None, grows or not much)
 
     def forget(self, effect: str) -> None:
         """Forget what was offered beside sets with an effect, for its values have changed."""
@@ -179,11 +210,15 @@ class Branches:
 
     def pairs(self, node: Node) -> list[Child]:
         """Return sets with two effects more that would explain the residual to first order."""
-        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-        likely = likely_pairs(list(self.of(node).scored.values()), minimum.residual, _PAIRS)
+        scored = list(self.of(node).scored.values())
+        begun = self._quick(node).refit
+        problem, minimum = held_fixed(begun.problem, begun.minimum)
+        likely = likely_pairs(scored, minimum.residual, _PAIRS)
         self.case.tell("refitting pairs")
         quick = refit_pairs(problem.model, minimum, problem, likely)
-        full = finish(node.refit.problem, node.refit.minimum, quick[:_BEST_PAIRS])
+        full = finish(begun.problem, begun.minimum, quick[:_BEST_PAIRS])
+        if begun is not node.refit:
+            full = best_of(resettled(r, node.refit.problem.bench) for r in full)
         return [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
 
     def chance(self, smaller: Branch, node: Node) -> NDArray[np.float64]:

@@ -17,9 +17,9 @@ _MET = 1e-3
 _ALIKE = 0.1
 
 
-def is_far_behind(chi2: float, best: float, n_data: int) -> bool:
-    """Return whether a fit leaves so much more than the best one that its minimum does not matter."""
-    return chi2 - n_data > _BEHIND * max(best - n_data, _LITTLE * n_data)
+def is_far_behind(chi2: float, best: float, n_data: int, behind: float = _BEHIND) -> bool:
+    """Return whether a fit leaves so much more than the best one, by a factor, that its minimum does not matter."""
+    return chi2 - n_data > behind * max(best - n_data, _LITTLE * n_data)
 
 
 class Race:
@@ -29,10 +29,12 @@ class Race:
     ----------
     n_data : int
         Number of residuals: what noise alone leaves of chi-square.
+    behind : float
+        Nobody gives up without leaving so many times the excess chi-square of the one ahead.
     """
 
-    def __init__(self, n_data: int) -> None:
-        self._n_data = n_data
+    def __init__(self, n_data: int, behind: float = _BEHIND) -> None:
+        self._n_data, self._behind = n_data, behind
         self._ahead: dict[Hashable, tuple[float, int]] = {}
         self._entrants = 0
 
@@ -50,6 +52,6 @@ class Race:
                 return False
             if who != me and 0 <= chi2 - ahead < max(_ALIKE, _MET * (ahead - self._n_data)):
                 return True
-            return is_far_behind(chi2, min(c for c, _ in self._ahead.values()), self._n_data)
+            return is_far_behind(chi2, min(c for c, _ in self._ahead.values()), self._n_data, self._behind)
 
         return is_behind

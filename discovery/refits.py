@@ -16,6 +16,7 @@ from discovery.finite import FarStart
 from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
+from discovery.race import Race, is_far_behind
 
 __all__ = [
     "Refit",
@@ -23,6 +24,7 @@ __all__ = [
     "distances",
     "finish",
     "held_fixed",
+    "near_the_best",
     "refit",
     "refit_pairs",
     "relaxed",
@@ -42,6 +44,8 @@ _PROMISING = 8
 _FIRST_ROUND = 8
 _IN_THE_RACE = 18
 _SECOND_ROUND = 30
+#: A quick search may be slow at first: it gives up only where it leaves so many times the excess of the best one.
+_FAR_BEHIND = 100.0
 #: A differenced Jacobian shows within so many steps what a quick search missed (the best ones are finished later), and
 #: where a minimum is on another bench.
 _CHECKED = 10
@@ -153,6 +157,8 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     problems: list[Problem] = []
     requests = []
     labels = [effects for effects, *_ in starts]
+    n_data = problem.bench.n_data
+    race = Race(n_data, _FAR_BEHIND)
     for effects, vector, columns, others in starts:
         extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         where = [extended.free.index(n) for n in problem.free]
@@ -178,14 +184,22 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
         problems.append(extended)
         requests.append(
             levenberg_marquardt(
-                x, lower, upper, extended.scale, iterations=_FIRST_ROUND, tolerance=1e-3, jacobian=jacobian
+                x,
+                lower,
+                upper,
+                extended.scale,
+                iterations=_FIRST_ROUND,
+                tolerance=1e-3,
+                jacobian=jacobian,
+                is_behind=race.enter(effects),
             )
         )
     quick = together(problems, requests)
     minima = list(quick)
     # Only those go on that are still in the race.
-    ahead = sorted(range(len(minima)), key=lambda i: minima[i].cost)[:_IN_THE_RACE]
+    ahead = _near_the_best([m.cost for m in minima], n_data, _FAR_BEHIND)[:_IN_THE_RACE]
     going = [i for i in ahead if not minima[i].converged and np.isfinite(minima[i].cost)]
+    race = Race(n_data, _FAR_BEHIND)
     further = [
         levenberg_marquardt(
             minima[i].x,
@@ -194,6 +208,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
             iterations=_SECOND_ROUND,
             tolerance=1e-3,
             jacobian=minima[i].jacobian,
+            is_behind=race.enter(labels[i]),
         )
         for i in going
     ]
@@ -206,10 +221,12 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     leading: dict[tuple[str, ...], int] = {}
     for i in order:
         leading.setdefault(labels[i], i)
+    near = _near_the_best([m.cost for m in minima], n_data)
+    nearest = list(dict.fromkeys(leading[labels[i]] for i in near))
     stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
     # Starts come in the order of their scores.
     promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
-    chosen = list(dict.fromkeys([*order[:_FINISHED], *list(leading.values())[:_FINISHED], *promising, *stalled]))
+    chosen = list(dict.fromkeys([*near[:_FINISHED], *nearest[:_FINISHED], *promising, *stalled]))
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
     finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):
@@ -221,6 +238,18 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     return best_of(
         Refit(each[-1], p, replace(m, blown=each in blown)) for each, p, m in zip(labels, problems, minima, strict=True)
     )
+
+
+def _near_the_best(costs: Sequence[float], n_data: int, *behind: float) -> list[int]:
+    """Return which minima are not far behind the best one, smallest first."""
+    order = sorted(range(len(costs)), key=lambda i: costs[i])
+    return [i for i in order if not is_far_behind(2 * costs[i], 2 * costs[order[0]], n_data, *behind)]
+
+
+def near_the_best(refits: Sequence[Refit]) -> list[Refit]:
+    """Return which refits of the same recordings are not far behind the best one, smallest chi-square first."""
+    n_data = refits[0].problem.bench.n_data if refits else 0
+    return [refits[i] for i in _near_the_best([r.minimum.cost for r in refits], n_data)]
 
 
 def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[Refit]:

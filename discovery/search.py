@@ -79,7 +79,7 @@ class Search:
         self.steps: list[Step] = []
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
-        self._branches = Branches(case)
+        self._branches = Branches(case, start.problem.bench)
         self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
         self._finer: dict[Node, Refit] = {}
@@ -197,7 +197,7 @@ class Search:
         reason = f"fitted again from there without it, the start leaves {gain:.0f} less than before"
         numbers = {"chi2_before": self.root.chi2, "chi2_after": again.chi2}
         self.steps += [Step("withdraw", e, True, reason, numbers) for e in node.added]
-        self._branches, self._smaller = Branches(self.case), {}
+        self._branches, self._smaller = Branches(self.case, self._branches.bench), {}
         self.root = self._take(again)
         return True
 

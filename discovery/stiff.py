@@ -24,6 +24,8 @@ _WORTH = 5.0
 #: less than this part of the excess that a refit leaves is no difference either, nor less than this part of how far it
 #: is behind the best one.
 _LITTLE, _NEARER = 1e-3, 0.1
+#: What the solver errs in the model without an effect changes nothing for the effect, nor does so many times as much.
+_OWN = 3.0
 #: A refit that leaves more than this part of the excess may have been stopped by a motion that blows up.
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
@@ -67,7 +69,9 @@ def unstiffened(
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
         errors = _solver_errors([finest[e] for e in unchecked], fine)
-        erring = {e for e, error in errors.items() if error > _worth(finest[e], least)}
+        before = Refit("", replace(problem, bench=benches[finer // 2]), minimum)
+        own = _OWN * _solver_errors([before], fine)[""]
+        erring = {e for e, error in errors.items() if error > max(_worth(finest[e], least), own)}
         # A refit that leaves much may also have stopped next to where the motion blows up.
         short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
         stopped = {r.effect for r in short if r.minimum.blown}

@@ -36,10 +36,10 @@ def test_only_what_moves_the_frequency_is_scanned() -> None:
     names = ["coulomb_friction", "sensor_delay", "periodic_disturbance", "cubic_stiffness"]
     far = finite_starts(found.minimum, found.problem, names)
     assert {name for name, _, _ in far} == {"cubic_stiffness"}
-    # Of a clean recording the smallest size is the best, with the stiffness all but as fitted.
+    # Of a clean recording the smallest size is the best; what it stiffens goes off the stiffness.
     _, vector, others = far[0]
     assert abs(vector[0]) <= 0.2 / UNITS.time**2 / UNITS.coordinate**2
-    assert others["alpha"] == pytest.approx(found.values["alpha"], rel=0.05)
+    assert others["alpha"] == pytest.approx(0.948 * found.values["alpha"], rel=0.02)
 
 
 def test_without_a_fitted_stiffness_there_is_nothing_to_scan() -> None:

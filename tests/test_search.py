@@ -196,7 +196,7 @@ def test_a_set_on_far_finer_steps_is_extended_only_if_it_explains_nearly_all(mon
 def test_a_branch_for_an_extension_is_whole() -> None:
     search = searched(beta=1.0, f_c=0.02)
     (first, _), node = search.added, search._without(search.added[0])
-    branches = Branches(search.case)
+    branches = Branches(search.case, search.root.refit.problem.bench)
     part = branches.of(node, {first})
     assert [r.effect for r in part.refits] == [first]
     assert branches.of(node, {first}) is part
@@ -212,14 +212,14 @@ def test_what_had_left_more_is_not_extended_once_noise_is_left() -> None:
     *smaller, last = search.added
     ahead = search._without(last)
     assert ahead.chi2 < search.root.chi2
-    branches = Branches(search.case)
+    branches = Branches(search.case, search.root.refit.problem.bench)
     children = branches.children([search.root, ahead])
     assert {frozenset(added) for added, _ in children} >= {frozenset(search.added)}
     assert branches.made(smaller) is not None
     assert branches.made(()) is None
     # Where what is left counts as more than noise, all are extended.
     stricter = replace(search.case, settings=replace(search.case.settings, floor=0.0))
-    branches = Branches(stricter)
+    branches = Branches(stricter, search.root.refit.problem.bench)
     branches.children([search.root, ahead])
     assert branches.made(()) is not None
 
@@ -238,7 +238,7 @@ def test_what_was_not_tried_on_the_first_swings_is_when_that_is_asked_for(monkey
     search = searched(c_2=0.3, tau=0.01)
     tried: list[int] = []
     monkeypatch.setattr("discovery.branch.grown", lambda minimum, problem, names: tried.append(len(names)) or [])
-    branches = Branches(search.case)
+    branches = Branches(search.case, search.root.refit.problem.bench)
     assert search.root.rough > search.case.settings.floor
     branches.of(search.root, {"quadratic_drag"}, grows=False)
     assert tried == []
@@ -274,7 +274,7 @@ def test_members_are_exchanged_on_the_first_swings_only_where_what_is_found_leav
     monkeypatch.setattr("discovery.branch._FAR", 0.0)
     for noise in (True, False):
         monkeypatch.setattr(Search, "settled", property(lambda self, noise=noise: noise))
-        search._branches = Branches(search.case)
+        search._branches = Branches(search.case, search.root.refit.problem.bench)
         search._retry(search.added[0])
         assert bool(tried) is not noise
 
@@ -284,7 +284,7 @@ def test_where_a_pair_leaves_noise_no_single_effect_more_is_tried(monkeypatch: p
     assert len(found.added) == 2
     search = copy(found)
     search.best, search.steps = found.root, []
-    search._branches = Branches(search.case)
+    search._branches = Branches(search.case, search.root.refit.problem.bench)
     # Neither passes alone, both together do.
     monkeypatch.setattr(search, "_passes", lambda node: len(node.added) == 2)
     search._extend()
@@ -299,7 +299,7 @@ def test_a_start_that_had_stopped_short_is_fitted_again_and_needs_no_effect() ->
     search = copy(clean)
     search.root = search.best = replace(good, refit=replace(good.refit, minimum=short), held=good.held + 500)
     search.steps = []
-    offered = Branches(search.case).of(good).refits[0]
+    offered = Branches(search.case, search.root.refit.problem.bench).of(good).refits[0]
     node = Node.of((offered.effect,), offered, search.case)
     assert search._leads_back(node)
     assert search.added == ()
