@@ -93,10 +93,10 @@ reports/measured/%/results.json: datasets/%.toml $(CODE) | $(READY)
 	@$(BIN)/discovery run $< --no-posterior --quiet --seed $(SEED) --note "Measured in another laboratory." --out $(@D) >/dev/null
 
 test: $(READY) ## Run the tests (at most ten minutes)
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow"
 
 test-long: $(READY) ## Run the longer studies
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m slow
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -m slow
 
 lint: $(READY) ## Check style, types and the layers of the package
 	$(BIN)/ruff check .

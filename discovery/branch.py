@@ -33,6 +33,8 @@ _PAIRS = 8
 _BEST_PAIRS = 4
 #: Systematic residual [noise sds] above which effects may be of a size at which linear starts fail.
 _FAR = 3.0
+#: Beside more effects than this, no other is tried on the first swings: what is left of them is hardly one effect.
+_GROWN = 1
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,7 @@ class Branches:
             return [], grown(node.refit.minimum, node.refit.problem, tried)
 
         # The first effect may be a ripple whose frequency the whole recording hides: there every residual deserves it.
-        much = far or (not node.added and node.rough > self.case.settings.floor)
+        much = node.rough > (_FAR if node.added else self.case.settings.floor) and len(node.added) <= _GROWN
         ways = at_once([whole, growing] if grows and much else [whole], threads=THREADS)
         quick, full = ways[0][0], best_of(r for _, found in ways for r in found)
         done = {r.effect for r in full}

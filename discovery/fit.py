@@ -28,6 +28,8 @@ FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
 SHIFT = 0.02
 _REFINEMENTS = 3
+#: From one minimum to the next, on finer steps, it is no farther than so many.
+_NEAR = 15
 #: Longest integration of one recording that a refinement asks for: dry friction and play would ask for any.
 _MOST_STEPS = 200_000
 
@@ -341,7 +343,7 @@ def refined(found: Fit, largest: float = SHIFT) -> Fit:
         problem = Problem(old.model, Bench.like(old.bench, step), old.units, old.gaussian)
         if max(s.grid.steps.size for s in problem.bench.simulators) > _MOST_STEPS:
             break
-        (minimum,) = fit_problems([problem], [best.minimum.x])
+        (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR)
         if not np.isfinite(minimum.cost):
             break
         found = _at(problem, minimum)

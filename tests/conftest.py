@@ -1,6 +1,14 @@
 """Settings of all tests: random examples are the same in every run, so that a failure can be repeated."""
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+#: What takes longest begins first: no worker is left waiting for another at the end.
+LONG = [f"test_{name}.py" for name in ("silverbox", "loop", "docs", "export", "cli", "reproduction_page", "twin")]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
