@@ -76,3 +76,13 @@ def test_what_is_far_behind_is_not_followed_to_its_minimum_and_what_is_ahead_is_
     assert alone[2].converged
     assert not raced[2].converged
     assert raced[2].iterations == 5 < alone[2].iterations
+
+
+def test_how_far_is_far_can_be_said() -> None:
+    assert is_far_behind(3000.0, 1000.0, 1000)
+    assert not is_far_behind(3000.0, 1000.0, 1000, 100.0)
+    patient = Race(100, 100.0)
+    ahead, behind = patient.enter("a"), patient.enter("b")
+    assert not ahead(50.0, 9)
+    assert not behind(545.0, 9)
+    assert behind(555.0, 9)

@@ -6,14 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from discovery import stiff
+from discovery.attribution import screen
 from discovery.bench import Bench
 from discovery.dataset import load_dataset
 from discovery.fit import fit
 from discovery.model import Model
 from discovery.problem import Problem, known_values, natural_units
-from discovery.refits import Refit
-from discovery.stiff import coarsened
+from discovery.refits import Refit, refit
+from discovery.stiff import coarsened, unstiffened
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 EFFECTS = ("linear_stiffness", "structural_damping", "viscous_damping")
@@ -62,3 +65,26 @@ def test_what_is_stable_on_fine_steps_only_stays_there() -> None:
     minimum = replace(fine.minimum, x=problem.start(values), cost=0.5 * float(residual @ residual), residual=residual)
     stiff = Refit("structural_damping", problem, minimum)
     assert coarsened(stiff, Bench.like(problem.bench, 0.008)) is stiff
+
+
+def test_what_the_solver_errs_without_an_effect_asks_for_no_finer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("sensor_delay", "table_tilt")
+    train = load_dataset(ARM / "rig.toml", [ARM / "train_large.csv"]).train
+    short = [e.first(400) for e in train]
+    model = Model("elastica_calm", ("viscous_damping", "linear_stiffness"), known_values(train[0]))
+    # So coarse that the solver moves every prediction by far more than a difference is worth.
+    bench = Bench("elastica_calm", (*model.effects, *names), short, 0.0165)
+    found = fit(model, short, start={"xi": 0.045, "alpha": 8.1}, units=natural_units(train), bench=bench)
+    scored = screen(model, found.minimum, found.problem, names)
+    quick = refit(model, found.minimum, found.problem, scored)
+    errors = stiff._solver_errors(quick, Bench.like(bench, bench.step / 2))
+    assert min(errors.values()) > 10 * stiff._WORTH
+    asked: list[str] = []
+    monkeypatch.setattr(stiff, "refit", lambda *_, **__: asked.append("finer") or [])
+    again = unstiffened(model, found.minimum, found.problem, scored, quick)
+    assert [r.effect for r in again] == [r.effect for r in quick]
+    assert not asked
+    # Were it theirs, they would be fitted on finer steps.
+    monkeypatch.setattr(stiff, "_OWN", 0.0)
+    unstiffened(model, found.minimum, found.problem, scored, quick)
+    assert asked

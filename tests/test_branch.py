@@ -1,0 +1,77 @@
+"""What the catalogue offers beside a set on finer mechanics than those on which the search began."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from discovery import branch
+from discovery.bench import Bench
+from discovery.branch import Branches
+from discovery.case import Case, LoopSettings
+from discovery.dataset import load_dataset
+from discovery.fit import declared_model, rig_uncertainty
+from discovery.holdout import HoldOut
+from discovery.node import Node
+from discovery.problem import natural_units
+from discovery.refits import Refit, resettled
+
+DELAYED = Path(__file__).parents[1] / "datasets" / "arm_delay"
+AMONG = frozenset({"sensor_delay", "coulomb_friction", "table_tilt"})
+
+
+@cache
+def on_both_mechanics() -> tuple[Case, Node, Node]:
+    """Return a case of a late camera, and the exact arm without that effect on quick and on finer mechanics."""
+    train = load_dataset(DELAYED / "rig.toml", [DELAYED / "train_paper.csv"]).train
+    units, settings = natural_units(train), LoopSettings()
+    case = Case(train, HoldOut(train, [], units, settings.tolerance), settings, units, lambda _: None)
+    model = declared_model(train[0]).on_base("elastica_calm")
+    found = case.fit(model, {"xi": 0.045, "alpha": 8.1}, rig_uncertainty(train[0]))
+    quick = Node.of((), Refit("", found.problem, found.minimum), case)
+    finer = next(case._on_finer(quick.refit))
+    return case, quick, Node.of((), resettled(quick.refit, finer.bench), case)
+
+
+def test_candidates_are_compared_on_quick_mechanics_and_the_best_go_on_upon_the_finer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case, quick, fine = on_both_mechanics()
+    bases: list[str] = []
+    real = branch.refit
+
+    def watched(model, minimum, problem, *rest, **more):  # type: ignore[no-untyped-def]
+        bases.append(problem.bench.base)
+        return real(model, minimum, problem, *rest, **more)
+
+    monkeypatch.setattr(branch, "refit", watched)
+    branches = Branches(case, quick.refit.problem.bench)
+    made = branches.of(fine, AMONG, grows=False)
+    assert bases == ["elastica_calm"]
+    assert {r.problem.bench.base for r in made.best} == {fine.refit.problem.bench.base} != {"elastica_calm"}
+    # Those that are far behind stay where they are, with what the rig knows held.
+    assert {r.problem.bench.base for r in made.refits[made.finished :]} == {"elastica_calm"}
+    assert made.best[0].effect == "sensor_delay"
+    assert made.best[0].values["tau"] == pytest.approx(0.01, rel=0.05)
+    # A set on the quick mechanics needs no other.
+    assert branches._quick(quick) is quick
+    assert branches._quick(fine).chi2 == pytest.approx(quick.chi2, rel=1e-3)
+
+
+def test_what_blows_up_on_the_quick_steps_is_compared_on_finer_ones() -> None:
+    case, quick, fine = on_both_mechanics()
+    coarse = Bench.like(quick.refit.problem.bench, 16 * quick.refit.problem.bench.step)
+    again = Branches(case, coarse)._quick(fine).refit.problem.bench
+    assert again.base == "elastica_calm"
+    assert again.step < coarse.step
+
+
+def test_only_what_is_near_the_best_is_finished() -> None:
+    case, quick, _ = on_both_mechanics()
+    made = Branches(case, quick.refit.problem.bench).of(quick, AMONG, grows=False)
+    assert made.finished == len(made.best) < len(AMONG)
+    assert [added for added, _ in made.children(())] == [(r.effect,) for r in made.best]
+    assert made.best[0].problem.gaussian
+    assert all(not r.problem.gaussian and r.chi2 > 5 * made.best[0].chi2 for r in made.refits[made.finished :])
