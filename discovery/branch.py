@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,8 @@ from discovery.finite import finite_starts
 from discovery.growing import grown
 from discovery.likeness import likely_pairs
 from discovery.node import Node
-from discovery.refits import Refit, best_of, finish, held_fixed, near_the_best, refit, refit_pairs, resettled
+from discovery.race import near_the_best
+from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs, resettled
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
 from discovery.simulate import THREADS
@@ -45,37 +46,40 @@ class Branch:
     ----------
     scored : mapping of str to Candidate
         Every candidate with its sensitivities.
-    refits : tuple of Refit
-        First those with what the rig knows free, then the others; both by chi-square.
-    finished : int
-        How many the first are.
+    best, rest : tuple of Refit
+        The best ones, with what the rig knows free, and the others; both by chi-square.
     whole, grown : bool
         Whether every candidate was refitted, and whether on the first swings too, where much is left.
     """
 
     scored: Mapping[str, Candidate]
-    refits: tuple[Refit, ...]
-    finished: int
+    best: tuple[Refit, ...]
+    rest: tuple[Refit, ...]
     whole: bool = True
     grown: bool = True
 
     def children(self, added: tuple[str, ...]) -> list[Child]:
         """Return the set that it belongs to with one finished effect more, smallest chi-square first."""
-        return [((*added, r.effect), r) for r in sorted(self.best, key=lambda r: r.chi2)]
+        return [((*added, r.effect), r) for r in self.best]
 
     @property
-    def best(self) -> tuple[Refit, ...]:
-        """The best of the finished refits."""
-        return self.refits[: min(self.finished, _FINISHED)]
+    def refits(self) -> tuple[Refit, ...]:
+        """All of them."""
+        return *self.best, *self.rest
 
 
-def _moved(made: Branch, bench: Bench) -> Branch:
-    """Return a branch the best refits of which go on upon other mechanics."""
-    best, rest = made.best, made.refits[len(made.best) :]
-    steps = {min(r.problem.bench.step, bench.step) for r in best}
+def _moved(refits: Sequence[Refit], bench: Bench) -> list[Refit]:
+    """Return refits that go on upon other mechanics, smallest chi-square first."""
+    steps = {min(r.problem.bench.step, bench.step) for r in refits}
     benches = {step: bench if step == bench.step else Bench.like(bench, step) for step in steps}
-    moved = best_of(resettled(r, benches[min(r.problem.bench.step, bench.step)]) for r in best)
-    return replace(made, refits=(*moved, *rest), finished=len(moved))
+    return best_of(resettled(r, benches[min(r.problem.bench.step, bench.step)]) for r in refits)
+
+
+def _parted(finished: Iterable[Refit], others: Iterable[Refit]) -> tuple[tuple[Refit, ...], tuple[Refit, ...]]:
+    """Return the best of the finished refits, one of each effect, and all others that are not finished."""
+    full = best_of(finished)
+    done = {r.effect for r in full}
+    return tuple(full[:_FINISHED]), (*full[_FINISHED:], *(r for r in others if r.effect not in done))
 
 
 def _with_growth(made: Branch, node: Node) -> Branch:
@@ -84,11 +88,8 @@ def _with_growth(made: Branch, node: Node) -> Branch:
     refitted = {r.effect for r in made.refits}
     tried = [e for e in catalogue() if e in (made.scored if made.whole else refitted)]
     found = grown(node.refit.minimum, node.refit.problem, tried)
-    best: dict[str, Refit] = {}
-    for r in sorted([*made.best, *found], key=lambda r: r.chi2):
-        best.setdefault(r.effect, r)
-    rest = [r for r in made.refits[len(made.best) :] if r.effect not in best]
-    return replace(made, refits=(*best.values(), *rest), finished=len(best), grown=True)
+    best, rest = _parted([*made.best, *found], made.rest)
+    return replace(made, best=best, rest=rest, grown=True)
 
 
 class Branches:
@@ -108,6 +109,8 @@ class Branches:
     def __init__(self, case: Case, bench: Bench) -> None:
         self.case, self.bench = case, bench
         self._made: dict[frozenset[str], Branch] = {}
+        self._begun: dict[Node, Node] = {}
+        self._pairs: dict[Node, list[Child]] = {}
 
     def of(self, node: Node, among: Collection[str] | None = None, *, grows: bool = True) -> Branch:
         """Return the branch of a set of effects: screen the catalogue and refit every candidate beside it.
@@ -128,19 +131,22 @@ class Branches:
         if grows and not made.grown:
             made = _with_growth(made, self._quick(node))
         if any(r.problem.bench.base != bench.base for r in made.best):
-            made = _moved(made, bench)
+            made = replace(made, best=tuple(_moved(made.best, bench)))
         self._made[key] = made
         return made
 
     def _quick(self, node: Node) -> Node:
         """Return the same set on the mechanics on which the search began, or as it is where it blows up on these."""
-        fine, bench = node.refit.problem.bench, self.bench
-        while bench.base != fine.base and bench.step > fine.step:
-            quick = resettled(node.refit, bench)
-            if np.isfinite(quick.chi2):
-                return Node.of(node.added, quick, self.case)
-            bench = Bench.like(bench, bench.step / 2)
-        return node
+        if node not in self._begun:
+            quick, fine, bench = node, node.refit.problem.bench, self.bench
+            while bench.base != fine.base and bench.step > fine.step:
+                again = resettled(node.refit, bench)
+                if np.isfinite(again.chi2):
+                    quick = Node.of(node.added, again, self.case)
+                    break
+                bench = Bench.like(bench, bench.step / 2)
+            self._begun[node] = quick
+        return self._begun[node]
 
     def _make(self, node: Node, among: Collection[str] | None, grows: bool) -> Branch:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
@@ -158,23 +164,22 @@ class Branches:
             shortlist = [c for c in scored if c.effect in tried]
             quick = refit(problem.model, minimum, problem, shortlist, finite=starts)
             quick = unstiffened(problem.model, minimum, problem, shortlist, quick)
-            return quick, finish(node.refit.problem, node.refit.minimum, near_the_best(quick)[:_FINISHED])
+            near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[:_FINISHED]
+            return quick, finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
 
         def growing() -> tuple[list[Refit], list[Refit]]:
             return [], grown(node.refit.minimum, node.refit.problem, tried)
 
         # The first effect may be a ripple whose frequency the whole recording hides: there every residual deserves it.
-        much = node.rough > (_FAR if node.added else self.case.settings.floor) and len(node.added) <= _GROWN
+        much = (far or (not node.added and node.rough > self.case.settings.floor)) and len(node.added) <= _GROWN
         ways = at_once([whole, growing] if grows and much else [whole], threads=THREADS)
-        quick, full = ways[0][0], best_of(r for _, found in ways for r in found)
-        done = {r.effect for r in full}
-        rest = [r for r in quick if r.effect not in done]
-        scores = {c.effect: c for c in scored}
-        return Branch(scores, (*full, *rest), len(full), among is None, grows or not much)
+        best, rest = _parted((r for _, found in ways for r in found), ways[0][0])
+        return Branch({c.effect: c for c in scored}, best, rest, among is None, grows or not much)
 
     def forget(self, effect: str) -> None:
         """Forget what was offered beside sets with an effect, for its values have changed."""
         self._made = {key: branch for key, branch in self._made.items() if effect not in key}
+        self._pairs = {node: pairs for node, pairs in self._pairs.items() if effect not in node.added}
 
     def made(self, added: Sequence[str]) -> Branch | None:
         """Return the branch of a set if there is one already."""
@@ -212,6 +217,11 @@ class Branches:
 
     def pairs(self, node: Node) -> list[Child]:
         """Return sets with two effects more that would explain the residual to first order."""
+        if node not in self._pairs:
+            self._pairs[node] = self._paired(node)
+        return self._pairs[node]
+
+    def _paired(self, node: Node) -> list[Child]:
         scored = list(self.of(node).scored.values())
         begun = self._quick(node).refit
         problem, minimum = held_fixed(begun.problem, begun.minimum)
@@ -220,7 +230,7 @@ class Branches:
         quick = refit_pairs(problem.model, minimum, problem, likely)
         full = finish(begun.problem, begun.minimum, quick[:_BEST_PAIRS])
         if begun is not node.refit:
-            full = best_of(resettled(r, node.refit.problem.bench) for r in full)
+            full = _moved(full, node.refit.problem.bench)
         return [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
 
     def chance(self, smaller: Branch, node: Node) -> NDArray[np.float64]:

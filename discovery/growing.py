@@ -21,7 +21,7 @@ from discovery.finite import finite_starts
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.race import is_far_behind
+from discovery.race import near_the_best
 from discovery.refits import Refit, refit, settled
 
 __all__ = ["grown"]
@@ -84,8 +84,7 @@ def _followed(
         problems = [Problem(model, longer.bench, problem.units, problem.gaussian) for model in models]
         starts = [p.start(v) for p, v in zip(problems, values, strict=True)]
         minima = fit_problems(problems, starts, iterations=_ITERATIONS, tolerance=1e-3, rough=True, race=True)
-        best, n = 2 * min((m.cost for m in minima), default=np.inf), longer.bench.n_data
-        near = [i for i, m in enumerate(minima) if not is_far_behind(2 * m.cost, best, n)]
+        near = sorted(near_the_best([2 * m.cost for m in minima], longer.bench.n_data))
         models = [models[i] for i in near]
         values = [problems[i].named(minima[i].x) for i in near]
     return list(zip(models, values, strict=True))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 
-__all__ = ["Race", "is_far_behind"]
+__all__ = ["Race", "is_far_behind", "near_the_best"]
 
 #: Nobody gives up before so many steps,
 _WARM = 5
@@ -20,6 +20,12 @@ _ALIKE = 0.1
 def is_far_behind(chi2: float, best: float, n_data: int, behind: float = _BEHIND) -> bool:
     """Return whether a fit leaves so much more than the best one, by a factor, that its minimum does not matter."""
     return chi2 - n_data > behind * max(best - n_data, _LITTLE * n_data)
+
+
+def near_the_best(chi2: Sequence[float], n_data: int, behind: float = _BEHIND) -> list[int]:
+    """Return which fits are not far behind the best one, smallest chi-square first."""
+    order = sorted(range(len(chi2)), key=lambda i: chi2[i])
+    return [i for i in order if not is_far_behind(chi2[i], chi2[order[0]], n_data, behind)]
 
 
 class Race:

@@ -16,7 +16,7 @@ from discovery.finite import FarStart
 from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.race import Race, is_far_behind
+from discovery.race import Race, near_the_best
 
 __all__ = [
     "Refit",
@@ -24,7 +24,6 @@ __all__ = [
     "distances",
     "finish",
     "held_fixed",
-    "near_the_best",
     "refit",
     "refit_pairs",
     "relaxed",
@@ -197,7 +196,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     quick = together(problems, requests)
     minima = list(quick)
     # Only those go on that are still in the race.
-    ahead = _near_the_best([m.cost for m in minima], n_data, _FAR_BEHIND)[:_IN_THE_RACE]
+    ahead = near_the_best([2 * m.cost for m in minima], n_data, _FAR_BEHIND)[:_IN_THE_RACE]
     going = [i for i in ahead if not minima[i].converged and np.isfinite(minima[i].cost)]
     race = Race(n_data, _FAR_BEHIND)
     further = [
@@ -221,8 +220,8 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     leading: dict[tuple[str, ...], int] = {}
     for i in order:
         leading.setdefault(labels[i], i)
-    near = _near_the_best([m.cost for m in minima], n_data)
-    nearest = list(dict.fromkeys(leading[labels[i]] for i in near))
+    near = near_the_best([2 * m.cost for m in minima], n_data)
+    nearest = [i for i in leading.values() if i in near]
     stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
     # Starts come in the order of their scores.
     promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
@@ -238,18 +237,6 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     return best_of(
         Refit(each[-1], p, replace(m, blown=each in blown)) for each, p, m in zip(labels, problems, minima, strict=True)
     )
-
-
-def _near_the_best(costs: Sequence[float], n_data: int, *behind: float) -> list[int]:
-    """Return which minima are not far behind the best one, smallest first."""
-    order = sorted(range(len(costs)), key=lambda i: costs[i])
-    return [i for i in order if not is_far_behind(2 * costs[i], 2 * costs[order[0]], n_data, *behind)]
-
-
-def near_the_best(refits: Sequence[Refit]) -> list[Refit]:
-    """Return which refits of the same recordings are not far behind the best one, smallest chi-square first."""
-    n_data = refits[0].problem.bench.n_data if refits else 0
-    return [refits[i] for i in _near_the_best([r.minimum.cost for r in refits], n_data)]
 
 
 def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[Refit]:

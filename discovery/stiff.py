@@ -68,9 +68,9 @@ def unstiffened(
         least = min(r.chi2 for r in best.values())
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
         unchecked = [e for e in leading if e not in checked]
-        errors = _solver_errors([finest[e] for e in unchecked], fine)
         before = Refit("", replace(problem, bench=benches[finer // 2]), minimum)
-        own = _OWN * _solver_errors([before], fine)[""]
+        errors = _solver_errors([before, *(finest[e] for e in unchecked)], fine)
+        own = _OWN * errors.pop("")
         erring = {e for e, error in errors.items() if error > max(_worth(finest[e], least), own)}
         # A refit that leaves much may also have stopped next to where the motion blows up.
         short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
