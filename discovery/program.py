@@ -90,6 +90,12 @@ class Program:
         used = sp.Tuple(*laws, *self.slopes, self.rod.deflection, self.rod.root).free_symbols
         return frozenset(p for p in self.parameters if sp.Symbol(p, real=True) in used)
 
+    @cached_property
+    def ageing(self) -> frozenset[str]:
+        """Parameters that change nothing but the age of what is read."""
+        used = self.lateness.free_symbols - sp.Tuple(*self.reading).free_symbols
+        return frozenset(p for p in self.parameters if sp.Symbol(p, real=True) in used) - self.moving
+
     def form(self, parameters: Sequence | NDArray) -> tuple:
         """Return the deflection of the unloaded rod [q] and the turn of its root per curvature [-].
 

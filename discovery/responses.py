@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
 
+from discovery.ages import ages_of, ages_only, per_age
 from discovery.bench import Bench
 from discovery.effect import ARM, Effect, Expressed, Joint, Memory, Sensor
 from discovery.parameters import Parameter
@@ -131,7 +133,7 @@ def respond(
     """Return how parameter sets move the residual, zero where the motion blows up.
 
     Blocks as wide as the kernel's stay in the processor's cache from the simulation to what is left. What the
-    instrument alone does is read of one motion.
+    instrument alone does is read of one motion, and where it is only late, known to first order, see `discovery.ages`.
 
     Parameters
     ----------
@@ -159,17 +161,28 @@ def respond(
     taken = np.empty((len(settings), known.shape[1]))
 
     alike = bench.moves_alike(np.column_stack([base, sets]))[1:]
-    motions = bench.motions(base, initial) if alike.any() else None
+    older = alike & ages_only(bench, settings)
+    late = list(compress(settings, older))
+    place = np.cumsum(older) - 1
+
+    def read_once() -> tuple[list[FloatArray], FloatArray, NDArray[np.float32]]:
+        motions = bench.motions(base, initial)
+        return motions, per_age(bench, fitted, motions), ages_of(bench, late)
 
     def simulate(part: NDArray[np.int64]) -> None:
-        shared = motions if alike[part[0]] else None
-        moved = bench.residuals(sets[:, part], np.repeat(initial, part.size, axis=2), shared)
-        moved -= reference[:, None]
+        if older[part[0]]:
+            _, slope, ages = once.result()
+            moved = slope * ages[:, place[part]]
+        else:
+            motions = once.result()[0] if alike[part[0]] else None
+            moved = bench.residuals(sets[:, part], np.repeat(initial, part.size, axis=2), motions)
+            moved -= reference[:, None]
         # A set that blows up is infinite throughout.
         moved[:, ~np.isfinite(moved[0])] = 0.0
         taken[part] = moved.T @ known
         left[part] = dgemm(-1.0, taken[part], known, 1.0, moved.T, trans_b=True, overwrite_c=True)
 
-    groups = [np.flatnonzero(alike), np.flatnonzero(~alike)]
+    once = pool.submit(read_once)
+    groups = [np.flatnonzero(~alike), np.flatnonzero(older), np.flatnonzero(alike & ~older)]
     list(pool.map(simulate, [own[i : i + lanes] for own in groups for i in range(0, own.size, lanes)]))
     return Responses(known, left, taken)
