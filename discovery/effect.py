@@ -56,6 +56,8 @@ class Effect(ABC):
     cite: ClassVar[str] = ""
     #: True for a law so pliable that it imitates others: it is taken only where no simpler one explains nearly as much.
     pliable: ClassVar[bool] = False
+    #: Ids of simpler effects that it is where one of its amplitudes vanishes.
+    reduces_to: ClassVar[frozenset[str]] = frozenset()
     #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.

@@ -294,8 +294,8 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
     search.run()
     geometry, steps = _judge_geometry(before, search, case)
     if "elastica_geometry" not in geometry:
-        # Rare: the exact mechanics predicts no better than the declared one. It is given up only where it fails and the
-        # declared one, searched alike, leaves nothing but noise, or where nothing is named upon either.
+        # Rare: the exact mechanics predicts no better than a simpler one. It is given up only where it fails and the
+        # declared one, searched alike, leaves nothing but noise, or predicts as well with nothing named upon either.
         if not search.settled:
             # Both searches begin at the same fit, on the kernel of the whole catalogue.
             declared = case.fit(before.model, before.values, before.problem.gaussian)
@@ -303,7 +303,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
             plain.run(search.least)
             if plain.settled and plain.best.held < _MUCH_LESS * search.best.held:
                 return plain, [], steps
-            if not search.added:
+            if not search.added and not search.best.held < plain.root.held:
                 idle = "the error is smaller, but the exact arm's is not, and no effect is named upon either"
                 refused = [replace(s, accepted=False, reason=idle) if s.accepted else s for s in steps]
                 return Search(declared, case), [], [*refused, *search.steps]

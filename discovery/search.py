@@ -24,7 +24,7 @@ from discovery.registry import catalogue
 from discovery.simulate import THREADS
 from discovery.standing import evidence, rivals
 from discovery.stiff import coarsened
-from discovery.weighing import Verdict, weigh
+from discovery.weighing import Verdict, determined, weigh
 from discovery.workers import at_once
 
 __all__ = ["Search"]
@@ -182,7 +182,26 @@ class Search:
 
     def _chosen(self, children: Sequence[Child]) -> Node | None:
         """Return the first set that replaces the best one so far, in the order of `_ordered`."""
-        return next((node for node in self._ordered(children) if self._passes(node)), None)
+        for node in self._ordered(children):
+            if self._passes(node):
+                return node
+            lean = self._without_idle(node)
+            if lean is not None and self._passes(lean):
+                return lean
+        return None
+
+    def _without_idle(self, node: Node) -> Node | None:
+        """Return a set without those new effects that it leaves undetermined, if there are others."""
+        new = [e for e in node.added if e not in self.best.added]
+        idle = [e for e in new if not determined(node, e)]
+        if not idle or idle == new:
+            return None
+        # They may have led the others to a minimum that these did not find alone.
+        lean, rest = relaxed(node.refit, idle), tuple(e for e in node.added if e not in idle)
+        branch = self._branches.made(rest[:-1])
+        known = [r.chi2 for r in branch.refits if r.effect == rest[-1]] if branch else []
+        found = lean.chi2 < min(known, default=np.inf) - self.case.settings.price
+        return Node.of(rest, lean, self.case) if found else None
 
     def _leads_back(self, node: Node) -> bool:
         """Begin anew where a first set shows that the fit of the start had stopped short of its best minimum."""
@@ -353,7 +372,9 @@ class Search:
             return None
         left = {r.effect: r.chi2 for r in below.refits}
         limit = self.best.chi2 + _FAR_MORE * max(left[effect] - self.best.chi2, self.case.margin(self.best.chi2))
-        return frozenset(e for e in below.scored if left.get(e, 0.0) <= limit)
+        # What a member may have become beside the others was no rival of the whole law.
+        near = catalogue()[effect].reduces_to
+        return frozenset(e for e in below.scored if left.get(e, 0.0) <= limit or e in near)
 
     def _in_place_of(self, effect: str) -> Branch:
         """Return what the catalogue offers beside the best set without one of its members."""
@@ -461,7 +482,7 @@ class Search:
         """Begin again without the laws that imitate others, and say so, where they are found and yet much is left."""
         imitating = [e for e in self.best.added if _imitates(e)]
         # What all laws together leave, the others leave too.
-        if self.settled or not imitating or self._left(self.best) > self.case.settings.least_known:
+        if self.settled or not imitating or self._left(self.best) > _MUCH_LEFT:
             return False
         for effect in imitating:
             reason = f"what is left is not noise, and {effect} may imitate what nobody declared"

@@ -13,7 +13,7 @@ from discovery.covariance import covariance_of
 from discovery.node import Node
 from discovery.registry import catalogue
 
-__all__ = ["Verdict", "weigh"]
+__all__ = ["Verdict", "determined", "weigh"]
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def weigh(
         > max(0.25 * s.least_gain, 0.5 * share * held_excess),
     }
     # What has joined is judged by what its removal costs, however its amplitudes trade with what joined later.
-    vague = [name for name in new if not strict and not _determined(larger, name)]
+    vague = [name for name in new if not strict and not determined(larger, name)]
     if vague:
         passes[f"no parameter of {' and '.join(vague)} is determined"] = False
     accepted = all(passes.values())
@@ -94,7 +94,7 @@ def weigh(
     )
 
 
-def _determined(node: Node, name: str) -> bool:
+def determined(node: Node, name: str) -> bool:
     """Return whether at least one amplitude of an effect is three standard deviations from zero."""
     problem, minimum = node.refit.problem, node.refit.minimum
     covariance, _, _ = covariance_of(problem, minimum)

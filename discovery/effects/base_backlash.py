@@ -17,6 +17,7 @@ class BaseBacklash(Joint):
     made smooth within a small bending b_p.
     """
 
+    reduces_to = frozenset({"base_compliance"})
     cite = "Nordin and Gutman, Automatica 38 (2002) 1633"
     w_p = Parameter("q", "half width of the play", (0.0, 0.3), HalfNormal(0.04), starts=(0.002, 0.01), latex="w_p")
     c_p = Parameter(

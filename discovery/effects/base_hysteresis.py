@@ -25,6 +25,7 @@ class BaseHysteresis(Joint):
     c_c = EI / (k l (1 + h)), e_c = h c_c and w_c = k a (1 + h) l / 3 EI.
     """
 
+    reduces_to = frozenset({"base_compliance"})
     cite = "Wen, Journal of the Engineering Mechanics Division 102 (1976) 249; Ibrahim and Pettit (2005)"
     c_c = Parameter(
         "1", "compliance of the sticking clamp over l / EI of the rod", (0.0, 1.0), HalfNormal(0.05), starts=(0.002,),

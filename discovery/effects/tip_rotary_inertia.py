@@ -21,7 +21,7 @@ class TipRotaryInertia(Kinetic):
     cite = "Bhat and Wagner, Journal of Sound and Vibration 45 (1976) 304"
     J = Parameter(
         "1", "rotary inertia of the tip", (0.0, 0.3), HalfNormal(0.005),
-        starts=(0.0003, 0.001, 0.003, 0.01), latex="J",
+        starts=(0.0003, 0.001, 0.003, 0.01, 0.03), latex="J",
     )  # fmt: skip
 
     def expression(self):
