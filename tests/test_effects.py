@@ -3,12 +3,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 import sympy as sp
+from test_bench import arm
 
+from discovery.bench import Bench
 from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
 from discovery.errors import InputError
 from discovery.mechanics import base_names
+from discovery.model import Model
 from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
 from discovery.registry import catalogue, get_effect
 from discovery.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
@@ -173,3 +177,21 @@ def test_the_contract_refuses(effect: Effect, law: str) -> None:
 def test_the_contract_refuses_the_declaration(effect: Effect, law: str) -> None:
     with planted(effect), pytest.raises(AssertionError):
         getattr(TestCatalogue(), law)(effect.id())
+
+
+@pytest.mark.parametrize(("effect", "simpler"), [(n, s) for n, e in catalogue().items() for s in sorted(e.reduces_to)])
+def test_without_one_amplitude_an_effect_is_the_simpler_law_that_it_reduces_to(effect: str, simpler: str) -> None:
+    turned = arm("a", ("tip_x", "tip_y"), 150)
+
+    def moved(name: str, amplitude: str) -> np.ndarray:
+        model = Model("elastica_calm", ("viscous_damping", "linear_stiffness", name))
+        bench = Bench(model.base, model.effects, [turned], 0.01)
+        arm_values = {"alpha": 9.0, "xi": 0.05, "length": 1.0, "mu": 0.1, "tau_r": 1e-4}
+        values = {n: p.default for n, p in model.parameters.items()} | arm_values | {amplitude: 0.05}
+        return bench.predict(np.array([[values.get(n, 0.0)] for n in bench.names]), np.zeros((1, 2, 1)))[0]
+
+    (law,) = (p.name for p in catalogue()[simpler].fitted(ARM) if not p.shape)
+    expected = moved(simpler, law)
+    assert np.abs(expected - moved(simpler, "")).max() > 1e-3
+    amplitudes = [p.name for p in catalogue()[effect].fitted(ARM) if not p.shape]
+    assert min(np.abs(moved(effect, a) - expected).max() for a in amplitudes) < 1e-12

@@ -18,7 +18,8 @@ from discovery.model import Model
 from discovery.node import Node
 from discovery.problem import NaturalUnits
 from discovery.recording import Recording
-from discovery.refits import Refit
+from discovery.refits import Refit, settled
+from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.search import Search
 from discovery.testing.states import every_effect
@@ -153,6 +154,58 @@ def test_what_left_far_more_beside_fewer_is_not_tried_in_the_place_of_a_member()
     assert {r.effect for r in beside.refits} <= among | {first}
     assert len(beside.scored) == len(below.scored) - 1
     assert not beside.whole
+
+
+def test_the_simpler_law_that_a_member_may_have_become_is_tried_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched(c_2=0.3, tau=0.01)
+    first, _ = search.added
+    among = search._contenders(first)
+    below = search._branches.below((), first)
+    assert among is not None
+    assert below is not None
+    far = min({r.effect for r in below.refits} - among)
+    monkeypatch.setattr(type(catalogue()[first]), "reduces_to", frozenset({far}))
+    assert search._contenders(first) == among | {far}
+
+
+def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed() -> None:
+    found = searched(beta=1.0, f_c=0.02)
+    search = copy(found)
+    search.best, search.steps = found.root, []
+    problem = found.best.refit.problem
+    # The recordings know no quadratic force beside the cubic one and friction.
+    larger = replace(problem, model=problem.model.with_effect("quadratic_stiffness"))
+    (again,) = settled([larger], [larger.start(found.best.refit.values)])
+    node = Node.of((*found.added, "quadratic_stiffness"), again, search.case)
+    search._branches = Branches(search.case, search.root.refit.problem.bench)
+    lean = search._without_idle(node)
+    assert lean is not None
+    assert lean.added == found.added
+    assert lean.chi2 == pytest.approx(found.best.chi2, abs=0.1)
+    assert search._without_idle(lean) is None
+    # What is known to be no better is not weighed twice.
+    search._branches.of(Node.of(found.added[:1], found._without(found.added[1]).refit, search.case))
+    assert search._without_idle(node) is None
+    # Where all of it is undetermined, nothing is left to weigh.
+    search.best = found.best
+    assert search._without_idle(node) is None
+
+
+@pytest.mark.parametrize(("left", "again"), [(0.02, True), (0.08, True), (0.2, False)])
+def test_what_imitates_is_given_up_unless_much_is_left(
+    monkeypatch: pytest.MonkeyPatch, left: float, again: bool
+) -> None:
+    found = searched(c_2=0.3, tau=0.01)
+    search = copy(found)
+    search.best, search.steps = replace(found.best, added=("quadratic_drag", "periodic_disturbance")), []
+    monkeypatch.setattr(Search, "settled", property(lambda self: False))
+    monkeypatch.setattr(search, "_left", lambda node: left)
+    assert search._distrusts() is again
+    assert (search.best is found.root) is again
+    assert [(s.action, s.effect) for s in search.steps] == [("withdraw", "periodic_disturbance")] * again
+    # Without such a law there is nothing to give up.
+    search.best = found.best
+    assert not search._distrusts()
 
 
 def test_a_set_that_fails_on_the_held_out_recordings_is_not_extended(monkeypatch: pytest.MonkeyPatch) -> None:
