@@ -23,6 +23,7 @@ from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.search import Search
 from discovery.testing.states import every_effect
+from discovery.weighing import weigh
 
 TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}
 DECLARED = ("viscous_damping", "linear_stiffness")
@@ -206,6 +207,18 @@ def test_what_imitates_is_given_up_unless_much_is_left(
     # Without such a law there is nothing to give up.
     search.best = found.best
     assert not search._distrusts()
+
+
+@pytest.mark.parametrize(("gain", "joins"), [(450.0, False), (550.0, True)])
+def test_an_effect_must_remove_more_than_the_laws_before_it_may_have_idealised(gain: float, joins: bool) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    larger = search.best
+    smaller = replace(changed(larger, chi2=gain, held=gain), added=larger.added[:1])
+    for removed, accepted in ((1e6, joins), (1e5, True)):
+        root = replace(changed(larger, chi2=removed + gain, held=removed), added=())
+        # Half a thousandth of what cubic stiffness has removed.
+        verdict = weigh(search.case, root, smaller, larger, larger.added[1:], None)
+        assert verdict.accepted is accepted, verdict.reason
 
 
 def test_a_set_that_fails_on_the_held_out_recordings_is_not_extended(monkeypatch: pytest.MonkeyPatch) -> None:
