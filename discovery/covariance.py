@@ -12,7 +12,7 @@ from discovery.least_squares import Minimum
 from discovery.problem import Problem
 from discovery.runge_kutta import CLASSICAL, dormand_prince
 
-__all__ = ["covariance_of", "longest_leap", "solver_shift"]
+__all__ = ["covariance_of", "longest_leap", "principal_spread", "solver_shift"]
 
 FloatArray = NDArray[np.float64]
 #: The residual's spectrum is averaged over a 32nd of all frequencies, and over nine lines at least.
@@ -77,6 +77,18 @@ def covariance_of(
             k = names.index(n)
             covariance[k, :] = covariance[:, k] = np.nan
     return covariance, reasons, tuple(directions)
+
+
+def principal_spread(covariance: FloatArray) -> FloatArray:
+    """Return the principal axes of a covariance (p, p), each a column as long as its standard deviation.
+
+    What has no interval, rows of NaN, does not spread.
+    """
+    covariance = np.nan_to_num(covariance)
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    power, axes = np.linalg.eigh(covariance / np.outer(safe, safe))
+    return safe[:, None] * axes * np.sqrt(np.maximum(power, 0.0))
 
 
 def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int, unlike: float) -> FloatArray:

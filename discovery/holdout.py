@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.bench import Bench
+from discovery.covariance import principal_spread
 from discovery.experiment import Experiment, largest_deflection
+from discovery.fit import Fit
 from discovery.model import Model
 from discovery.predict import held_out
 from discovery.problem import NaturalUnits
@@ -114,6 +116,25 @@ class HoldOut:
             for i in self.deciding()
         ]
         return float(np.sqrt(_ONCE_IN_A_HUNDRED * np.sqrt(sum(each)) / len(each)))
+
+    def uncertainty(self, fit: Fit) -> float:
+        """Return the rms standard deviation of a fit's deciding predictions [noise sds], infinite if one blows up."""
+        half = 0.5 * principal_spread(fit.covariance)
+        low, high = fit.problem.bounds
+        points = np.clip(fit.minimum.x[:, None] + np.hstack([half, -half]), low[:, None], high[:, None])
+        on_train = fit.problem.bench.predict(*fit.problem.expand(points))
+        models = [
+            (fit.model, fit.problem.named(point), [channels[:, :, i] for channels in on_train])
+            for i, point in enumerate(points.T)
+        ]
+        predicted, outputs = self.predictions(fit.problem.bench, models), self.outputs()
+        squares = []
+        for i in self.deciding():
+            noise, held = self.experiments[i].recording.noise, np.isfinite(outputs[i])
+            pairs = zip(predicted[: half.shape[1]], predicted[half.shape[1] :], strict=True)
+            squares.append(np.sum([np.square((up[i] - down[i]) / noise) for up, down in pairs], axis=0)[held].mean())
+        uncertainty = float(np.sqrt(np.mean(squares)))
+        return uncertainty if np.isfinite(uncertainty) else np.inf
 
     def errors(self, predictions: Sequence[FloatArray]) -> dict[str, dict[str, float]]:
         """Return errors over all held-out recordings, and apart inside and outside the trained deflection."""

@@ -31,6 +31,8 @@ _EXACT = "elastica_calm"
 UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
+#: Standard deviations that a normal number exceeds, up or down, once in a hundred times.
+_ONCE_IN_A_HUNDRED = 2.576
 #: Manoeuvres that are tried for each group of rivals.
 _DESIGNS = 100
 
@@ -184,7 +186,7 @@ def close_loop(
     after = widened(after, unlike)
     before_train, after_train = before.predict(), after.predict()
     before_held = case.held(before)
-    noise, test = _is_noise(after_held, search.root.held_rough, case)
+    noise, test = _is_noise(after, after_held, search.root.held_rough, case)
     added = (*geometry, *search.added)
     verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time
@@ -272,16 +274,21 @@ def _final(search: Search, case: Case) -> tuple[Fit, list[FloatArray]]:
     return found, held
 
 
-def _is_noise(held: Sequence[FloatArray], first_rough: float, case: Case) -> tuple[bool, str]:
+def _is_noise(found: Fit, held: Sequence[FloatArray], first_rough: float, case: Case) -> tuple[bool, str]:
     """Return whether the held-out residual counts as noise, and the test as a sentence."""
     _, _, rough = case.judge.score(held)
     s = case.settings
     limit = s.limit(first_rough)
+    why = f"max({s.floor:.3g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
+    if limit < rough <= s.ceiling and case.roughness(found.predict()) <= s.floor:
+        # What was fitted is noise: the estimates are as sure as they say, and what they foresee no surer.
+        unsure = min(_ONCE_IN_A_HUNDRED * case.judge.uncertainty(found), s.ceiling)
+        why = f"{limit:.3g} with {unsure:.3g}, for the estimates are not certain, in quadrature"
+        limit = float(np.hypot(limit, unsure))
     noise = rough <= limit
     return noise, (
         "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "
-        f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {limit:.3g} = "
-        f"max({s.floor:.3g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
+        f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {limit:.3g} = {why}"
     )
 
 

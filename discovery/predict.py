@@ -14,6 +14,7 @@ from discovery import symbols as s
 from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.compile import numpy_derivative
+from discovery.covariance import principal_spread
 from discovery.effect import ARM, Load
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment
@@ -188,12 +189,8 @@ def predict(
     )
     single = Problem(fit.model, bench, problem.units, problem.gaussian)
     centre = fit.minimum.x[: len(names)]
-    covariance = np.nan_to_num(fit.covariance[: len(names), : len(names)])
-    # Principal axes of the covariance: central differences along each give the spread.
-    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    safe = np.where(size > 0, size, 1.0)
-    power, axes = np.linalg.eigh(covariance / np.outer(safe, safe))
-    spread = safe[:, None] * axes * np.sqrt(np.maximum(power, 0.0))
+    # Central differences along each principal axis of the covariance.
+    spread = principal_spread(fit.covariance[: len(names), : len(names)])
     low, high = single.bounds
     points = np.concatenate([centre[:, None], centre[:, None] + 0.5 * spread, centre[:, None] - 0.5 * spread], axis=1)
     points = np.clip(points, low[: len(names), None], high[: len(names), None])

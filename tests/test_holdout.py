@@ -56,3 +56,19 @@ def test_a_set_that_blows_up_on_held_out_recordings_is_no_noise(monkeypatch: pyt
     )
     node = Node.of((), Refit("", search.root.refit.problem, search.root.refit.minimum), case)
     assert node.held == node.held_rough == np.inf
+
+
+@pytest.mark.parametrize("continued", [False, True])
+def test_the_uncertainty_of_predictions_is_that_of_draws_of_the_estimates(continued: bool) -> None:
+    train = [recorded("train", pushes(1.0, -1.5, 0.7, 0.0), 0)]
+    train = [replace(train[0], fitted_samples=250)] if continued else train
+    found = fit(Model("oscillator", DECLARED), train, start={"xi": 0.08, "alpha": 9.0}, units=UNITS)
+    held = HoldOut(train, [] if continued else [HELD], UNITS, 2e-5)
+    draws = np.random.default_rng(0).multivariate_normal(found.minimum.x, found.covariance, size=200)
+    problem, bench = found.problem, found.problem.bench
+    models = [(found.model, problem.named(x), problem.predict(x)) for x in (found.minimum.x, *draws)]
+    (centre,), *others = held.predictions(bench, models)
+    wanted = np.isfinite(held.outputs()[0])
+    far = [np.mean(np.square((other - centre) / HELD.recording.noise)[wanted]) for (other,) in others]
+    assert held.uncertainty(found) == pytest.approx(np.sqrt(np.mean(far)), rel=0.1)
+    assert 0.01 < held.uncertainty(found) < 1

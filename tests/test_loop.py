@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,8 +19,9 @@ from discovery_datasets.quick_effects import TipRotaryInertia
 from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
+from discovery.case import LoopSettings
 from discovery.dataset import load_dataset
-from discovery.loop import LoopResult, close_loop
+from discovery.loop import LoopResult, _is_noise, _search_arm, close_loop
 from discovery.mechanics.elastica import ElasticaCalm
 from discovery.provenance import plain
 from discovery.search import Search
@@ -313,6 +315,57 @@ def test_a_force_that_bends_the_rod_in_more_modes_than_the_search_follows_is_jud
     assert [e for e in result.added if e not in GEOMETRY] == ["periodic_disturbance"]
     assert result.verdict == "explained"
     assert result.after.values["Omega"] == pytest.approx(13.6, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("rough", "train", "unsure", "noise"),
+    [
+        (0.3, 0.0, 0.0, True),
+        (0.5, 0.0, 0.1, False),
+        (0.5, 0.0, 0.2, True),
+        (0.5, 0.4, 0.2, False),
+        (0.5, 0.0, np.inf, True),
+        (1.1, 0.0, np.inf, False),
+    ],
+)
+def test_what_uncertain_estimates_foretell_may_miss_by_as_much(
+    rough: float, train: float, unsure: float, noise: bool
+) -> None:
+    judge = SimpleNamespace(score=lambda held: (0.0, 0, rough), uncertainty=lambda found: unsure)
+    case = SimpleNamespace(judge=judge, settings=LoopSettings(), roughness=lambda predictions: train)
+    found, test = _is_noise(SimpleNamespace(predict=list), [], 0.5, case)
+    assert found is noise
+    assert ("at most" if noise else "above") in test
+    assert ("not certain" in test) is (0.35 < rough <= 1 and train <= 0.35)
+
+
+def test_the_exact_arm_is_given_up_only_for_one_that_predicts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {"exact": 500.0, "declared": 5000.0}
+
+    class Told:
+        """A search that leaves so much and names nothing."""
+
+        def __init__(self, start, case) -> None:
+            self.best = self.root = SimpleNamespace(held=found[start])
+            self.settled, self.added, self.steps, self.least = False, (), [], 1.0
+
+        def run(self, rival: float = np.inf) -> None:
+            """Find nothing."""
+
+    monkeypatch.setattr("discovery.loop.Search", Told)
+    monkeypatch.setattr("discovery.loop._judge_geometry", lambda *_: (["radius_inertia"], []))
+    monkeypatch.setattr("discovery.loop.rig_uncertainty", lambda _: {})
+    model = SimpleNamespace(on_base=lambda name: "exact")
+    before = SimpleNamespace(model=model, values={}, problem=SimpleNamespace(gaussian={}))
+    fitted = lambda model, *_: "exact" if model == "exact" else "declared"  # noqa: E731
+    case = SimpleNamespace(tell=lambda _: None, train=[None], fit=fitted)
+    search, geometry, _ = _search_arm(before, case)
+    assert search.best.held == 500.0
+    assert geometry == ["radius_inertia", "elastica_geometry"]
+    found["declared"] = 400.0
+    search, geometry, _ = _search_arm(before, case)
+    assert search.best.held == 400.0
+    assert geometry == []
 
 
 # What nobody can explain.
