@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
 from discovery.bench import Bench
+from discovery.model import Model
+from discovery.program import Program
 from discovery.symbols import t
 
 __all__ = ["ages_of", "ages_only", "per_age"]
 
 FloatArray = NDArray[np.float64]
-#: Half of the difference of ages over which a residual is differentiated [s]: far below a step, far above rounding.
-_DIFFERENCE = 1e-5
+#: Half of the difference of delays over which a residual is differentiated, in steps.
+_DIFFERENCE = 1e-3
+#: The same changes are made around every fit of the same recordings.
+_KNOWN: WeakKeyDictionary[Bench, tuple[Sequence[Mapping[str, float]], NDArray[np.float32]]] = WeakKeyDictionary()
+
+
+def _delay(program: Program) -> str | None:
+    """Return a parameter that is itself a constant delay of what is read, if there is one."""
+    delays = (p for p in sorted(program.ageing) if sp.diff(program.lateness, sp.Symbol(p, real=True)) == 1)
+    return next(delays, None)
 
 
 def ages_only(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.bool_]:
     """Return which changes of a parameter set alter the age of what is read and nothing else.
 
-    None does so where readings pass a filter: it does not give a product with an age that changes.
+    None does so where readings pass a filter, which makes no product of an age that changes, or where an accelerometer
+    reads the input, which may jump.
 
     Parameters
     ----------
@@ -31,10 +42,10 @@ def ages_only(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[
     settings : sequence of mapping
         Parameters that change.
     """
-    if any(e.rig.view is not None for e in bench.experiments):
+    program = bench.simulators[0].kernel.program
+    if _delay(program) is None or any(e.rig.view is not None or e.reads_acceleration for e in bench.experiments):
         return np.zeros(len(settings), dtype=np.bool_)
-    ageing = bench.simulators[0].kernel.program.ageing
-    return np.array([changed.keys() <= ageing for changed in settings], dtype=np.bool_)
+    return np.array([changed.keys() <= program.ageing for changed in settings], dtype=np.bool_)
 
 
 def per_age(bench: Bench, fitted: tuple[FloatArray, FloatArray], motions: Sequence[FloatArray]) -> FloatArray:
@@ -49,8 +60,12 @@ def per_age(bench: Bench, fitted: tuple[FloatArray, FloatArray], motions: Sequen
     motions : sequence of ndarray
         How these move.
     """
-    older, younger = (bench.aged(age).residuals(*fitted, motions) for age in (_DIFFERENCE, -_DIFFERENCE))
-    return (older - younger) / (2 * _DIFFERENCE)
+    parameters, initial = fitted
+    difference = _DIFFERENCE * bench.step
+    delayed = np.repeat(parameters, 2, axis=1)
+    delayed[bench.names.index(_delay(bench.simulators[0].kernel.program))] += [difference, -difference]
+    older, younger = bench.residuals(delayed, np.repeat(initial, 2, axis=2), motions).T
+    return (older - younger)[:, None] / (2 * difference)
 
 
 def ages_of(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.float32]:
@@ -63,16 +78,18 @@ def ages_of(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np
     settings : sequence of mapping
         Parameters of such effects, see `ages_only`.
     """
-    return _ages(bench, tuple(tuple(changed.items()) for changed in settings))
+    known = _KNOWN.get(bench)
+    if known is None or known[0] != settings:
+        known = _KNOWN[bench] = settings, _ages(bench, settings)
+    return known[1]
 
 
-# The same around every fit of the same recordings.
-@lru_cache(maxsize=4)
-def _ages(bench: Bench, settings: tuple[tuple[tuple[str, float], ...], ...]) -> NDArray[np.float32]:
+def _ages(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.float32]:
     lateness = bench.simulators[0].kernel.program.lateness
     symbols = sorted(lateness.free_symbols - {t}, key=str)
+    declared = Model(bench.base, bench.effects).parameters
+    values = [np.array([changed.get(s.name, declared[s.name].default) for changed in settings]) for s in symbols]
     law = sp.lambdify([t, *symbols], lateness)
-    values = [np.array([dict(changed).get(s.name, 0.0) for changed in settings]) for s in symbols]
     ages = np.empty((bench.n_rows, len(settings)), dtype=np.float32)
     for simulator, (rows, fitted) in zip(bench.simulators, bench.blocks(), strict=True):
         found = np.broadcast_to(law(simulator.time[:, None], *values), (len(fitted), len(settings)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -82,12 +81,6 @@ class Bench:
         """Return the same bench with another step; leaps change in proportion."""
         leap = None if other.leap is None else other.leap * step / other.step
         return cls(other.base, other.effects, other.experiments, step, leap)
-
-    def aged(self, age: float) -> Bench:
-        """Return the same bench with instruments that are a little later, by far less than a step [s]."""
-        other = copy(self)
-        other.simulators = [simulator.aged(age) for simulator in self.simulators]
-        return other
 
     def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
         """Return simulated channels of every experiment to the end of its recording, each (n, c, k).

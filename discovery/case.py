@@ -29,6 +29,8 @@ FloatArray = NDArray[np.float64]
 Tell = Callable[[str], None]
 #: More coordinates have found the same answer unless they leave more than so many times as much.
 _SAME_ANSWER = 1.05
+#: A normal number is farther from its mean than so many standard deviations once in a hundred times.
+_FAR_OFF = 2.576
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ class LoopSettings:
         Candidates whose excess chi-square is within this share of the best one count as equally good: the one with
         fewer parameters is taken and the others are reported as ambiguous.
     form : float
-        So are those within this share of what the best one removes: every law idealises.
+        So are those within this share of what the best one removes: every law idealises. A further effect must remove
+        more than this share of what the others have.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
     pair_share : float
@@ -241,6 +244,33 @@ class Case:
     def roughness(self, predictions: Sequence[FloatArray]) -> float:
         """Return the systematic part of what predictions leave of the training recordings [noise sds]."""
         return roughness(self.train, predictions, 2 * np.pi * self.units.time)
+
+    def is_noise(self, fitted: Fit, held: Sequence[FloatArray], first_rough: float) -> tuple[bool, str]:
+        """Return whether what a fit leaves of the held-out recordings counts as noise, and the test as a sentence.
+
+        Parameters
+        ----------
+        fitted : Fit
+            The fit.
+        held : sequence of ndarray
+            Its predictions of the held-out recordings.
+        first_rough : float
+            Systematic part of what was left of them before any effect was added [noise sds].
+        """
+        s, rough = self.settings, self.judge.score(held)[2]
+        limit = s.limit(first_rough)
+        told = f"{limit:.3g} = max({s.floor:.3g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
+        if limit < rough <= s.ceiling and self.roughness(fitted.predict()) <= s.floor:
+            # What was fitted is noise, so the estimates are as sure as they say, and what they foretell no surer.
+            unsure = _FAR_OFF * self.judge.uncertainty(fitted)
+            if np.isfinite(unsure):
+                limit = min(float(np.hypot(limit, unsure)), s.ceiling)
+                told = f"{limit:.3g}, for the estimates leave {unsure:.3g} uncertain, else {told}"
+        noise = rough <= limit
+        return noise, (
+            "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "
+            f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {told}"
+        )
 
     @cached_property
     def n_data(self) -> int:

@@ -78,13 +78,6 @@ class Grid:
         fraction = np.clip((time - times[out_step]) / steps[out_step], 0.0, 1.0)
         return cls(times, steps, restart, values, out_step, fraction, np.ascontiguousarray(time, float), out_drive)
 
-    def aged(self, age: float, drive: DriveLike | None) -> Grid:
-        """Return the same steps with outputs a little earlier, by far less than a step [s]."""
-        time = self.out_time - age
-        fraction = (time - self.times[self.out_step]) / self.steps[self.out_step]
-        out_drive = self.out_drive if drive is None else np.ascontiguousarray(drive.evaluate(time).T)
-        return replace(self, out_fraction=fraction, out_time=time, out_drive=out_drive)
-
     def until(self, count: int) -> Grid:
         """Return the same steps with the first outputs only: the integration ends with the last of them."""
         return replace(

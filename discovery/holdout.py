@@ -117,6 +117,7 @@ class HoldOut:
         ]
         return float(np.sqrt(_ONCE_IN_A_HUNDRED * np.sqrt(sum(each)) / len(each)))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def uncertainty(self, fit: Fit) -> float:
         """Return the rms standard deviation of a fit's deciding predictions [noise sds], infinite if one blows up."""
         half = 0.5 * principal_spread(fit.covariance)

@@ -31,8 +31,6 @@ _EXACT = "elastica_calm"
 UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
-#: Standard deviations that a normal number exceeds, up or down, once in a hundred times.
-_ONCE_IN_A_HUNDRED = 2.576
 #: Manoeuvres that are tried for each group of rivals.
 _DESIGNS = 100
 
@@ -186,7 +184,7 @@ def close_loop(
     after = widened(after, unlike)
     before_train, after_train = before.predict(), after.predict()
     before_held = case.held(before)
-    noise, test = _is_noise(after, after_held, search.root.held_rough, case)
+    noise, test = case.is_noise(after, after_held, search.root.held_rough)
     added = (*geometry, *search.added)
     verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time
@@ -274,24 +272,6 @@ def _final(search: Search, case: Case) -> tuple[Fit, list[FloatArray]]:
     return found, held
 
 
-def _is_noise(found: Fit, held: Sequence[FloatArray], first_rough: float, case: Case) -> tuple[bool, str]:
-    """Return whether the held-out residual counts as noise, and the test as a sentence."""
-    _, _, rough = case.judge.score(held)
-    s = case.settings
-    limit = s.limit(first_rough)
-    why = f"max({s.floor:.3g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
-    if limit < rough <= s.ceiling and case.roughness(found.predict()) <= s.floor:
-        # What was fitted is noise: the estimates are as sure as they say, and what they foresee no surer.
-        unsure = min(_ONCE_IN_A_HUNDRED * case.judge.uncertainty(found), s.ceiling)
-        why = f"{limit:.3g} with {unsure:.3g}, for the estimates are not certain, in quadrature"
-        limit = float(np.hypot(limit, unsure))
-    noise = rough <= limit
-    return noise, (
-        "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "
-        f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {limit:.3g} = {why}"
-    )
-
-
 def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]:
     """Search on the exact mechanics first: what geometry explains must not be explained by effects."""
     case.tell("refitting on the exact mechanics of the arm")
@@ -311,7 +291,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
             if plain.settled and plain.best.held < _MUCH_LESS * search.best.held:
                 return plain, [], steps
             if not search.added and not search.best.held < plain.root.held:
-                idle = "the error is smaller, but the exact arm's is not, and no effect is named upon either"
+                idle = "the error is smaller, but the exact arm's is not, and no effect is named upon that"
                 refused = [replace(s, accepted=False, reason=idle) if s.accepted else s for s in steps]
                 return Search(declared, case), [], [*refused, *search.steps]
         geometry.append("elastica_geometry")

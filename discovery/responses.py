@@ -161,20 +161,21 @@ def respond(
     taken = np.empty((len(settings), known.shape[1]))
 
     alike = bench.moves_alike(np.column_stack([base, sets]))[1:]
-    older = alike & ages_only(bench, settings)
+    older = ages_only(bench, settings)
     late = list(compress(settings, older))
     place = np.cumsum(older) - 1
 
-    def read_once() -> tuple[list[FloatArray], FloatArray, NDArray[np.float32]]:
-        motions = bench.motions(base, initial)
+    def read_once() -> tuple[list[FloatArray] | None, FloatArray, NDArray[np.float32]]:
+        motions = bench.motions(base, initial) if alike.any() else None
+        if motions is None or not late:
+            return motions, np.empty((reference.size, 1)), np.empty((reference.size, 0), dtype=np.float32)
         return motions, per_age(bench, fitted, motions), ages_of(bench, late)
 
     def simulate(part: NDArray[np.int64]) -> None:
+        motions, slope, ages = once.result() if alike[part[0]] else (None, reference, reference)
         if older[part[0]]:
-            _, slope, ages = once.result()
-            moved = slope * ages[:, place[part]]
+            moved = slope * np.take(ages, place[part], axis=1)
         else:
-            motions = once.result()[0] if alike[part[0]] else None
             moved = bench.residuals(sets[:, part], np.repeat(initial, part.size, axis=2), motions)
             moved -= reference[:, None]
         # A set that blows up is infinite throughout.
@@ -182,6 +183,7 @@ def respond(
         taken[part] = moved.T @ known
         left[part] = dgemm(-1.0, taken[part], known, 1.0, moved.T, trans_b=True, overwrite_c=True)
 
+    # Others are simulated meanwhile.
     once = pool.submit(read_once)
     groups = [np.flatnonzero(~alike), np.flatnonzero(older), np.flatnonzero(alike & ~older)]
     list(pool.map(simulate, [own[i : i + lanes] for own in groups for i in range(0, own.size, lanes)]))

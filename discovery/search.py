@@ -46,7 +46,8 @@ _RIVALS = 2
 _ROUNDS = 2
 #: What beside fewer others leaves so many times what an effect does there cannot take its place.
 _FAR_MORE = 10.0
-#: Where more than this share of the excess is left, exchanging one effect is not what is missing.
+#: Where more than this share of the excess is left, neither finer mechanics nor another effect in the place of one is
+#: what is missing, and what laws that imitate others do not explain the others will not.
 _MUCH_LEFT = 0.1
 
 
@@ -84,6 +85,7 @@ class Search:
         self._smaller: dict[tuple[Node, str], Node] = {}
         self._finer: dict[Node, Refit] = {}
         self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
+        self._noise: dict[Node, bool] = {}
         self.root = self._take(Node.of((), Refit("", start.problem, start.minimum), case))
         self.least = self.root.chi2
 
@@ -95,10 +97,12 @@ class Search:
     @property
     def settled(self) -> bool:
         """Whether what is left of the held-out recordings is noise by the test of the verdict."""
-        held_rough = self.best.held_rough
-        if self.best in self._finest:
-            held_rough = self.case.judge.score(self._finest[self.best][1])[2]
-        return held_rough <= self.case.settings.limit(self.root.held_rough)
+        first_rough = self.root.held_rough
+        if self.best not in self._finest:
+            return self.best.held_rough <= self.case.settings.limit(first_rough)
+        if self.best not in self._noise:
+            self._noise[self.best] = self.case.is_noise(*self._finest[self.best], first_rough)[0]
+        return self._noise[self.best]
 
     def finest(self) -> tuple[Fit, list[FloatArray]]:
         """Return the set found, fitted on the finest mechanics, and its predictions of the held-out recordings."""
@@ -136,7 +140,7 @@ class Search:
 
     def _judge(self) -> None:
         """Judge what leaves little on the finest mechanics: it may be the error of those of the search."""
-        if self.best.added and not self.settled and self._left(self.best) <= self.case.settings.least_known:
+        if self.best.added and not self.settled and self._left(self.best) <= _MUCH_LEFT:
             self.finest()
 
     def _extend(self, rival: float = np.inf) -> None:
@@ -181,7 +185,7 @@ class Search:
             beam = [n if n is self.best else self._resolved(n) for n in beam]
 
     def _chosen(self, children: Sequence[Child]) -> Node | None:
-        """Return the first set that replaces the best one so far, in the order of `_ordered`."""
+        """Return the first set that replaces the best one so far, in the order of `_ordered`, idle effects left out."""
         for node in self._ordered(children):
             if self._passes(node):
                 return node
@@ -193,7 +197,7 @@ class Search:
     def _without_idle(self, node: Node) -> Node | None:
         """Return a set without those new effects that it leaves undetermined, if there are others."""
         new = [e for e in node.added if e not in self.best.added]
-        idle = [e for e in new if not determined(node, e)]
+        idle = [e for e in new if not determined(node, e)] if len(new) > 1 else new
         if not idle or idle == new:
             return None
         # They may have led the others to a minimum that these did not find alone.
@@ -479,9 +483,8 @@ class Search:
             self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, tied, chance)
 
     def _distrusts(self) -> bool:
-        """Begin again without the laws that imitate others, and say so, where they are found and yet much is left."""
+        """Begin again without the laws that imitate others, and say so, where these leave little but not noise."""
         imitating = [e for e in self.best.added if _imitates(e)]
-        # What all laws together leave, the others leave too.
         if self.settled or not imitating or self._left(self.best) > _MUCH_LEFT:
             return False
         for effect in imitating:

@@ -145,12 +145,6 @@ class Simulator:
         other._plain = Misses(0, self._plain.target[:count], self._plain.weight[:count])
         return other
 
-    def aged(self, age: float) -> Simulator:
-        """Return the same simulator with an instrument that is a little later, by far less than a step [s]."""
-        other = copy(self)
-        other.grid = self.grid.aged(age, self.drive)
-        return other
-
     def __call__(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> FloatArray:
         """Simulate.
 

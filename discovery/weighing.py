@@ -70,7 +70,7 @@ def weigh(
         # It is needed to predict, however little it shows in training.
         share = s.least_share
     passes = {
-        f"it removes {gain:.0f} of {excess:.0f} excess chi-square in training (by chance {least:.0f})": gain
+        f"it removes {gain:.0f} of {excess:.0f} excess chi-square in training (required: at least {least:.0f})": gain
         > max(least, share * excess),
         f"it removes {held_gain:.0f} of {held_excess:.0f} on the held-out ones": held_gain
         > max(0.25 * s.least_gain, 0.5 * share * held_excess),

@@ -59,7 +59,9 @@ def test_a_set_that_blows_up_on_held_out_recordings_is_no_noise(monkeypatch: pyt
 
 
 @pytest.mark.parametrize("continued", [False, True])
-def test_the_uncertainty_of_predictions_is_that_of_draws_of_the_estimates(continued: bool) -> None:
+def test_the_uncertainty_of_predictions_is_that_of_draws_of_the_estimates(
+    continued: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     train = [recorded("train", pushes(1.0, -1.5, 0.7, 0.0), 0)]
     train = [replace(train[0], fitted_samples=250)] if continued else train
     found = fit(Model("oscillator", DECLARED), train, start={"xi": 0.08, "alpha": 9.0}, units=UNITS)
@@ -72,3 +74,6 @@ def test_the_uncertainty_of_predictions_is_that_of_draws_of_the_estimates(contin
     far = [np.mean(np.square((other - centre) / HELD.recording.noise)[wanted]) for (other,) in others]
     assert held.uncertainty(found) == pytest.approx(np.sqrt(np.mean(far)), rel=0.1)
     assert 0.01 < held.uncertainty(found) < 1
+    blown = [np.full_like(centre, np.inf)]
+    monkeypatch.setattr(held, "predictions", lambda bench, models: [blown for _ in models])
+    assert held.uncertainty(found) == np.inf

@@ -19,9 +19,8 @@ from discovery_datasets.quick_effects import TipRotaryInertia
 from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
-from discovery.case import LoopSettings
 from discovery.dataset import load_dataset
-from discovery.loop import LoopResult, _is_noise, _search_arm, close_loop
+from discovery.loop import LoopResult, _search_arm, close_loop
 from discovery.mechanics.elastica import ElasticaCalm
 from discovery.provenance import plain
 from discovery.search import Search
@@ -315,28 +314,6 @@ def test_a_force_that_bends_the_rod_in_more_modes_than_the_search_follows_is_jud
     assert [e for e in result.added if e not in GEOMETRY] == ["periodic_disturbance"]
     assert result.verdict == "explained"
     assert result.after.values["Omega"] == pytest.approx(13.6, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("rough", "train", "unsure", "noise"),
-    [
-        (0.3, 0.0, 0.0, True),
-        (0.5, 0.0, 0.1, False),
-        (0.5, 0.0, 0.2, True),
-        (0.5, 0.4, 0.2, False),
-        (0.5, 0.0, np.inf, True),
-        (1.1, 0.0, np.inf, False),
-    ],
-)
-def test_what_uncertain_estimates_foretell_may_miss_by_as_much(
-    rough: float, train: float, unsure: float, noise: bool
-) -> None:
-    judge = SimpleNamespace(score=lambda held: (0.0, 0, rough), uncertainty=lambda found: unsure)
-    case = SimpleNamespace(judge=judge, settings=LoopSettings(), roughness=lambda predictions: train)
-    found, test = _is_noise(SimpleNamespace(predict=list), [], 0.5, case)
-    assert found is noise
-    assert ("at most" if noise else "above") in test
-    assert ("not certain" in test) is (0.35 < rough <= 1 and train <= 0.35)
 
 
 def test_the_exact_arm_is_given_up_only_for_one_that_predicts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:

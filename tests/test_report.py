@@ -194,7 +194,7 @@ def test_the_story_of_what_did_not_last(tmp_path: Path) -> None:
             _step("refine", "", "of 1342 excess chi-square 1214 is the error of quicker mechanics", numbers=kept),
             _step("renew", "encoder_ripple", "found again beside the others it lowers chi-square by 321 more"),
             _step("exchange", "table_tilt", "in its place initial_curvature lowers chi-square by 12345 more"),
-            _step("remove", "quadratic_drag", "not enough: it removes 12 of 480 excess chi-square (by chance 40)"),
+            _step("remove", "quadratic_drag", "not enough: it removes 12 of 480 excess (required: at least 40)"),
             _step("withdraw", "initial_curvature", gone),
             _step("withdraw", "hysteresis", gone),
         ],
@@ -408,10 +408,10 @@ def test_what_is_removed_is_never_more_than_there_is(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     here, held = "excess chi-square in training", "on the held-out ones"
     told = {
-        f"it removes 15082 of 15017 {here} (by chance 40); it removes 2083 of 2098 {held}": (
+        f"it removes 15082 of 15017 {here} (required: at least 40); it removes 2083 of 2098 {held}": (
             f"it removes all 15017 {here} (required: at least 40); it removes 2083 of 2098 {held}"
         ),
-        f"it removes 12 of -30 {here} (by chance 40)": (
+        f"it removes 12 of -30 {here} (required: at least 40)": (
             "it removes 12, where chi-square is no more than noise, in training (required: at least 40)"
         ),
     }

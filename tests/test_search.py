@@ -209,6 +209,36 @@ def test_what_imitates_is_given_up_unless_much_is_left(
     assert not search._distrusts()
 
 
+@pytest.mark.parametrize(
+    ("rough", "train", "unsure", "noise"),
+    [
+        (0.3, 0.0, 0.0, True),
+        (0.5, 0.0, 0.1, False),
+        (0.5, 0.0, 0.2, True),
+        (0.5, 0.4, 0.2, False),
+        (0.5, 0.0, np.inf, False),
+        (1.0, 0.0, 0.8, True),
+        (1.1, 0.0, 0.8, False),
+    ],
+)
+def test_what_uncertain_estimates_foretell_may_miss_by_as_much(
+    monkeypatch: pytest.MonkeyPatch, rough: float, train: float, unsure: float, noise: bool
+) -> None:
+    search = copy(searched(beta=1.0, f_c=0.02))
+    case = search.case
+    fitted, held = search.finest()
+    monkeypatch.setattr(case.judge, "score", lambda held: (0.0, 0, rough))
+    monkeypatch.setattr(case.judge, "uncertainty", lambda fitted: unsure)
+    monkeypatch.setattr(Case, "roughness", lambda self, predictions: train)
+    found, test = case.is_noise(fitted, held, 0.5)
+    assert found is noise
+    assert ("at most" if noise else "above") in test
+    assert ("uncertain" in test) is (0.35 < rough <= 1 and train <= 0.35 and unsure < np.inf)
+    # The search asks the same.
+    search.root, search._noise = replace(search.root, held_rough=0.5), {}
+    assert search.settled is noise
+
+
 @pytest.mark.parametrize(("gain", "joins"), [(450.0, False), (550.0, True)])
 def test_an_effect_must_remove_more_than_the_laws_before_it_may_have_idealised(gain: float, joins: bool) -> None:
     search = searched(beta=1.0, f_c=0.02)

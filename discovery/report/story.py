@@ -14,9 +14,8 @@ from discovery.report.words import effect_name, effect_title, listed
 
 __all__ = ["Search", "decisions", "in_the_end", "searches", "steps"]
 
-#: What a step removed of how much, and by how much chance alone could.
+#: What a step removed of how much.
 _REMOVED = re.compile(r"removes (-?\d+) of (-?\d+)( excess chi-square)?")
-_CHANCE = re.compile(r"\(by chance (\d+)\)")
 #: Head of a step that is about no effect.
 _ALONE = {"refine": "Went on upon finer mechanics", "stop": "Stopped"}
 #: Head of a step and its outcome, accepted or not.
@@ -110,7 +109,7 @@ def steps(run: Run) -> list[dict[str, str]]:
             reason = re.sub(r"\bit removes\b", "they remove", reason)
         elif action == "remove" and first["accepted"]:
             reason = f"beside the others it explains too little: {reason.removeprefix('not enough: ')}"
-        reason = _CHANCE.sub(r"(required: at least \1)", _REMOVED.sub(_removed, reason))
+        reason = _REMOVED.sub(_removed, reason)
         titles = [effect_title(e) for e in effects] if action in ("upgrade", "add") else []
         found.append(
             {
