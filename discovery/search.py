@@ -38,7 +38,7 @@ _BEAM = (2, 1)
 _RIVAL = 2.0
 #: A set that leaves much is not extended on steps that are shorter than those of the start by more than this.
 _FINE = 6.0
-#: A set that leaves a larger systematic residual [noise sds] lacks more than finer mechanics.
+#: A set that leaves a larger systematic residual [noise sds], and much of the excess, lacks more than finer mechanics.
 _FAR = 3.0
 #: So many rivals of an effect are told apart from it.
 _RIVALS = 2
@@ -86,7 +86,8 @@ class Search:
         self._finer: dict[Node, Refit] = {}
         self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
         self._noise: dict[Node, bool] = {}
-        self.root = self._take(Node.of((), Refit("", start.problem, start.minimum), case))
+        self.root = Node.of((), Refit("", start.problem, start.minimum), case)
+        self.root = self._take(self.root)
         self.least = self.root.chi2
 
     @property
@@ -190,22 +191,29 @@ class Search:
             if self._passes(node):
                 return node
             lean = self._without_idle(node)
-            if lean is not None and self._passes(lean):
+            if lean is None:
+                continue
+            if {*lean.added} == {*self.best.added}:
+                if self._renew(self.best.added[-1], lean):
+                    return self.best
+            elif self._passes(lean):
                 return lean
         return None
 
     def _without_idle(self, node: Node) -> Node | None:
-        """Return a set without those new effects that it leaves undetermined, if there are others."""
+        """Return a set without those new effects that it leaves undetermined, if that is more than was known."""
         new = [e for e in node.added if e not in self.best.added]
-        idle = [e for e in new if not determined(node, e)] if len(new) > 1 else new
-        if not idle or idle == new:
+        idle = [e for e in new if not determined(node, e)]
+        rest = tuple(e for e in node.added if e not in idle)
+        if not idle or not rest:
             return None
         # They may have led the others to a minimum that these did not find alone.
-        lean, rest = relaxed(node.refit, idle), tuple(e for e in node.added if e not in idle)
-        branch = self._branches.made(rest[:-1])
-        known = [r.chi2 for r in branch.refits if r.effect == rest[-1]] if branch else []
-        found = lean.chi2 < min(known, default=np.inf) - self.case.settings.price
-        return Node.of(rest, lean, self.case) if found else None
+        lean = relaxed(node.refit, idle)
+        known = self.best.chi2
+        if idle != new:
+            branch = self._branches.made(rest[:-1])
+            known = min([r.chi2 for r in branch.refits if r.effect == rest[-1]] if branch else [], default=np.inf)
+        return Node.of(rest, lean, self.case) if lean.chi2 < known - self.case.settings.price else None
 
     def _leads_back(self, node: Node) -> bool:
         """Begin anew where a first set shows that the fit of the start had stopped short of its best minimum."""
@@ -344,7 +352,9 @@ class Search:
     def _resolved(self, node: Node) -> Node:
         """Return a set on finer mechanics where much of what it leaves is the error of quicker ones."""
         settings = self.case.settings
-        if max(node.rough, node.held_rough) <= settings.floor or node.rough > _FAR:
+        if max(node.rough, node.held_rough) <= settings.floor:
+            return node
+        if node.rough > _FAR and self._left(node) > _MUCH_LEFT:
             return node
         least = max(settings.price, settings.least_share * self.case.excess(node.chi2))
         if node not in self._finer:
@@ -451,15 +461,17 @@ class Search:
             return f"in its place {node.added[-1]} leaves no more and is simpler"
         return ""
 
-    def _renew(self, effect: str, again: Node) -> None:
+    def _renew(self, effect: str, again: Node) -> bool:
         """Take another minimum of the same set: what an effect was beside fewer others may have been a local one."""
         gain = self.best.chi2 - again.chi2
-        if gain > self.case.settings.price and again.held < self.best.held:
+        better = gain > self.case.settings.price and again.held < self.best.held
+        if better:
             reason = f"found again beside the others it lowers chi-square by {gain:.0f} more"
             numbers = {"chi2_before": self.best.chi2, "chi2_after": again.chi2}
             self.steps.append(Step("renew", effect, True, reason, numbers))
             self._take(again)
             self._branches.forget(effect)
+        return better
 
     def rivals(self) -> dict[str, dict[str, Refit]]:
         """Return, for each added effect that others explain as well, the refits with those in its place."""

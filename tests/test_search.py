@@ -169,7 +169,9 @@ def test_the_simpler_law_that_a_member_may_have_become_is_tried_in_its_place(mon
     assert search._contenders(first) == among | {far}
 
 
-def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed() -> None:
+def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     found = searched(beta=1.0, f_c=0.02)
     search = copy(found)
     search.best, search.steps = found.root, []
@@ -187,9 +189,17 @@ def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed(
     # What is known to be no better is not weighed twice.
     search._branches.of(Node.of(found.added[:1], found._without(found.added[1]).refit, search.case))
     assert search._without_idle(node) is None
-    # Where all of it is undetermined, nothing is left to weigh.
+    # Where all that is new is undetermined, it may have led to another minimum of the set found so far.
     search.best = found.best
     assert search._without_idle(node) is None
+    search.best = stuck = changed(found.best, chi2=500.0, held=500.0)
+    monkeypatch.setattr(search, "_ordered", lambda children: [node])
+    chosen = search._chosen([])
+    assert chosen is search.best
+    assert chosen is not stuck
+    assert chosen.added == found.added
+    assert chosen.chi2 == pytest.approx(found.best.chi2, abs=0.1)
+    assert [(s.action, s.accepted) for s in search.steps] == [("add", False), ("renew", True)]
 
 
 @pytest.mark.parametrize(("left", "again"), [(0.02, True), (0.08, True), (0.2, False)])
