@@ -47,7 +47,7 @@ _ROUNDS = 2
 #: What beside fewer others leaves so many times what an effect does there cannot take its place.
 _FAR_MORE = 10.0
 #: Where more than this share of the excess is left, neither finer mechanics nor another effect in the place of one is
-#: what is missing, and what laws that imitate others do not explain the others will not.
+#: what is missing.
 _MUCH_LEFT = 0.1
 
 
@@ -141,7 +141,7 @@ class Search:
 
     def _judge(self) -> None:
         """Judge what leaves little on the finest mechanics: it may be the error of those of the search."""
-        if self.best.added and not self.settled and self._left(self.best) <= _MUCH_LEFT:
+        if self.best.added and not self.settled and self._leaves_little():
             self.finest()
 
     def _extend(self, rival: float = np.inf) -> None:
@@ -497,13 +497,18 @@ class Search:
     def _distrusts(self) -> bool:
         """Begin again without the laws that imitate others, and say so, where these leave little but not noise."""
         imitating = [e for e in self.best.added if _imitates(e)]
-        if self.settled or not imitating or self._left(self.best) > _MUCH_LEFT:
+        if self.settled or not imitating or not self._leaves_little():
             return False
         for effect in imitating:
             reason = f"what is left is not noise, and {effect} may imitate what nobody declared"
             self.steps.append(Step("withdraw", effect, True, reason))
         self.best, self._plain = self.root, True
         return True
+
+    def _leaves_little(self) -> bool:
+        """Return whether the best set leaves so little that another way to it may be what is missing."""
+        left, settings = self._left(self.best), self.case.settings
+        return left <= settings.least_known or (left <= _MUCH_LEFT and self.best.rough <= settings.ceiling)
 
     def _left(self, node: Node) -> float:
         """Return the share of the excess chi-square in training that a set leaves."""

@@ -202,13 +202,15 @@ def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed(
     assert [(s.action, s.accepted) for s in search.steps] == [("add", False), ("renew", True)]
 
 
-@pytest.mark.parametrize(("left", "again"), [(0.02, True), (0.08, True), (0.2, False)])
+@pytest.mark.parametrize(
+    ("left", "rough", "again"), [(0.02, 2.0, True), (0.08, 0.9, True), (0.08, 1.1, False), (0.2, 0.9, False)]
+)
 def test_what_imitates_is_given_up_unless_much_is_left(
-    monkeypatch: pytest.MonkeyPatch, left: float, again: bool
+    monkeypatch: pytest.MonkeyPatch, left: float, rough: float, again: bool
 ) -> None:
     found = searched(c_2=0.3, tau=0.01)
     search = copy(found)
-    search.best, search.steps = replace(found.best, added=("quadratic_drag", "periodic_disturbance")), []
+    search.best, search.steps = replace(found.best, added=("quadratic_drag", "periodic_disturbance"), rough=rough), []
     monkeypatch.setattr(Search, "settled", property(lambda self: False))
     monkeypatch.setattr(search, "_left", lambda node: left)
     assert search._distrusts() is again
