@@ -19,6 +19,7 @@ from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem
 from discovery.refits import Refit, distances, resettled
+from discovery.registry import catalogue
 from discovery.residual import roughness
 from discovery.shaking import shaken
 from discovery.step import choose_step
@@ -245,8 +246,28 @@ class Case:
         """Return the systematic part of what predictions leave of the training recordings [noise sds]."""
         return roughness(self.train, predictions, 2 * np.pi * self.units.time)
 
-    def is_noise(self, fitted: Fit, held: Sequence[FloatArray], first_rough: float) -> tuple[bool, str]:
-        """Return whether what a fit leaves of the held-out recordings counts as noise, and the test as a sentence.
+    def limits(self, model: Model, first: tuple[float, float]) -> tuple[float, float]:
+        """Return up to where the systematic residuals of the training and the held-out recordings count as noise.
+
+        Parameters
+        ----------
+        model : Model
+            What leaves them.
+        first : (float, float)
+            What was there before any effect was added [noise sds].
+        """
+        s = self.settings
+        if self._imitating(model):
+            # A law that imitates others has no law of its own to idealise.
+            return s.floor, s.floor
+        return s.limit(first[0]), s.limit(first[1])
+
+    def _imitating(self, model: Model) -> list[str]:
+        """Return the added effects of a model that imitate others."""
+        return [e for e in model.effects if catalogue()[e].pliable and e not in self.train[0].rig.declared]
+
+    def is_noise(self, fitted: Fit, held: Sequence[FloatArray], first: tuple[float, float]) -> tuple[bool, str]:
+        """Return whether what a fit leaves counts as noise, and the test as a sentence.
 
         Parameters
         ----------
@@ -254,23 +275,27 @@ class Case:
             The fit.
         held : sequence of ndarray
             Its predictions of the held-out recordings.
-        first_rough : float
-            Systematic part of what was left of them before any effect was added [noise sds].
+        first : (float, float)
+            See `limits`.
         """
-        s, rough = self.settings, self.judge.score(held)[2]
-        limit = s.limit(first_rough)
-        told = f"{limit:.3g} = max({s.floor:.3g}, min({s.relative_floor:g} x {first_rough:.3g}, {s.ceiling:g}))"
-        if limit < rough <= s.ceiling and self.roughness(fitted.predict()) <= s.floor:
+        s, train, rough = self.settings, self.roughness(fitted.predict()), self.judge.score(held)[2]
+        limit_train, limit = self.limits(fitted.model, first)
+        part, told = "averages over a 24th of a period, noise removed", f"{limit:.3g}"
+        if train > limit_train:
+            return False, f"systematic part of the residual ({part}): {train:.3g} noise sds, above {limit_train:.3g}"
+        if imitating := self._imitating(fitted.model):
+            told += f", for {' and '.join(imitating)} may imitate others"
+        else:
+            told += f" = max({s.floor:.3g}, min({s.relative_floor:g} x {first[1]:.3g}, {s.ceiling:g}))"
+        if limit < rough <= s.ceiling and train <= s.floor:
             # What was fitted is noise, so the estimates are as sure as they say, and what they foretell no surer.
             unsure = _FAR_OFF * self.judge.uncertainty(fitted)
             if np.isfinite(unsure):
                 limit = min(float(np.hypot(limit, unsure)), s.ceiling)
                 told = f"{limit:.3g}, for the estimates leave {unsure:.3g} uncertain, else {told}"
         noise = rough <= limit
-        return noise, (
-            "systematic part of the held-out residual (averages over a 24th of a period, noise removed): "
-            f"{rough:.3g} noise sds, {'at most' if noise else 'above'} {told}"
-        )
+        verb = "at most" if noise else "above"
+        return noise, f"systematic part of the held-out residual ({part}): {rough:.3g} noise sds, {verb} {told}"
 
     @cached_property
     def n_data(self) -> int:

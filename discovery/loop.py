@@ -184,7 +184,7 @@ def close_loop(
     after = widened(after, unlike)
     before_train, after_train = before.predict(), after.predict()
     before_held = case.held(before)
-    noise, test = case.is_noise(after, after_held, search.root.held_rough)
+    noise, test = case.is_noise(after, after_held, (search.root.rough, search.root.held_rough))
     added = (*geometry, *search.added)
     verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time

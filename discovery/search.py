@@ -97,12 +97,13 @@ class Search:
 
     @property
     def settled(self) -> bool:
-        """Whether what is left of the held-out recordings is noise by the test of the verdict."""
-        first_rough = self.root.held_rough
+        """Whether what is left of the recordings is noise by the test of the verdict."""
+        first = self.root.rough, self.root.held_rough
         if self.best not in self._finest:
-            return self.best.held_rough <= self.case.settings.limit(first_rough)
+            limits = self.case.limits(self.best.refit.problem.model, first)
+            return self.best.rough <= limits[0] and self.best.held_rough <= limits[1]
         if self.best not in self._noise:
-            self._noise[self.best] = self.case.is_noise(*self._finest[self.best], first_rough)[0]
+            self._noise[self.best] = self.case.is_noise(*self._finest[self.best], first)[0]
         return self._noise[self.best]
 
     def finest(self) -> tuple[Fit, list[FloatArray]]:

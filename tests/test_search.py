@@ -3,6 +3,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -225,9 +226,10 @@ def test_what_imitates_is_given_up_unless_much_is_left(
     ("rough", "train", "unsure", "noise"),
     [
         (0.3, 0.0, 0.0, True),
+        (0.3, 0.45, 0.0, False),
         (0.5, 0.0, 0.1, False),
         (0.5, 0.0, 0.2, True),
-        (0.5, 0.4, 0.2, False),
+        (0.5, 0.38, 0.2, False),
         (0.5, 0.0, np.inf, False),
         (1.0, 0.0, 0.8, True),
         (1.1, 0.0, 0.8, False),
@@ -242,13 +244,34 @@ def test_what_uncertain_estimates_foretell_may_miss_by_as_much(
     monkeypatch.setattr(case.judge, "score", lambda held: (0.0, 0, rough))
     monkeypatch.setattr(case.judge, "uncertainty", lambda fitted: unsure)
     monkeypatch.setattr(Case, "roughness", lambda self, predictions: train)
-    found, test = case.is_noise(fitted, held, 0.5)
+    # A tenth of what was there before may be left of the fitted part, too.
+    found, test = case.is_noise(fitted, held, (4.0, 0.5))
     assert found is noise
     assert ("at most" if noise else "above") in test
     assert ("uncertain" in test) is (0.35 < rough <= 1 and train <= 0.35 and unsure < np.inf)
+    assert ("held-out" in test) is (train <= 0.4)
     # The search asks the same.
-    search.root, search._noise = replace(search.root, held_rough=0.5), {}
+    search.root, search._noise = replace(search.root, rough=4.0, held_rough=0.5), {}
     assert search.settled is noise
+
+
+def test_a_law_that_imitates_must_leave_nothing_but_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = copy(searched(beta=1.0, f_c=0.02))
+    case, model = search.case, search.best.refit.problem.model
+    assert case.limits(model, (6.0, 30.0)) == (pytest.approx(0.6), 1.0)
+    imitating = model.with_effect("periodic_disturbance")
+    assert case.limits(imitating, (6.0, 30.0)) == (0.35, 0.35)
+    fitted, held = search.finest()
+    monkeypatch.setattr(case.judge, "score", lambda held: (0.0, 0, 0.5))
+    monkeypatch.setattr(Case, "roughness", lambda self, predictions: 0.0)
+    monkeypatch.setattr(case.judge, "uncertainty", lambda fitted: 0.0)
+    assert case.is_noise(fitted, held, (6.0, 30.0))[0]
+    noise, test = case.is_noise(SimpleNamespace(model=imitating, predict=list), held, (6.0, 30.0))
+    assert not noise
+    assert "periodic_disturbance may imitate others" in test
+    # What the rig file declares imitates nothing.
+    known = [replace(e, rig=replace(e.rig, declared=("periodic_disturbance",))) for e in case.train]
+    assert replace(case, train=known).limits(imitating, (6.0, 30.0)) == (pytest.approx(0.6), 1.0)
 
 
 @pytest.mark.parametrize(("gain", "joins"), [(450.0, False), (550.0, True)])
