@@ -59,8 +59,8 @@ class LoopSettings:
         Candidates whose excess chi-square is within this share of the best one count as equally good: the one with
         fewer parameters is taken and the others are reported as ambiguous.
     form : float
-        So are those within this share of what the best one removes: every law idealises. A further effect must remove
-        more than this share of what the others have.
+        So are those within this share of what the best one removes: every law idealises. Where what is left counts
+        as noise, a further effect must remove more than this share of what the others have.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
     pair_share : float

@@ -54,12 +54,14 @@ def weigh(
     gain, held_gain = smaller.chi2 - larger.chi2, smaller.held - larger.held
     excess, held_excess = case.excess(smaller.chi2), case.held_excess(smaller.held)
     least = s.least_gain if chance is None else max(s.least_gain, float(np.quantile(chance, 0.99)))
-    # The laws before it idealise what they removed; and an explained residual may keep so much of its power that a law
-    # which imitates others must not live on that.
-    pliable = any(catalogue()[e].pliable for e in new)
-    least = max(least, (s.relative_floor**2 if pliable else s.form) * (case.excess(root.chi2) - excess))
-    # What is noise by the verdict already may be the base's own error: only what explains most of it is an effect.
+    # What is noise by the verdict already may be the base's own error: only what explains most of it is an effect, and
+    # more than the laws before it may idealise.
     noise = smaller.held_rough <= s.limit(root.held_rough) and smaller.rough <= s.limit(root.rough)
+    if noise:
+        least = max(least, s.form * (case.excess(root.chi2) - excess))
+    if any(catalogue()[e].pliable for e in new):
+        # An explained residual may keep so much of its power: a law that imitates others must not live on that.
+        least = max(least, s.relative_floor**2 * (case.excess(root.chi2) - excess))
     # In the company of a law that imitates others, every effect must explain most of what is left.
     company = len(larger.added) > 1 and any(catalogue()[e].pliable for e in larger.added)
     share = s.pair_share if noise or strict or company or len(new) > 1 else s.least_share
