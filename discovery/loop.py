@@ -282,7 +282,7 @@ def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]
     geometry, steps = _judge_geometry(before, search, case)
     if "elastica_geometry" not in geometry:
         # Rare: the exact mechanics predicts no better than a simpler one. It is given up only where it fails and the
-        # declared one, searched alike, leaves nothing but noise, or predicts as well with nothing named upon either.
+        # declared one, searched alike, leaves nothing but noise, or predicts as well where the exact one names nothing.
         if not search.settled:
             # Both searches begin at the same fit, on the kernel of the whole catalogue.
             declared = case.fit(before.model, before.values, before.problem.gaussian)

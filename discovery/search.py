@@ -203,6 +203,8 @@ class Search:
 
     def _without_idle(self, node: Node) -> Node | None:
         """Return a set without those new effects that it leaves undetermined, if that is more than was known."""
+        if len(node.added) == 1:
+            return None
         new = [e for e in node.added if e not in self.best.added]
         idle = [e for e in new if not determined(node, e)]
         rest = tuple(e for e in node.added if e not in idle)

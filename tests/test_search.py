@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from discovery.bench import Bench
-from discovery.branch import Branches
+from discovery.branch import Branch, Branches
 from discovery.case import Case, LoopSettings
 from discovery.drive import Drive
 from discovery.experiment import Experiment
@@ -140,13 +140,19 @@ def test_a_law_with_fewer_parameters_that_leaves_no_more_takes_the_place_of_a_me
     assert not search._better(changed(large, chi2=-3.0, held=-1.0))
 
 
-def test_what_left_far_more_beside_fewer_is_not_tried_in_the_place_of_a_member() -> None:
-    search = searched(c_2=0.3, tau=0.01)
+def contended(search: Search) -> tuple[str, frozenset[str], Branch]:
+    """Return the first member of a pair, what may take its place, and what was offered beside none."""
     first, _ = search.added
     among = search._contenders(first)
     below = search._branches.below((), first)
     assert among is not None
     assert below is not None
+    return first, among, below
+
+
+def test_what_left_far_more_beside_fewer_is_not_tried_in_the_place_of_a_member() -> None:
+    search = searched(c_2=0.3, tau=0.01)
+    first, among, below = contended(search)
     left = {r.effect: r.chi2 for r in below.refits}
     assert first in among
     assert {*among} < {*below.scored}
@@ -160,11 +166,7 @@ def test_what_left_far_more_beside_fewer_is_not_tried_in_the_place_of_a_member()
 
 def test_the_simpler_law_that_a_member_may_have_become_is_tried_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
     search = searched(c_2=0.3, tau=0.01)
-    first, _ = search.added
-    among = search._contenders(first)
-    below = search._branches.below((), first)
-    assert among is not None
-    assert below is not None
+    first, among, below = contended(search)
     far = min({r.effect for r in below.refits} - among)
     monkeypatch.setattr(type(catalogue()[first]), "reduces_to", frozenset({far}))
     assert search._contenders(first) == among | {far}
