@@ -17,7 +17,7 @@ from discovery.experiment import Experiment
 from discovery.fit import SHIFT, Fit, fit, fit_near, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
-from discovery.problem import NaturalUnits, Problem
+from discovery.problem import NaturalUnits, Problem, conventions
 from discovery.refits import Refit, distances, resettled
 from discovery.registry import catalogue
 from discovery.residual import roughness
@@ -204,16 +204,29 @@ class Case:
         return found
 
     def finest(self, found: Refit) -> Fit:
-        """Return a refit of the search with its intervals, on finer mechanics where there are any that fit as well."""
+        """Return a refit of the search with its intervals, on finer mechanics where there are any that fit as well.
+
+        What the laws of the added effects hold by convention is free there, within what is believed of it: held, it
+        would shift their other parameters, and leave their intervals too narrow.
+        """
         for problem in self._on_finer(found):
             self.tell(f"refitting on finer mechanics: {problem.model.base}")
             try:
-                fitted = fit_near(problem, found.values)
+                fitted = fit_near(self._unfixed(problem), found.values)
             except SimulationFailure:
                 continue
             if self._is_as_good(fitted.chi2, found):
                 return self.polish(fitted)
-        return self.polish(self.finished(found))
+        return self.polish(fit_near(self._unfixed(found.problem), found.values))
+
+    def _unfixed(self, problem: Problem) -> Problem:
+        """Return a problem in which the conventions of the added effects are free."""
+        free = conventions(self._added(problem.model), self.units)
+        return replace(problem, gaussian={**problem.gaussian, **free})
+
+    def _added(self, model: Model) -> list[str]:
+        """Return the effects of a model that are not declared."""
+        return [e for e in model.effects if e not in self.train[0].rig.declared]
 
     def _is_as_good(self, chi2: float, found: Refit) -> bool:
         return chi2 < _SAME_ANSWER * found.chi2 + self.settings.price
@@ -264,7 +277,7 @@ class Case:
 
     def _imitating(self, model: Model) -> list[str]:
         """Return the added effects of a model that imitate others."""
-        return [e for e in model.effects if catalogue()[e].pliable and e not in self.train[0].rig.declared]
+        return [e for e in self._added(model) if catalogue()[e].pliable]
 
     def is_noise(self, fitted: Fit, held: Sequence[FloatArray], first: tuple[float, float]) -> tuple[bool, str]:
         """Return whether what a fit leaves counts as noise, and the test as a sentence.

@@ -44,8 +44,10 @@ _WIDE = 30.0
 _AWAY = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
 #: A value on quicker mechanics differs by at most this part of what is to be reconciled.
 _ALIKE = 0.1
-#: What is missing of a model shifts the stiffness that it finds by a smaller factor.
+#: What is missing of a model shifts the stiffness that it finds by a smaller factor,
 _GROSS = 1.5
+#: be it a spring's or gravity's.
+_STIFFNESSES = ("alpha", "k_g")
 #: Standard deviation of what the exact arm predicts for beta / alpha and gamma of a model of another kind.
 _LAW = 0.005
 
@@ -85,6 +87,12 @@ class Check:
         """Whether the value and its prediction exclude each other."""
         return self.p < math.erfc(LIMIT / math.sqrt(2))
 
+    @property
+    def gross(self) -> bool:
+        """Whether it is a stiffness that lies so far beside its prediction that the rig file may be wrong."""
+        far = not self.predicted / _GROSS < self.value < self.predicted * _GROSS
+        return far and self.contradicts and self.parameter in _STIFFNESSES
+
 
 @dataclass(frozen=True)
 class Contradiction:
@@ -121,7 +129,8 @@ class Contradiction:
         if not self.sought:
             return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
         if not self.reconciling:
-            return head + "no effect of the catalogue reconciles them."
+            doubt = " Is the rig file right?" if c.gross else ""
+            return head + "no effect of the catalogue reconciles them." + doubt
         best = self.tried[0]
         also = f"; so would {', '.join(self.reconciling[1:])}" if len(self.reconciling) > 1 else ""
         return head + f"{best.effect} reconciles them and removes {best.evidence:.3g} of the total chi-square{also}."
@@ -133,6 +142,11 @@ class ContradictionReport:
 
     checks: tuple[Check, ...]
     contradictions: tuple[Contradiction, ...]
+
+    @property
+    def gross(self) -> tuple[Contradiction, ...]:
+        """Stiffnesses that lie far beside the rig, and that no effect reconciles with it."""
+        return tuple(c for c in self.contradictions if c.check.gross and not c.reconciling)
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
@@ -155,6 +169,7 @@ class ContradictionReport:
             "contradictions": [
                 {
                     "parameter": c.check.parameter,
+                    "gross": c in self.gross,
                     "reconciling": list(c.reconciling),
                     "tried": [r.summary() for r in c.tried],
                     "sentence": c.sentence,
@@ -165,18 +180,18 @@ class ContradictionReport:
 
 
 def grossly_unlike(fit: Fit, rng: np.random.Generator) -> ContradictionReport:
-    """Test the stiffness of an arm where more than noise is left: what is missing shifts it, but not far.
+    """Test the stiffness of an arm or a pendulum alone: what is missing shifts it, but not far.
 
     Parameters
     ----------
     fit : Fit
-        Of an arm.
+        Of any system; where the rig predicts no stiffness, nothing is tested.
     rng : numpy.random.Generator
         Source of the draws of the rig's quantities.
     """
-    checks = [check for check, _ in _stiffness(fit, rng)]
-    far = [c for c in checks if not 1 / _GROSS < c.value / c.predicted < _GROSS]
-    return ContradictionReport(tuple(checks), tuple(Contradiction(c, (), sought=False) for c in far if c.contradicts))
+    arm = fit.problem.bench.experiments[0].is_arm
+    checks = tuple(check for check, _ in _stiffness(fit, rng)) if arm else _against_length(fit)
+    return ContradictionReport(checks, tuple(Contradiction(c, (), sought=False) for c in checks if c.gross))
 
 
 def check_contradictions(

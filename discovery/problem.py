@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +16,7 @@ from discovery.model import Model
 from discovery.parameters import Parameter, natural_scale
 from discovery.registry import get_effect
 
-__all__ = ["LIGHT_ROD", "NaturalUnits", "Problem", "known_values", "natural_units"]
+__all__ = ["LIGHT_ROD", "NaturalUnits", "Problem", "conventions", "known_values", "natural_units"]
 
 FloatArray = NDArray[np.float64]
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
@@ -94,6 +94,15 @@ def known_values(experiment: Experiment) -> dict[str, float]:
     if rig.beam_mass is not None and rig.tip_mass is not None:
         known["mu"] = rig.beam_mass.value / rig.tip_mass.value
     return known
+
+
+def conventions(effects: Iterable[str], units: NaturalUnits) -> dict[str, tuple[float, float]]:
+    """Return what the laws of effects hold at a conventional value, by parameter: (that value, its uncertainty).
+
+    Such as the speed within which dry friction changes its sign: it decides how a body creeps that should stick.
+    """
+    held = [p for e in effects for p in get_effect(e).parameters() if p.fixed]
+    return {p.name: (p.default * units.scale(p), p.prior.width * units.scale(p)) for p in held}
 
 
 @dataclass(frozen=True)

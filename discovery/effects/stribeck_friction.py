@@ -30,7 +30,7 @@ class StribeckFriction(Dissipation):
     v_e = Parameter(
         "s^-1 q",
         "smoothing speed",
-        (1e-5, 0.1),
+        (1e-4, 0.1),
         LogNormal(7e-4, 1.0),
         default=7e-4,
         shape=True,
