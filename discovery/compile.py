@@ -16,7 +16,8 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -33,10 +34,14 @@ from discovery.program import RECORDED, Program, build_program
 from discovery.registry import get_effect
 from discovery.runge_kutta import CLASSICAL, Method, dormand_prince
 
-__all__ = ["Kernel", "compile_kernel", "leaps", "numpy_derivative"]
+__all__ = ["Kernel", "compile_kernel", "heard_compiling", "leaps", "numpy_derivative"]
 
 #: No thread may use a module that another is still importing.
 _LOADING = threading.Lock()
+#: Begin of the names of generated modules.
+_GENERATED = "discovery_kernel_"
+#: What is called where a kernel begins and ends to be compiled.
+_LISTENING: list[tuple[Callable[[], object], Callable[[], object]]] = []
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,7 @@ def _load(source: str) -> ModuleType:
     from discovery import vectormath
 
     key = hashlib.sha256((source + Path(vectormath.__file__).read_text(encoding="utf-8")).encode()).hexdigest()[:20]
-    name = f"discovery_kernel_{key}"
+    name = f"{_GENERATED}{key}"
     if name in sys.modules:
         return sys.modules[name]
     path = _cache_folder() / f"{name}.py"
@@ -103,6 +108,7 @@ def _load(source: str) -> ModuleType:
             file.write(source)
         os.chmod(file.name, 0o644)
         os.replace(file.name, path)
+    _listen()
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
@@ -111,6 +117,38 @@ def _load(source: str) -> ModuleType:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
+
+
+@cache
+def _listen() -> None:
+    """Hear of the compiler where it works on a kernel, not where it loads one from its disk cache."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def on_start(self, event) -> None:
+            self._call(event, 0)
+
+        def on_end(self, event) -> None:
+            self._call(event, 1)
+
+        def _call(self, event, which: int) -> None:
+            function = event.data["dispatcher"].py_func
+            if function.__module__.startswith(_GENERATED) and function.__name__ == "run":
+                for calls in _LISTENING:
+                    calls[which]()
+
+    event.register("numba:compile", Listener())
+
+
+@contextmanager
+def heard_compiling(began: Callable[[], object], ended: Callable[[], object] = lambda: None) -> Iterator[None]:
+    """Call functions in this context whenever a kernel begins and ends to be compiled, which may take a minute."""
+    calls = (began, ended)
+    _LISTENING.append(calls)
+    try:
+        yield
+    finally:
+        _LISTENING.remove(calls)
 
 
 @cache

@@ -19,6 +19,7 @@ from discovery.recording import Recording, read_recording
 from discovery.rig import RecordPart, Rig
 from discovery.rig_file import read_rig
 from discovery.shared_samples import shared_samples
+from discovery.units import quoted
 
 __all__ = ["Dataset", "load_dataset"]
 
@@ -156,8 +157,10 @@ def _refuse_unusable(role: str, experiment: Experiment) -> None:
                 "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
             )
     if not experiment.is_arm and r.input is not None and np.ptp(r.input) == 0:
+        given = experiment.rig.columns.input
+        value = f"{r.input[0]:g}" if given is None else quoted(float(r.input[0]), given.unit, 6)
         raise InputError(
-            f"{r.source}: the input is {r.input[0]:g} throughout, so it drives nothing and its gain cannot be found. "
+            f"{r.source}: the input is {value} throughout, so it drives nothing and its gain cannot be found. "
             "For a free decay, remove the input from [columns] in the rig file."
         )
 

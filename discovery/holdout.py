@@ -17,9 +17,11 @@ from discovery.problem import NaturalUnits
 from discovery.residual import chance_variance, errors, systematic_share
 from discovery.step import choose_step
 
-__all__ = ["HoldOut"]
+__all__ = ["SEPARATE", "HoldOut"]
 
 FloatArray = NDArray[np.float64]
+#: What held-out recordings are called that were given as such.
+SEPARATE = "separate recordings"
 #: Standard deviations above its mean that a normal number exceeds once in a hundred times.
 _ONCE_IN_A_HUNDRED = 2.326
 
@@ -45,7 +47,7 @@ class HoldOut:
     @property
     def kind(self) -> str:
         """How the held-out data relate to the fitted ones."""
-        return "last third of each training recording, continued" if self.continued else "separate recordings"
+        return "last third of each training recording, continued" if self.continued else SEPARATE
 
     def predictions(
         self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float], list[FloatArray]]]

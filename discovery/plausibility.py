@@ -10,6 +10,7 @@ import numpy.typing as npt
 from discovery.errors import InputError
 from discovery.io import Table
 from discovery.rig import Rig
+from discovery.units import quoted
 
 __all__ = ["check_arm", "check_signals"]
 
@@ -31,6 +32,7 @@ SLOWEST_SWING = 20.0
 def check_signals(
     table: Table,
     names: Mapping[str, str],
+    units: Mapping[str, str],
     time: FloatArray,
     inputs: FloatArray | None,
     outputs: Mapping[str, FloatArray],
@@ -44,6 +46,8 @@ def check_signals(
         The rows that the arrays hold, for the messages.
     names : mapping of str to str
         Signal (``"time"``, ``"motor_angle"``, ...) to the name of its column.
+    units : mapping of str to str
+        Signal to the unit of its column, for the messages.
     time, inputs : array, shape (n,)
         In SI units; there may be no input.
     outputs : mapping of str to array, shape (n,)
@@ -76,7 +80,8 @@ def check_signals(
                 "If the file holds several trials, name each in [records] of the rig file, with "
                 "where = { column = value } or samples = [start, stop]; else sort the rows."
             )
-        raise InputError(f"{table.path}, column {label!r}, {table.where(row)}: {time[row]:.9g} s is {fault}. {remedy}")
+        now = quoted(float(time[row]), units["time"], 9)
+        raise InputError(f"{table.path}, column {label!r}, {table.where(row)}: {now} is {fault}. {remedy}")
     if inputs is not None and np.isnan(inputs).any():
         row = int(np.argmax(np.isnan(inputs)))
         column = names.get("motor_angle", names.get("input", "input"))
@@ -97,7 +102,7 @@ def check_signals(
         if finite.size > 0 and np.ptp(finite) == 0:
             raise InputError(
                 f"{table.path}, column {names[channel]!r}: every reading, from {table.where(0)} on, is "
-                f"{finite[0]:.6g}. "
+                f"{table.numbers(names[channel])[np.isfinite(values)][0]:.6g}. "
                 "The sensor is dead or not connected: check it and record again."
             )
         if finite.size < fewest:
@@ -124,6 +129,7 @@ def _several(steps: FloatArray) -> bool:
 def check_arm(
     table: Table,
     names: Mapping[str, str],
+    units: Mapping[str, str],
     rig: Rig,
     time: FloatArray,
     inputs: FloatArray | None,
@@ -140,46 +146,53 @@ def check_arm(
     assert rig.length is not None  # read_rig demands it of an arm
     length = rig.length.value
     assert inputs is not None  # the column is required
-    _check_motor(table, names["motor_angle"], inputs)
+    _check_motor(table, names["motor_angle"], units["motor_angle"], inputs)
     if not outputs:
         return
-    _check_duration(table, names["time"], rig, time)
+    _check_duration(table, names["time"], units["time"], rig, time)
     if "tip_x" in outputs:
         columns = names["tip_x"], names["tip_y"]
         radius = np.hypot(outputs["tip_x"], outputs["tip_y"])
-        _check_within(table, columns, length, radius)
-        _check_not_nearer(table, columns, length, radius)
+        _check_within(table, columns, units["tip_x"], length, radius)
+        _check_not_nearer(table, columns, units["tip_x"], length, radius)
         direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
         # The camera does not count turns.
         deflection = np.angle(np.exp(1j * (direction - inputs)))
-        _check_follows(table, names["motor_angle"], inputs, direction, deflection)
+        _check_follows(table, names["motor_angle"], units["motor_angle"], inputs, direction, deflection)
     elif "tip_angle" in outputs:
         deflection = outputs["tip_angle"] - inputs
         worst = int(np.nanargmax(np.abs(deflection)))
         if abs(deflection[worst]) > LARGEST_DEFLECTION:
             raise InputError(
                 f"{table.path}, column {names['tip_angle']!r}, {table.where(worst)}: the tip would be "
-                f"deflected by "
-                f"{deflection[worst]:.4g} rad from the motor's direction, more than half a turn. If one of the angles "
-                f"is in "
-                "degrees, rename its column to end in _deg; the angle of the tip must not jump by full turns."
+                f"deflected by {quoted(float(deflection[worst]), units['tip_angle'], 4)} from the motor's direction, "
+                "more than half a turn. If one of the angles is in degrees, rename its column to end in _deg; the "
+                "angle of the tip must not jump by full turns."
             )
     else:
-        _check_within(table, [names["tip_deflection"]], length, np.abs(outputs["tip_deflection"]))
+        _check_within(
+            table, [names["tip_deflection"]], units["tip_deflection"], length, np.abs(outputs["tip_deflection"])
+        )
 
 
-def _check_motor(table: Table, column: str, inputs: FloatArray) -> None:
+def _degrees(unit: str) -> str:
+    """Return what to do about an angle that turns too far."""
+    if unit == "deg":
+        return "Correct the unit in the column's name."
+    return "If the angle is in degrees, rename the column to 'motor_angle_deg'."
+
+
+def _check_motor(table: Table, column: str, unit: str, inputs: FloatArray) -> None:
     turn = float(np.ptp(inputs))
     if turn > LARGEST_TURN:
         row = int(np.argmax(np.abs(inputs - inputs[0])))
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by {turn:.4g} rad, "
-            f"more than "
-            "two full turns. If the angle is in degrees, rename the column to 'motor_angle_deg'."
+            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by "
+            f"{quoted(turn, unit, 4)}, more than two full turns. {_degrees(unit)}"
         )
 
 
-def _check_duration(table: Table, column: str, rig: Rig, time: FloatArray) -> None:
+def _check_duration(table: Table, column: str, unit: str, rig: Rig, time: FloatArray) -> None:
     """Refuse records shorter than a swing, and sampling too slow to see one."""
     duration, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
     period = SLOWEST_SWING
@@ -189,15 +202,16 @@ def _check_duration(table: Table, column: str, rig: Rig, time: FloatArray) -> No
         period = 2.0 * np.pi * np.sqrt(mass * rig.length.value**3 / (3.0 * rig.flexural_rigidity.value))
         if duration < period:
             raise InputError(
-                f"{table.path}, column {column!r}: the record is too short: it lasts {duration:.4g} s, less than one "
-                f"swing "
-                f"of this arm ({period:.3g} s by the rig file's masses, length and rigidity). Record longer, or "
-                "correct these, or the unit in the column's name."
+                f"{table.path}, column {column!r}: the record is too short: it lasts "
+                f"{quoted(duration, unit, 4)}, less than one swing of this arm ({quoted(period, unit)} by the rig "
+                "file's masses, length and rigidity). Record longer, or correct these, or the unit in the column's "
+                "name."
             )
     if step > 0.25 * period:
+        remedy = "If the times are in milliseconds, rename the column to 'time_ms'; else sample faster."
         raise InputError(
-            f"{table.path}, column {column!r}: the samples are {step:.4g} s apart, too far for an arm that swings in "
-            f"{period:.3g} s. If the times are in milliseconds, rename the column to 'time_ms'; else sample faster."
+            f"{table.path}, column {column!r}: the samples are {quoted(step, unit, 4)} apart, too far for an arm that "
+            f"swings in {quoted(period, unit)}. {remedy if unit == 's' else 'Correct the unit, or sample faster.'}"
         )
 
 
@@ -205,13 +219,13 @@ def _rows(count: int) -> str:
     return f"{count} row" if count == 1 else f"{count} rows"
 
 
-def _check_within(table: Table, columns: Sequence[str], length: float, distance: FloatArray) -> None:
+def _check_within(table: Table, columns: Sequence[str], unit: str, length: float, distance: FloatArray) -> None:
     """Refuse a tip beyond the reach of the arm, at its first row."""
     beyond = distance > (1.0 + LENGTH_MARGIN) * length
     if not beyond.any():
         return
     row = int(np.argmax(beyond))
-    if np.nanmedian(distance[beyond]) > 30.0 * length:
+    if unit == "m" and np.nanmedian(distance[beyond]) > 30.0 * length:
         names = " and ".join(repr(f"{column.rsplit('_', 1)[0]}_mm") for column in columns)
         cure = f"If it is in millimetres, rename to {names}."
     else:
@@ -219,21 +233,18 @@ def _check_within(table: Table, columns: Sequence[str], length: float, distance:
         if beyond.sum() <= _WILD * np.isfinite(distance).sum():
             cure = f"Few readings are that far ({beyond.sum()}): empty the cells of a wild one. Else: {cure}"
     raise InputError(
-        f"{table.path}, {_columns(columns)}, {table.where(row)}: the tip would be {distance[row]:.4g} m away "
-        f"on an "
-        f"arm that is {length:.4g} m long. {cure}"
+        f"{table.path}, {_columns(columns)}, {table.where(row)}: the tip would be "
+        f"{quoted(float(distance[row]), unit, 4)} away on an arm that is {quoted(length, unit, 4)} long. {cure}"
     )
 
 
-def _check_not_nearer(table: Table, columns: Sequence[str], length: float, radius: FloatArray) -> None:
+def _check_not_nearer(table: Table, columns: Sequence[str], unit: str, length: float, radius: FloatArray) -> None:
     farthest = int(np.nanargmax(radius))
     if radius[farthest] < NEAREST * length:
         raise InputError(
             f"{table.path}, {_columns(columns)}, {table.where(farthest)}: the tip is never farther from the "
-            f"hub "
-            f"than {radius[farthest]:.4g} m, but the arm is {length:.4g} m long. Correct length_m in the rig file or "
-            f"the "
-            "unit in the columns' names, and measure from the hub."
+            f"hub than {quoted(float(radius[farthest]), unit, 4)}, but the arm is {quoted(length, unit, 4)} long. "
+            "Correct length_m in the rig file or the unit in the columns' names, and measure from the hub."
         )
 
 
@@ -242,7 +253,7 @@ def _columns(columns: Sequence[str]) -> str:
 
 
 def _check_follows(
-    table: Table, column: str, inputs: FloatArray, direction: FloatArray, deflection: FloatArray
+    table: Table, column: str, unit: str, inputs: FloatArray, direction: FloatArray, deflection: FloatArray
 ) -> None:
     """Refuse a motor angle in degrees: it runs away from the tip, by 57 radians for each."""
     finite = np.isfinite(direction)
@@ -252,8 +263,6 @@ def _check_follows(
     if turn > 1.0 and (turn > 20.0 * follows or (turn > 2.0 * np.pi and far > 0.9 * LARGEST_DEFLECTION)):
         row = int(np.argmax(np.abs(inputs - inputs[0])))
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by {turn:.4g} rad "
-            f"while the "
-            f"tip's direction changes by {follows:.3g} rad. If the angle is in degrees, rename the column to "
-            "'motor_angle_deg'."
+            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by "
+            f"{quoted(turn, unit, 4)} while the tip's direction changes by {quoted(follows, unit)}. {_degrees(unit)}"
         )

@@ -34,7 +34,9 @@ FloatArray = npt.NDArray[np.float64]
 
 MASSES = ("as_printed", "rod_counted")
 LAWS = ("static_small", "static_least_squares", "dynamic", "dynamic_effective")
-UNITS = {"alpha": "s^-2", "beta": "s^-2"}
+# As the effects that carry these parameters declare them, q being the radian.
+_PER_SQUARE = ("beta/alpha", "c1", "c2", "c3")
+UNITS = {"alpha": "s^-2", "beta": "s^-2 q^-2", "gamma": "q^-1", **dict.fromkeys(_PER_SQUARE, "q^-2")}
 _NEEDED = ("length", "tip_mass", "beam_mass", "flexural_rigidity")
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import numpy.typing as npt
 
 from discovery.quantisation import resolution
+from discovery.units import quoted
 
-__all__ = ["estimate_noise", "noise_note"]
+__all__ = ["estimate_noise", "noise_note", "understated"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -16,6 +19,7 @@ _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
 _JITTER = 0.05  # of a step
+_TOO_SMALL = "If that is too small, the rest of the noise looks like something missing."
 
 
 def estimate_noise(values: FloatArray) -> float:
@@ -63,7 +67,7 @@ def noise_note(label: str, unit: str, time: FloatArray, values: FloatArray, stat
     Parameters
     ----------
     label, unit : str
-        Column and SI unit, for the sentence.
+        Column and its unit in the file, for the sentence.
     time, values : array, shape (n,)
         Times [s] and readings; NaN are gaps.
     stated : float
@@ -80,10 +84,15 @@ def noise_note(label: str, unit: str, time: FloatArray, values: FloatArray, stat
         irregular = np.quantile(np.abs(steps - np.median(steps)), 0.95) > _JITTER * np.median(steps)
         if irregular or estimates[-1] < _SETTLED * estimates[-2]:
             return []
-        doubt = "If that is too small, the rest of the noise looks like something missing."
+        doubt = _TOO_SMALL
     else:
         doubt = "If that is too large, small effects stay unseen; if the readings were smoothed, take raw ones."
     return [
-        f"{label!r} scatters by {scatter:.3g} {unit} from sample to sample, but the rig file states a noise of "
-        f"{stated:.3g} {unit}, which is used. {doubt}"
+        f"{label!r} scatters by {quoted(scatter, unit)} from sample to sample, but the rig file states a noise of "
+        f"{quoted(stated, unit)}, which is used. {doubt}"
     ]
+
+
+def understated(notes: Iterable[str]) -> list[str]:
+    """Return those notes on a recording that doubt a verdict: its noise is larger than the rig file states."""
+    return [note for note in notes if note.endswith(_TOO_SMALL)]

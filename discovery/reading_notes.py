@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from discovery.quantisation import quantum
 from discovery.sensor_faults import drift, flat_runs, spikes
+from discovery.units import quoted
 
-__all__ = ["bend_notes", "clean_output", "time_notes"]
+__all__ = ["bend_notes", "clean_output", "gap_notes", "swing_notes", "time_notes"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,6 +21,9 @@ _RARE = 0.1  # share of the steps
 _SLOW, _FAST = 1.0, 1e-6  # steps of mechanical recordings [s]
 _COARSE = 0.3  # of the noise
 _BENT = 0.9  # rms deflection of a rod [rad]
+_WHOLE = 0.95  # swings that count as one
+_SINE = 0.12  # of the standard deviation, what a sine may leave of a part of a swing
+_ENOUGH = 300  # samples of a part of a swing
 
 
 def time_notes(time: FloatArray, assumed: bool) -> list[str]:
@@ -85,6 +89,65 @@ def bend_notes(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> li
     ]
 
 
+def gap_notes(label: str, time: FloatArray, values: FloatArray) -> list[str]:
+    """Tell of cells that the file leaves empty.
+
+    Parameters
+    ----------
+    label : str
+        Column, for the sentence.
+    time, values : array, shape (n,)
+        Times [s] and readings as the file has them, NaN where a cell is empty.
+    """
+    empty = np.flatnonzero(np.isnan(values))
+    if empty.size == 0 or empty.size == values.size:
+        return []
+    runs = np.split(empty, np.flatnonzero(np.diff(empty) > 1) + 1)
+    longest = max(runs, key=len)
+    where = f"the first at {time[empty[0]]:.4g} s"
+    if longest.size > 1:
+        where = f"up to {longest.size} in a row, from {time[longest[0]]:.4g} s"
+    count = _count(empty.size, "empty cell")
+    return [f"{label!r} has {count} in {values.size} rows, {where}: gaps, which are not compared."]
+
+
+def swing_notes(label: str, time: FloatArray, values: FloatArray, period: float | None = None) -> list[str]:
+    """Tell of a free motion that ends before it has swung once to and fro.
+
+    A sine that fits the whole motion says how much of a swing it is; one of many swings fits no slow sine.
+
+    Parameters
+    ----------
+    label : str
+        Column, for the sentence.
+    time, values : array, shape (n,)
+        Times [s] and readings, NaN in gaps.
+    period : float, optional
+        Shortest period that the rig allows [s].
+    """
+    good = np.flatnonzero(np.isfinite(values))
+    good = good[:: max(1, good.size // _ENOUGH)]
+    duration = float(time[-1] - time[0])
+    if good.size < 4 or np.ptp(values[good]) == 0.0:
+        return []
+    x, u = values[good] - values[good].mean(), (time[good] - time[0]) / duration
+    swings, left = 0.0, np.inf
+    for tried in np.arange(0.1, 3.0, 0.02):
+        phase = 2.0 * np.pi * tried * u
+        sine = np.column_stack([np.ones_like(u), np.cos(phase), np.sin(phase)])
+        rest = float(np.std(x - sine @ np.linalg.lstsq(sine, x, rcond=None)[0]))
+        swings, left = (float(tried), rest) if rest < left else (swings, left)
+    if left > _SINE * float(np.std(x)):
+        # No sine: many swings, or part of a very large one, which the rig knows.
+        swings = np.inf if period is None else duration / period
+    if swings >= _WHOLE:
+        return []
+    return [
+        f"{label!r} holds about {swings:.1g} of a swing ({duration:.3g} s): frequency, damping and the form of the "
+        "force are hardly told apart. Record several swings, better ten: without a hold-out, the last third judges."
+    ]
+
+
 def clean_output(
     label: str, unit: str, time: FloatArray, values: FloatArray, noise: float, returns: bool
 ) -> tuple[FloatArray, list[str]]:
@@ -93,7 +156,7 @@ def clean_output(
     Parameters
     ----------
     label, unit : str
-        Column and SI unit, for the sentences.
+        Column and its unit in the file, for the sentences.
     time, values : array, shape (n,)
         Times [s] and readings; NaN are gaps.
     noise : float
@@ -112,8 +175,8 @@ def clean_output(
     notes = []
     if rounding > _COARSE * noise:
         notes.append(
-            f"{label!r} reads in steps of {step:.4g} {unit}: its noise is taken as at least "
-            f"{rounding:.3g} {unit}, the standard deviation of rounding."
+            f"{label!r} reads in steps of {quoted(step, unit, 4)}: its noise is taken as at least "
+            f"{quoted(rounding, unit)}, the standard deviation of rounding."
         )
     flat = flat_runs(values, max(noise, step))
     if flat.stretches:
@@ -125,9 +188,9 @@ def clean_output(
             "They are left out."
         )
     if flat.limits:
-        at = " and ".join(f"{limit:.4g}" for limit in flat.limits)
+        at = " and ".join(quoted(limit, unit, 4) for limit in flat.limits)
         notes.append(
-            f"{label!r} saturates at {at} {unit}: {int(flat.clipped.sum())} clipped samples are left out. Widen the "
+            f"{label!r} saturates at {at}: {int(flat.clipped.sum())} clipped samples are left out. Widen the "
             "instrument's range."
         )
     kept = values if not flat.stretches and not flat.limits else np.where(flat.stuck | flat.clipped, np.nan, values)
@@ -139,7 +202,7 @@ def clean_output(
         )
     if returns and (creep := drift(time, kept)):
         notes.append(
-            f"The mean of {label!r} creeps by {creep:.3g} {unit} over the record: a drifting instrument, or a rest "
+            f"The mean of {label!r} creeps by {quoted(creep, unit)} over the record: a drifting instrument, or a rest "
             "position that moves."
         )
     return kept, notes

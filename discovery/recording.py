@@ -9,15 +9,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from discovery.errors import InputError, suggestion
+from discovery.errors import InputError
 from discovery.force_view import force_samples, noise_gain, sampling_rate, zero_phase
 from discovery.io import read_table
 from discovery.kinds import KINDS
 from discovery.plausibility import check_arm, check_signals
 from discovery.quantisation import resolution
 from discovery.reading_noise import estimate_noise, noise_note
-from discovery.reading_notes import bend_notes, clean_output, time_notes
-from discovery.recording_columns import ARM_OUTPUTS, ARM_STEMS, arm_columns, declared_columns, listed, picked_rows
+from discovery.reading_notes import bend_notes, clean_output, gap_notes, swing_notes, time_notes
+from discovery.recording_columns import (
+    ARM_OUTPUTS,
+    ARM_STEMS,
+    arm_columns,
+    declared_columns,
+    declarer,
+    listed,
+    picked_rows,
+    suggest,
+)
 from discovery.rig import ForceView, Rig
 from discovery.unit_mistakes import check_units, near_hanging
 from discovery.units import si_factor, si_symbol
@@ -25,6 +34,8 @@ from discovery.units import si_factor, si_symbol
 __all__ = ["Recording", "blind", "read_recording"]
 
 FloatArray = npt.NDArray[np.float64]
+#: Kinds that swing about a rest position where nothing drives them.
+_SWINGING = ("oscillator", "pendulum")
 
 
 @dataclass(frozen=True)
@@ -125,9 +136,9 @@ def read_recording(
         wanted = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m" if arm else rig.columns.output.name
         remedy = f"add {wanted}"
         if not arm:
-            remedy = f"the rig file declares {wanted!r}; write its name in [columns] as the file has it"
+            remedy = f"{declarer(rig)} declares {wanted!r}; write its name in [columns] as the file has it"
         raise InputError(
-            f"{table.path} has no output column: {remedy}.{suggestion(wanted, table.columns)} {listed(table)}"
+            f"{table.path} has no output column: {remedy}.{suggest(table, wanted, names.values())} {listed(table)}"
         )
     rows = picked_rows(table, names, samples, where)[:: rig.columns.every]
     table = table.take(list(dict.fromkeys(names.values())), rows)
@@ -139,10 +150,10 @@ def read_recording(
     read = {channel: values[channel] for channel in channels}
     told: list[str] = []
     if rig.kind == "pendulum" and rig.view is None and "output" in read:
-        read["output"], told = near_hanging(read["output"])
-    check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
+        read["output"], told = near_hanging(read["output"], units["output"])
+    check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
     if arm:
-        check_arm(table, names, rig, time, inputs, read)
+        check_arm(table, names, units, rig, time, inputs, read)
         told = [] if inputs is None else bend_notes(inputs, read)
     elif read:
         check_units(table, rig, names, time, read["output"], inputs is not None)
@@ -151,17 +162,21 @@ def read_recording(
         inputs = inputs + values["added"] / (rig.controller.kv * rig.controller.kp)
     si = tuple(ARM_STEMS[channel] if arm else si_symbol(rig.columns.output.unit) for channel in shown)
     stated, noise, notes = _stated_noise(rig, shown), [], [*time_notes(time, rig.columns.time.assumed), *told]
-    for channel, known, unit in zip(shown, stated, si, strict=True):
+    if inputs is None and read and rig.kind in _SWINGING:
+        notes += swing_notes(names["output"], time, read["output"], _own_period(rig))
+    for channel, known in zip(shown, stated, strict=True):
         if channel not in read:
             noise.append(1.0 if known is None else known)
             continue
+        unit = units[channel]
+        notes += gap_notes(names[channel], time, values[channel])
         # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
         floor = resolution(read[channel])
         noise.append(max(estimate_noise(read[channel]) if known is None else known, floor))
-        returns = rig.kind in ("oscillator", "pendulum", "base_excited") and rig.view is None
+        returns = rig.kind in (*_SWINGING, "base_excited") and rig.view is None
         read[channel], found = clean_output(names[channel], unit, time, read[channel], noise[-1], returns)
         notes += found if known is None else found + noise_note(names[channel], unit, time, read[channel], known)
-    check_signals(table, names, time, inputs, read, KINDS[rig.kind].fewest)
+    check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
     if rig.view is not None and inputs is not None and read:
         inputs, read["output"], gain = _seen_as_force(rig.view, time, inputs, read["output"], source)
         noise = [gain * value for value in noise]
@@ -185,6 +200,13 @@ def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
     if column is not None and (column.zero, column.scale) != (0.0, 1.0):
         values = column.scale * (values - column.zero)
     return values * si_factor(unit)
+
+
+def _own_period(rig: Rig) -> float | None:
+    """Period of a small swing [s] by a pendulum's stated length; an extended body swings slower."""
+    if rig.kind != "pendulum" or rig.length is None or rig.gravity is None:
+        return None
+    return float(2.0 * np.pi * np.sqrt(rig.length.value / rig.gravity.value))
 
 
 def _counted(rig: Rig, size: int) -> FloatArray:

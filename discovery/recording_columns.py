@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,16 @@ from discovery.io import Table
 from discovery.rig import Rig
 from discovery.units import si_factor, split_suffix
 
-__all__ = ["ARM_OUTPUTS", "ARM_STEMS", "arm_columns", "declared_columns", "listed", "picked_rows"]
+__all__ = [
+    "ARM_OUTPUTS",
+    "ARM_STEMS",
+    "arm_columns",
+    "declared_columns",
+    "declarer",
+    "listed",
+    "picked_rows",
+    "suggest",
+]
 
 ARM_STEMS = {"time": "s", "motor_angle": "rad", "tip_x": "m", "tip_y": "m", "tip_angle": "rad", "tip_deflection": "m"}
 ARM_OUTPUTS = (("tip_x", "tip_y"), ("tip_angle",), ("tip_deflection",))
@@ -49,7 +58,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
             wanted = f"{stem}_{ARM_STEMS[stem]}"
             raise InputError(
                 f"{table.path} has no column {wanted!r}. Give that column this name, in its own unit."
-                f"{_suggest(table, wanted)} {listed(table)}"
+                f"{suggest(table, wanted, names.values())} {listed(table)}"
             )
     channels = next((channels for channels in ARM_OUTPUTS if all(channel in names for channel in channels)), ())
     for first, second in (("tip_x", "tip_y"), ("tip_y", "tip_x")):
@@ -57,7 +66,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
             wanted = f"{second}_m"
             raise InputError(
                 f"{table.path} has {names[first]!r} but no column {wanted!r}: the tip needs both."
-                f"{_suggest(table, wanted)} {listed(table)}"
+                f"{suggest(table, wanted, names.values())} {listed(table)}"
             )
     used = ("time", "motor_angle", *channels)
     return channels, {stem: names[stem] for stem in used}, units
@@ -80,9 +89,10 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
         wanted.append(("output", columns.output.name, columns.output.unit))
     for _, name, _ in wanted:
         if name not in table.columns:
+            others = [columns.output.name, *(str(other) for _, other, _ in wanted)]
             raise InputError(
-                f"{table.path} has no column {name!r}, which the rig file declares. Write its name in [columns] as the "
-                f"file has it.{_suggest(table, str(name))} {listed(table)}"
+                f"{table.path} has no column {name!r}, which {declarer(rig)} declares. Write its name in [columns] as "
+                f"the file has it.{suggest(table, str(name), others)} {listed(table)}"
             )
     controller = rig.controller
     if controller is not None and controller.added is not None and controller.added in table.columns:
@@ -127,8 +137,14 @@ def picked_rows(
     return rows[slice(*samples)]
 
 
-def _suggest(table: Table, wanted: str) -> str:
-    return suggestion(wanted, table.columns)
+def suggest(table: Table, wanted: str, used: Iterable[str] = ()) -> str:
+    """Suggest a column for one that is missing, but none that is used as another signal."""
+    return suggestion(wanted, [name for name in table.columns if name not in set(used)])
+
+
+def declarer(rig: Rig) -> str:
+    """Name the rig file, by its path where there is one."""
+    return "the rig file" if rig.path is None else f"the rig file {rig.path}"
 
 
 def listed(table: Table) -> str:

@@ -18,9 +18,10 @@ from pydantic import ValidationError
 
 from discovery.errors import InputError
 from discovery.kinds import KINDS
+from discovery.mechanics import get_base
 from discovery.registry import get_effect
 from discovery.rig import Quantity, RecordPart, Rig
-from discovery.rig_schema import QUANTITIES, QuantityTable, RecordsTable, RigTable, explain, key_of, line_of
+from discovery.rig_schema import MEANT_FOR, QUANTITIES, QuantityTable, RecordsTable, RigTable, explain, key_of, line_of
 from discovery.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.units import si_factor, split_suffix
 
@@ -61,7 +62,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         document = tomllib.loads(text)
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
-    rest, quantities = _quantities(path, text, document)
+    rest, quantities, keys = _quantities(path, text, document)
     try:
         table = RigTable.model_validate(rest)
     except ValidationError as error:
@@ -70,6 +71,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     if arm and "length" not in quantities:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
     check_tables(path, text, table)
+    _check_quantities(path, text, table, keys)
     _check_effects(path, text, table)
     values = {stem: quantity.value for stem, quantity in quantities.items()}
     if arm and values.get("position_noise", 0.0) > 0.1 * values["length"]:
@@ -97,10 +99,13 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     )
 
 
-def _quantities(path: Path, text: str, document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Quantity]]:
-    """Take the keys with a unit out of the document, in SI units."""
+def _quantities(
+    path: Path, text: str, document: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Quantity], dict[str, str]]:
+    """Take the keys with a unit out of the document: return the rest, and quantities in SI units and keys by stem."""
     rest: dict[str, Any] = {}
     quantities: dict[str, Quantity] = {}
+    keys: dict[str, str] = {}
     for key, value in document.items():
         split = split_suffix(key, QUANTITIES)
         if split is None:
@@ -121,24 +126,51 @@ def _quantities(path: Path, text: str, document: Mapping[str, Any]) -> tuple[dic
         except InputError as error:
             raise InputError(f"{where} key {key!r}: {error}") from error
         except ValidationError as error:
-            raise InputError(explain(path, text, error, (key,))) from error
+            raise InputError(explain(path, text, error, (key,), bare=not isinstance(value, dict))) from error
         si = given.value * factor
         if si > largest:
+            same = "" if factor == 1.0 else f"{given.value:g} {unit}, that is "
             raise InputError(
-                f"{where} {key!r} is {si:g} {expected}, which is not plausible. Give it in {expected}, or change the "
-                "suffix of the key to the unit that the number is in."
+                f"{where} {key!r} is {same}{si:g} {expected}, which is not plausible. Give it in {expected}, or change "
+                "the suffix of the key to the unit that the number is in."
             )
         quantities[stem] = Quantity(si, relative * si + absolute if given.sd is None else given.sd * factor)
-    return rest, quantities
+        keys[stem] = key
+    return rest, quantities, keys
+
+
+def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str, str]) -> None:
+    """Refuse quantities of another kind of system: nothing would come of them."""
+    given = table.columns.input if table.columns else None
+    # The error of an encoder says how much its motion is smoothed, on whatever kind of system.
+    smoothed = given is not None and (given.interpolation or KINDS[table.kind].interpolation) == "motion"
+    for stem, key in keys.items():
+        if table.kind in MEANT_FOR[stem] or (stem == "angle_noise" and smoothed):
+            continue
+        noise = "State the noise of a reading as noise = ... of the output in [columns]: remove"
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, (key,))}: the key {key!r} belongs to "
+            f"{' or '.join(MEANT_FOR[stem])}; with kind {table.kind!r} it would change nothing. "
+            f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
+        )
 
 
 def _check_effects(path: Path, text: str, table: RigTable) -> None:
-    for effect in table.model.effects if table.model else ():
+    named = table.model.effects if table.model else []
+    where = f"The rig file {path}, line {line_of(text, ('model', 'effects'))}, key 'model.effects':"
+    system = get_base(KINDS[table.kind].base).system
+    for effect in named:
         try:
-            get_effect(effect)
+            systems = get_effect(effect).systems
         except InputError as error:
-            line = line_of(text, ("model", "effects"))
-            raise InputError(f"The rig file {path}, line {line}, key 'model.effects': {error}") from error
+            raise InputError(f"{where} {error}") from error
+        if system not in systems:
+            raise InputError(
+                f"{where} {effect!r} acts on {' and '.join(sorted(systems))}, not on kind {table.kind!r}. Remove it; "
+                f"`discovery effects {effect}` shows what it is."
+            )
+        if named.count(effect) > 1:
+            raise InputError(f"{where} {effect!r} is named twice. Name each effect once.")
 
 
 def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[RecordPart, ...]]:

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, 
 from discovery.errors import suggestion
 
 __all__ = [
+    "MEANT_FOR",
     "QUANTITIES",
     "ColumnsTable",
     "ControllerTable",
@@ -34,6 +35,17 @@ QUANTITIES: Mapping[str, tuple[str, float, float, float]] = {
     "angle_noise": ("rad", 0.0, 0.0, 0.2),
 }
 """By stem of the key: unit, relative and absolute sd where the file states none, largest plausible value."""
+
+MEANT_FOR: Mapping[str, tuple[str, ...]] = {
+    "gravity": ("pendulum", "falling_body"),
+    "length": ("flexible_arm", "pendulum"),
+    "tip_mass": ("flexible_arm",),
+    "beam_mass": ("flexible_arm",),
+    "flexural_rigidity": ("flexible_arm",),
+    "position_noise": ("flexible_arm",),
+    "angle_noise": ("flexible_arm",),
+}
+"""By stem of the key: the kinds of system in which it means something."""
 
 
 class _Table(BaseModel):
@@ -163,10 +175,13 @@ def line_of(text: str, keys: Sequence[str]) -> int | str:
     return found or "?"
 
 
-def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...] = ()) -> str:
-    """Return one paragraph from pydantic's first complaint; `outer` are the keys around what was validated."""
-    detail = error.errors()[0]
-    keys = (*outer, *(str(part) for part in detail["loc"] if isinstance(part, str)))
+def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...] = (), *, bare: bool = False) -> str:
+    """Return one paragraph from pydantic's first complaint, on a key that is not known before one that is missing.
+
+    `outer` are the keys around what was validated; `bare` says that the innermost of them has the value itself.
+    """
+    detail = next((d for d in error.errors() if d["type"] == "extra_forbidden"), error.errors()[0])
+    keys = outer if bare else (*outer, *(str(part) for part in detail["loc"] if isinstance(part, str)))
     name = ".".join(keys)
     more = f" ({error.error_count() - 1} more after this one.)" if error.error_count() > 1 else ""
     if detail["type"] == "missing":
@@ -181,6 +196,13 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
         known = list(parent.model_fields)
         if parent is RigTable:
             known += [key_of(stem) for stem in QUANTITIES]
+            stem = next((stem for stem in QUANTITIES if len(keys) == 1 and name.startswith(stem)), None)
+            if stem is not None:
+                right = key_of(stem)
+                return (
+                    f"{where} the key {name!r} is not known. Write {right} = 1.0, or with its standard deviation "
+                    f"{right} = {{ value = 1.0, sd = 0.01 }}; any unit of that kind may be the suffix.{more}"
+                )
         return (
             f"{where} the key {name!r} is not known.{suggestion(keys[-1], known)} Known here: {', '.join(known)}.{more}"
         )

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from discovery.errors import InputError
 from discovery.io import Table
 from discovery.rig import Rig
+from discovery.units import quoted, si_factor
 
 __all__ = ["check_units", "near_hanging"]
 
@@ -19,16 +20,19 @@ _RARE = 0.01  # share of such readings up to which they are no motion
 _WHITE = 1.2  # median difference of neighbours over that from the median: 1.4 for white noise, little for a swing
 _SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
 _LENGTH_MARGIN = 4.0  # ratio of a fitted to a stated length: an extended body swings slower
+_CLOCKS = ("s", "ms", "us")  # units in which times are written
 _GRAVITY_MARGIN = 10.0  # drag slows a fall, but not to a tenth
 
 
-def near_hanging(angle: FloatArray) -> tuple[FloatArray, list[str]]:
+def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list[str]]:
     """Join the turns of an angle that was recorded modulo 2 pi, and count it from the nearest full turn.
 
     Parameters
     ----------
     angle : array, shape (n,)
         Angle of a pendulum [rad]; NaN are gaps.
+    unit : str
+        Unit of its column, for the sentences.
 
     Returns
     -------
@@ -45,8 +49,8 @@ def near_hanging(angle: FloatArray) -> tuple[FloatArray, list[str]]:
         rows = np.flatnonzero(alone)
         what, it = ("1 spike", "It is") if rows.size == 1 else (f"{rows.size} spikes", "They are")
         notes.append(
-            f"{what}, first at sample {rows[0]} (counted from 0), more than {_JUMP:g} rad from the readings before and "
-            f"after, which agree: no pendulum does that. {it} left out."
+            f"{what}, first at sample {rows[0]} (counted from 0), more than {quoted(_JUMP, unit)} from the readings "
+            f"before and after, which agree: no pendulum does that. {it} left out."
         )
     good = np.isfinite(angle)
     joined = angle.copy()
@@ -105,37 +109,46 @@ def check_units(
     t, y = time[good], output[good]
     where = f"{table.path}, column {names['output']!r}"
     if rig.kind == "pendulum" and not driven:
-        _check_swing(where, rig, t, y, float(np.nanmax(np.abs(table.numbers(names["output"])))))
+        _check_swing(where, rig, y, float(np.nanmax(np.abs(table.numbers(names["output"])))))
+        # Too slow or too fast is more often the time's fault than the angle's.
+        clock = f", column {names['time']!r}" if "time" in names else ""
+        _check_pace(f"{table.path}{clock}", rig, t, y)
     elif rig.kind == "falling_body":
         _check_fall(where, rig.gravity.value, t, y)
 
 
-def _check_swing(where: str, rig: Rig, t: FloatArray, angle: FloatArray, largest: float) -> None:
+def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> None:
     """Refuse a swing that gravity cannot have made; `largest` is the largest reading as it stands in the column."""
-    assert rig.gravity is not None  # `check_units` asked
+    unit = rig.columns.output.unit
     swing = float(np.quantile(angle, 0.98) - np.quantile(angle, 0.02))
     # One that first turns over does so in one sense: its later half tells.
     later = angle[angle.size // 2 :]
     later_swing = float(np.quantile(later, 0.98) - np.quantile(later, 0.02))
     if min(swing, later_swing) > _FULL_TURN:
         remedy = 'If the angle is in degrees, set unit = "deg" for the output in the rig file.'
-        if rig.columns.output.unit == "deg":
+        if unit == "deg":
             remedy = "Correct the unit of the output in the rig file, or leave out what is no swing with samples."
         raise InputError(
             f"{where}: the pendulum would swing to and fro by more than a full turn, and the largest reading would be "
-            f"{largest:.4g} {rig.columns.output.unit}. {remedy}"
+            f"{largest:.4g} {unit}. {remedy}"
         )
     if abs(float(np.median(later))) > 0.5 * np.pi:
         raise InputError(
-            f"{where}: the pendulum would swing about {np.median(later):.4g} rad, that is upright. If the angle is "
-            "counted from upright, set zero = 3.14159265 (in the unit of the column) for the output in the rig file."
+            f"{where}: the pendulum would swing about {quoted(float(np.median(later)), unit, 4)}, that is upright. If "
+            f"the angle is counted from upright, set zero = {np.pi / si_factor(unit):.9g} (in the unit of the column) "
+            "for the output in the rig file."
         )
     scatter = float(np.median(np.abs(angle - np.median(angle))))
     if float(np.median(np.abs(np.diff(angle)))) > _WHITE * scatter:
         raise InputError(
-            f"{where}: nothing swings. The readings scatter by {1.48 * scatter:.3g} rad, each independent of the one "
-            "before. Record a swing, or sample it more often than twice a period."
+            f"{where}: nothing swings. The readings scatter by {quoted(1.48 * scatter, unit)}, each independent of the "
+            "one before. Record a swing, or sample it more often than twice a period."
         )
+
+
+def _check_pace(where: str, rig: Rig, t: FloatArray, angle: FloatArray) -> None:
+    """Refuse a swing that is too slow or too fast for gravity."""
+    assert rig.gravity is not None  # `check_units` asked
     frequency = _frequency(t, angle)
     if frequency is None:
         return
@@ -144,9 +157,15 @@ def _check_swing(where: str, rig: Rig, t: FloatArray, angle: FloatArray, largest
     shortest, longest = (_SMALLEST, _LARGEST) if stated is None else (stated / _LENGTH_MARGIN, stated * _LENGTH_MARGIN)
     if not shortest < length < longest:
         known = "" if stated is None else f", and the rig file states {stated:.4g} m"
+        # A pendulum of a thousandth of the period has a millionth of the length.
+        scale = si_factor(rig.columns.time.unit)
+        right = next((u for u in _CLOCKS if shortest < (si_factor(u) / scale) ** 2 * length < longest), None)
+        hint = "Correct"
+        if right is not None and rig.columns.time.rate is None:
+            hint = f'If the times are in {right}, set unit = "{right}" for the time in the rig file; else correct'
         raise InputError(
             f"{where}: the pendulum would swing once in {1.0 / frequency:.4g} s, as if it were {length:.4g} m long"
-            f"{known}. Correct the unit of the time or its rate, or the length, in the rig file."
+            f"{known}. {hint} the unit of the time or its rate, or the length, in the rig file."
         )
 
 

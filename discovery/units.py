@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import pint
 
-__all__ = ["dimension", "homogeneous", "si_factor", "si_symbol", "split_suffix", "suffix_unit", "to_si"]
+__all__ = ["dimension", "homogeneous", "quoted", "si_factor", "si_symbol", "split_suffix", "suffix_unit", "to_si"]
 
 # Coherent SI units in base dimensions; the radian, a ratio of lengths, has none (SI brochure, 9th ed., table 4).
 _COHERENT: dict[str, dict[str, int]] = {
@@ -169,6 +169,17 @@ def to_si(value: _Value, unit: str, expected: str | None = None) -> _Value:
     """
     factor = si_factor(unit, expected)
     return value if factor == 1.0 else value * factor
+
+
+def quoted(value: float, unit: str, digits: int = 3) -> str:
+    """Write an SI value in the unit of its column, as the user knows it.
+
+    Examples
+    --------
+    >>> quoted(0.25, "mm")
+    '250 mm'
+    """
+    return f"{value / si_factor(unit):.{digits}g}" + (f" {unit}" if unit != "1" else "")
 
 
 def si_symbol(unit: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -56,6 +58,28 @@ def refused(path, rig=ARM, **options):
 
 TABLES = {
     "missing column": (lambda f: f.drop(columns="tip_y_m"), ["no column 'tip_y_m'", "Columns found: time_s"]),
+    "missing column and one like it": (
+        lambda f: f.drop(columns="tip_y_m"),
+        ["no column 'tip_y_m': the tip needs both. Columns found"],
+    ),
+    "other column for the missing one": (
+        lambda f: f.rename(columns={"tip_y_m": "tip_ym"}),
+        ["no column 'tip_y_m'", "Did you mean 'tip_ym'?"],
+    ),
+    "motor runs away in degrees": (
+        lambda f: f.assign(motor_angle_deg=5e3 * f["motor_angle_rad"]).drop(columns="motor_angle_rad"),
+        ["turn by 4000 deg", "Correct the unit in the column's name."],
+    ),
+    "beyond reach in millimetres": (
+        lambda f: f.assign(tip_x_mm=2e3 * f["tip_x_m"], tip_y_mm=2e3 * f["tip_y_m"]).drop(
+            columns=["tip_x_m", "tip_y_m"]
+        ),
+        ["would be 1760 mm away on an arm that is 900 mm long"],
+    ),
+    "time goes back in milliseconds": (
+        lambda f: change(100, "time_ms", 500.0)(f.assign(time_ms=1e3 * f["time_s"]).drop(columns="time_s")),
+        ["row 101", "500 ms is earlier than the row before"],
+    ),
     "misspelt column": (
         lambda f: f.rename(columns={"motor_angle_rad": "motor_angel_rad"}),
         ["no column 'motor_angle_rad'", "Did you mean 'motor_angel_rad'?"],
@@ -110,7 +134,7 @@ TABLES = {
     ),
     "metres as millimetres": (
         lambda f: f.rename(columns={"tip_x_m": "tip_x_mm", "tip_y_m": "tip_y_mm"}),
-        ["never farther from the hub than 0.00088 m", "unit in the columns' names"],
+        ["never farther from the hub than 0.88 mm, but the arm is 900 mm long", "unit in the columns' names"],
     ),
     "beyond reach in one row": (
         change(77, "tip_x_m", 1.4),
@@ -260,6 +284,27 @@ def test_faults_of_an_oscillator_recording(tmp_path, edit, parts):
     message = refused(path, OSCILLATOR)
     for part in parts:
         assert part in message
+
+
+def test_the_rig_file_is_named_where_it_declares_what_is_not_there(tmp_path):
+    path, rig = tmp_path / "o.csv", replace(OSCILLATOR, path=tmp_path / "rig.toml")
+    frame = pd.DataFrame({"t": np.arange(100.0), "u": np.ones(100), "y2": np.arange(100.0)})
+    frame.to_csv(path, index=False)
+    assert f"the rig file {rig.path} declares 'y'" in refused(path, rig)
+    assert "Did you mean 'y2'?" in refused(path, rig)
+    frame.rename(columns={"u": "y_u"}).to_csv(path, index=False)
+    wanted = replace(rig.columns, input=InputColumn("y_u", "V", "spline"), output=OutputColumn("y_y", "V"))
+    assert "Did you mean" not in refused(path, replace(rig, columns=wanted))
+    frame.drop(columns="u").rename(columns={"y2": "y"}).to_csv(path, index=False)
+    assert f"no column 'u', which the rig file {rig.path} declares" in refused(path, rig)
+
+
+def test_a_dead_sensor_is_quoted_as_the_file_has_it(tmp_path):
+    column = OutputColumn("y", "mm", zero=2.0, scale=3.0)
+    frame = pd.DataFrame({"t": np.arange(100.0), "y": 7.0})
+    frame.to_csv(tmp_path / "o.csv", index=False)
+    rig = replace(OSCILLATOR, columns=Columns(TimeColumn("t", "s", None), None, column))
+    assert "every reading, from row 1 (line 2 of the file) on, is 7." in refused(tmp_path / "o.csv", rig)
 
 
 def test_vectors_of_different_length(tmp_path):

@@ -17,10 +17,16 @@ import numpy as np
 import pandas as pd
 import pytest
 from discovery_datasets import recordings, registry
+from discovery_datasets.disturbances import DISTURBANCES
 
+from discovery import compile as compiled
 from discovery.cli import cli, main
+from discovery.cli.initial_state import check_state
+from discovery.cli.options import estimate_text, progress
+from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
 from discovery.cli.stages import _say_loop as say_loop
+from discovery.errors import ComputationError, InputError
 from discovery.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.provenance import surroundings
 from discovery.registry import catalogue
@@ -104,7 +110,8 @@ def test_loop_says_what_it_found_and_quiet_is_quiet(looped: tuple[Said, Path]) -
 def test_what_an_unexplained_loop_found_is_called_a_part(capsys: pytest.CaptureFixture[str]) -> None:
     drag = {"id": "quadratic_drag", "parameters": {}, "ambiguous_with": []}
     found = [{**drag, "id": "elastica_geometry"}, drag]
-    numbers = {"unit": "m", "before": {"holdout": {"rms": 2.0}}, "after": {"holdout": {"rms": 1.0}}}
+    numbers = {"unit": "m", "holdout_kind": "separate recordings", "before": {"holdout": {"rms": 2.0, "mean": 1.5}},
+               "after": {"holdout": {"rms": 1.0, "mean": 0.5}}}  # fmt: skip
     result = SimpleNamespace(summary=lambda: {"effects": found}, contradiction=None, separations=(), errors=numbers,
                              test="systematic part: 3 noise sds, above 1")  # fmt: skip
     result.verdict = "unexplained"
@@ -128,14 +135,130 @@ def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
 
 
 def test_errors_are_said_once(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert re.search(r"^ after: train rms \S+, holdout rms \S+ m$", looped[0].out, re.MULTILINE)
-    errors = {"unit": "m", "before": {}, "after": {}}
+    said = r"^ after: train rms \S+ \(mean \S+\), holdout rms \S+ \(mean \S+\) m$"
+    assert re.search(said, looped[0].out, re.MULTILINE)
+    errors: dict[str, Any] = {"unit": "m", "holdout_kind": "last third", "before": {}, "after": {}}
     for i, group in enumerate(("train", "holdout", "holdout_inside", "holdout_outside"), 1):
         errors["before"][group] = errors["after"][group] = {"rms": float(i), "mean": 0.1, "peak": 9.0}
     say_loop(SimpleNamespace(verdict="v", summary=lambda: {"effects": []}, contradiction=None, separations=(),
                              errors=errors))  # fmt: skip
-    said = capsys.readouterr().out
-    assert " after: train rms 1, holdout rms 2, holdout_inside rms 3, holdout_outside rms 4 m\n" in said
+    out = capsys.readouterr().out
+    assert " after: train rms 1 (mean 0.1), holdout rms 2 (mean 0.1), holdout_inside rms 3 (mean 0.1), " in out
+    assert "holdout: the last third; --holdout names a recording of its own\n" in out
+    assert "holdout: " not in looped[0].out
+
+
+def test_it_is_said_when_a_kernel_is_compiled_but_not_quietly(capsys: pytest.CaptureFixture[str]) -> None:
+    for quiet in (False, True):
+        with progress(quiet) as tell:
+            tell("fitting")
+            for began, ended in compiled._LISTENING:
+                began()
+                ended()
+        told = capsys.readouterr().err
+        assert told.startswith("fitting\ncompiling a simulator") != quiet
+        assert bool(told) != quiet
+    assert not compiled._LISTENING
+
+
+def test_a_loop_says_which_files_it_wrote(looped: tuple[Said, Path]) -> None:
+    said, out = looped
+    assert said.out.splitlines()[-1] == f"written: {out / 'loop.json'}, {out / 'prediction.csv'}"
+
+
+@dataclass(frozen=True)
+class Film:
+    """Two films of a pendulum in degrees, with a rig file that states half their noise."""
+
+    rig: Path
+    train: Path
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Film:
+    folder = tmp_path_factory.mktemp("film")
+    time = np.arange(900) / 30
+    angle = 20 * np.exp(-0.05 * time) * np.cos(3.5 * time) + np.random.default_rng(1).normal(0, 0.2, time.size)
+    pd.DataFrame({"t": time, "a": angle}).to_csv(folder / "film.csv", index=False)
+    (folder / "rig.toml").write_text(
+        'name = "film"\nkind = "pendulum"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        'output = { name = "a", unit = "deg", noise = 0.1 }\n'
+    )
+    return Film(folder / "rig.toml", folder / "film.csv")
+
+
+def test_a_loop_ends_with_what_doubts_it_and_what_judged(
+    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = call(capsys, "loop", film.rig, "--train", film.train, "--out", tmp_path, "--quiet")
+    assert said.status == 0, said.err
+    assert said.err == ""
+    (doubt,) = [line for line in said.out.splitlines() if line.startswith("doubt: ")]
+    assert re.fullmatch(r"doubt: film: 'a' scatters by 0\.\d+ deg from .* a noise of 0\.1 deg, .*", doubt)
+    assert "\nholdout: the last third of each training recording, continued; --holdout " in said.out
+
+
+@pytest.mark.parametrize(("state", "offered"), [("80,0", "1.396,0"), ("-80,10", "-1.396,0.1745"), ("6.2,80", "")])
+def test_a_state_in_degrees_is_refused_before_the_loop(
+    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, state: str,
+    offered: str,
+) -> None:  # fmt: skip
+    def stop(*_: object, **__: object) -> None:
+        raise ComputationError("The loop began.")
+
+    monkeypatch.setattr("discovery.stages.loop", stop)
+    said = call(capsys, "loop", film.rig, "--train", film.train, "--predict", film.train, "--initial-state", state,
+                "--out", tmp_path / "out", "--quiet")  # fmt: skip
+    if not offered:
+        assert said.err == "discovery: The loop began.\n"
+        return
+    refused(said, tmp_path / "out")
+    assert f"--initial-state {state} is in rad and rad/s" in said.err
+    assert f"give --initial-state {offered}." in said.err
+
+
+def test_a_length_may_be_any_that_was_recorded_but_not_in_another_unit(tmp_path: Path) -> None:
+    from discovery.dataset import load_dataset
+
+    time = np.arange(400) / 40
+    pd.DataFrame({"t": time, "y": 12 * np.cos(3 * time)}).to_csv(tmp_path / "y.csv", index=False)
+    text = 'name = "y"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+    for unit, wrong in (("mm", True), ("m", False), ("deg", False)):
+        (tmp_path / "rig.toml").write_text(text + f'output = {{ name = "y", unit = "{unit}" }}\n')
+        data = load_dataset(tmp_path / "rig.toml", [tmp_path / "y.csv"])
+        check_state(None, data)
+        check_state((0.02, 80.0), data)
+        if not wrong:
+            check_state((5.0, 0.0), data)
+            continue
+        with pytest.raises(InputError, match=r"is in m and m/s, .* reach no .* 0\.012 m\. .* -8 mm.*-0\.008,0\.001\."):
+            check_state((-8.0, 1.0), data)
+
+
+def test_a_drive_that_has_turned_far_may_start_there(tmp_path: Path) -> None:
+    from discovery.dataset import load_dataset
+
+    time = np.arange(400) / 40
+    pd.DataFrame({"t": time, "u": np.sin(time), "y": 10 * time}).to_csv(tmp_path / "y.csv", index=False)
+    (tmp_path / "rig.toml").write_text(
+        'name = "y"\nkind = "drive"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        'input = { name = "u", unit = "V" }\noutput = { name = "y", unit = "rad" }\n'
+    )
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "y.csv"])
+    check_state((120.0, 0.0), data)
+    with pytest.raises(InputError, match="If you mean 400 degrees"):
+        check_state((400.0, 0.0), data)
+
+
+def test_fits_have_units_and_what_is_known_exactly_no_deviation(
+    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = call(capsys, "fit", film.rig, "--train", film.train, "--out", tmp_path, "--quiet")
+    number = r"\S+ = \S+ \+- \S+"
+    assert re.search(rf"^declared: {number} s\^-1, {number} s\^-2 q, {number} s\^-2 q; ", said.out, re.MULTILINE)
+    assert estimate_text(0.25, 0.1, "1") == "0.25 +- 0.1"
+    assert estimate_text(0.25, 0.0, "q^-1") == "0.25 q^-1"
+    assert estimate_text(0.25, None, "s") == "0.25 s"
 
 
 def test_notes_on_recordings_are_said_and_quiet_is_quiet(
@@ -279,7 +402,7 @@ def test_initial_state_same_result_and_progress(
 def test_a_motion_that_blows_up_is_status_3(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     said = call(capsys, "loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,
-                "--initial-state", "1e6,0", "--out", out, "--quiet")  # fmt: skip
+                "--initial-state", "0.1,1e9", "--out", out, "--quiet")  # fmt: skip
     assert said.status == 3
     assert re.fullmatch(r"discovery: .+\.\n", said.err)
     assert not (out / "prediction.csv").exists()
@@ -389,6 +512,20 @@ def test_simulate_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], ar
     said = call(capsys, "simulate", *arguments, "--out", tmp_path / "x.csv")
     refused(said, tmp_path / "x.csv")
     assert part in said.err
+
+
+def test_the_help_of_simulate_names_manoeuvres_and_where_effects_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert list(recordings.MANOEUVRES) == list(MANOEUVRES)
+    said = call(capsys, "simulate", "--help")
+    assert all(name in said.out for name in MANOEUVRES)
+    assert "--list-effects" in said.out
+    loaded = "import sys; sys.argv = ['d', 'simulate', '-h']\nfrom discovery.cli import main\nmain()\n"
+    loaded += "sys.exit('numpy' in sys.modules or 'discovery_datasets' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", loaded], capture_output=True).returncode == 0
+    listed = call(capsys, "simulate", "--list-effects")
+    assert listed.status == 0, listed.err
+    assert [line.partition(":")[0] for line in listed.out.splitlines()[::2]] == list(DISTURBANCES)
+    assert "coulomb_friction:force,speed=0.002\n    Dry friction between disc and table" in listed.out
 
 
 def test_data_list_and_check(
@@ -523,6 +660,10 @@ def test_the_elastica_predicts_from_the_rig_alone(case: Case, capsys: pytest.Cap
     rows = [line.split() for line in said.out.splitlines()]
     alpha = next(float(row[3]) for row in rows if row[:3] == ["rod_counted", "static_small", "alpha"])
     assert alpha == pytest.approx(8.093, rel=2e-3)
+    units = {row[2]: " ".join(row[6 if "+-" in row else 4 :]) for row in rows if row[0] == "rod_counted"}
+    parameters = {p.name: p.unit for e in ("linear_stiffness", "cubic_stiffness", "radius_law") for p in
+                  catalogue()[e].parameters()}  # fmt: skip
+    assert parameters.items() <= units.items()
     assert "static_least_squares" not in said.out
 
 

@@ -13,6 +13,7 @@ CONTRACTS = Path(__file__).parents[1] / ".importlinter"
 #: Heavy libraries are known in one place each.
 HOMES = {
     "numba": {
+        "discovery.compile",  # hears of the compiler, once a kernel is loaded
         "discovery.vectormath",
         "discovery.noise.filters",
         "discovery.noise.tails",

@@ -6,10 +6,12 @@ import ast
 import doctest
 import json
 import pkgutil
+import re
 import runpy
 from pathlib import Path
 
 import pytest
+from test_tutorial import agree, run
 
 import discovery
 
@@ -23,6 +25,24 @@ def test_the_session_is_true(monkeypatch: pytest.MonkeyPatch) -> None:
     results = doctest.testfile(str(README), module_relative=False)
     assert results.attempted >= 5
     assert results.failed == 0
+
+
+def test_the_command_to_paste_prints_what_is_quoted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    command, _, rest = README.read_text(encoding="utf-8").partition("```\n.venv/bin/")[2].partition("```\n")
+    quoted = rest.partition("```\n")[2].partition("```")[0]
+    monkeypatch.chdir(ROOT)
+    # What is run goes elsewhere; the page says where it went.
+    printed = run(command.replace("\\\n", "").replace("build/arm_delay", str(tmp_path)))
+    assert agree(quoted, printed.replace(str(tmp_path), "build/arm_delay")), printed
+
+
+def test_every_environment_variable_is_explained() -> None:
+    sources = [*(ROOT / "discovery").rglob("*.py"), *(ROOT / "datasets").rglob("*.py"), *(ROOT / "tests").glob("*.py")]
+    read = {name for path in sources for name in re.findall(r"DISCOVERY_[A-Z]+", path.read_text(encoding="utf-8"))}
+    shown = re.findall(r"^\| `(DISCOVERY_[A-Z]+)` \|", README.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(shown) == len(set(shown))
+    # A constant of `discovery.stages`.
+    assert set(shown) == read - {"DISCOVERY_SAMPLES"}
 
 
 def test_it_is_said_plainly_what_is_simulated_and_what_is_measured() -> None:

@@ -12,7 +12,7 @@ from discovery.kinds import KINDS
 from discovery.recording import read_recording
 from discovery.rig import Controller, ForceView, Quantity
 from discovery.rig_file import read_rig
-from discovery.rig_schema import RigTable
+from discovery.rig_schema import MEANT_FOR, QUANTITIES, RigTable
 
 TIME = "[columns]\ntime = { rate_hz = 100.0 }\n"
 DRIVEN = TIME + 'input = { name = "u", unit = "V" }\noutput = { name = "y", unit = "mm" }\n'
@@ -70,6 +70,24 @@ def test_gravity_and_the_length_of_a_pendulum(read):
         read(f"{head}gravity_m_s2 = 981\n{FREE}")
     with pytest.raises(InputError, match=r"lacks its unit\. Write it as a suffix, 'gravity_m_s2'"):
         read(f"{head}gravity = 9.8\n{FREE}")
+
+
+def test_quantities_of_another_kind_are_refused(read):
+    assert set(MEANT_FOR) == set(QUANTITIES)
+    assert all(set(kinds) <= set(KINDS) for kinds in MEANT_FOR.values())
+    for key in ("tip_mass_kg = 0.04", "length_cm = 25", "gravity_m_s2 = 9.8", "position_noise_mm = 0.3"):
+        name = key.partition(" ")[0]
+        with pytest.raises(InputError, match=f"line 3: the key '{name}' belongs to .*'oscillator'.*make it a comment"):
+            read(f'name = "a"\nkind = "oscillator"\n{key}\n{DRIVEN}')
+    with pytest.raises(InputError, match=r"'position_noise_mm' .*noise = \.\.\. of the output in \[columns\]"):
+        read(f'name = "a"\nkind = "pendulum"\nposition_noise_mm = 0.3\n{FREE}')
+
+
+def test_an_encoder_may_state_its_error_wherever_its_motion_is_smoothed(read):
+    head = 'name = "a"\nkind = "base_excited"\nangle_noise_deg = 0.1\n'
+    assert read(head + DRIVEN).angle_noise == pytest.approx(np.radians(0.1))
+    with pytest.raises(InputError, match="line 3: the key 'angle_noise_deg' belongs to flexible_arm"):
+        read(head + DRIVEN.replace('"V" }', '"V", interpolation = "spline" }'))
 
 
 def test_a_falling_body_may_be_declared_bare(read):
@@ -145,6 +163,18 @@ def test_records_pick_rows_and_have_names(read):
         (
             f'name = "a"\nkind = "drive"\n{DRIVEN}[model]\neffects = ["viscous_dampin"]',
             r"rig\.toml, line 8, key 'model\.effects': There is no effect called 'viscous_dampin'\. Did you mean",
+        ),
+        (
+            f'name = "a"\nkind = "drive"\n{DRIVEN}[model]\neffects = ["radius_law"]',
+            r"rig\.toml, line 8, key 'model\.effects': 'radius_law' acts on flexible_arm, not on kind 'drive'\. Remove",
+        ),
+        (
+            'name = "a"\nlength_m = 1.0\n[model]\neffects = ["gravity_torque"]',
+            r"rig\.toml, line 4, key 'model\.effects': 'gravity_torque' acts on oscillator, not on kind 'flexible_arm'",
+        ),
+        (
+            f'name = "a"\nkind = "drive"\n{DRIVEN}[model]\neffects = ["viscous_damping", "viscous_damping"]',
+            r"line 8, key 'model\.effects': 'viscous_damping' is named twice",
         ),
     ],
 )

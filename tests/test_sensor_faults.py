@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from discovery.quantisation import quantum, resolution
-from discovery.reading_noise import noise_note
-from discovery.reading_notes import clean_output, time_notes
+from discovery.reading_noise import noise_note, understated
+from discovery.reading_notes import clean_output, gap_notes, swing_notes, time_notes
 from discovery.recording import read_recording
-from discovery.rig import Columns, OutputColumn, Rig, TimeColumn
+from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.sensor_faults import drift, flat_runs, spikes
 
 T = 0.005 * np.arange(8000)
@@ -247,6 +250,52 @@ def test_notes_on_times(time, words):
     assert bool(text) == bool(words)
     for word in words:
         assert word in text
+
+
+@pytest.mark.parametrize(("amplitude", "length"), [(0.1, None), (1.0, None), (2.5, 1.0)])
+@pytest.mark.parametrize(("swings", "told"), [(0.3, True), (0.8, True), (1.6, False), (4.0, False), (30.0, False)])
+def test_a_part_of_a_swing_is_told(amplitude, length, swings, told):
+    period = 2.0 * np.pi / np.sqrt(9.81)
+    time = np.linspace(0.0, swings * period, 500)
+    found = solve_ivp(
+        lambda _, s: [s[1], -9.81 * np.sin(s[0]) - 0.05 * s[1]], time[[0, -1]], [amplitude, 0.0], t_eval=time, rtol=1e-8
+    )
+    values = found.y[0] + 2e-3 * np.random.default_rng(4).standard_normal(time.size)
+    slow = amplitude > 2.0  # a large swing takes longer
+    notes = swing_notes("a", time, values, None if length is None else period)
+    if not (slow and swings == 1.6):
+        assert bool(notes) is told
+    if told and not slow:
+        share = float(re.search(r"'a' holds about (\S+) of a swing", notes[0])[1])
+        assert share == pytest.approx(swings, abs=0.11)
+
+
+def test_a_short_film_is_read_and_told_and_one_that_is_driven_is_not(tmp_path):
+    time = np.arange(60) / 30.0
+    frame = pd.DataFrame({"t": time, "u": np.sin(time), "a": np.degrees(0.4 * np.cos(2.0 * time))})
+    frame.to_csv(tmp_path / "film.csv", index=False)
+    for inputs, told in ((None, 1), (InputColumn("u", "V", "spline"), 0)):
+        columns = Columns(TimeColumn("t"), inputs, OutputColumn("a", "deg", 2e-3))
+        notes = read_recording(tmp_path / "film.csv", Rig("p", kind="pendulum", columns=columns)).notes
+        assert sum("'a' holds about 0.6 of a swing (1.97 s)" in note for note in notes) == told
+
+
+def test_empty_cells_are_told(tmp_path):
+    values = noisy(DECAY)
+    assert gap_notes("y", T, values) == []
+    values[[100, 700, 701, 702, 900]] = np.nan
+    pd.DataFrame({"t": T, "y": values}).to_csv(tmp_path / "r.csv", index=False)
+    rig = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("y", "m", NOISE)))
+    (note,) = read_recording(tmp_path / "r.csv", rig).notes
+    assert f"'y' has 5 empty cells in {T.size} rows, up to 3 in a row, from {T[700]:.4g} s" in note
+    assert "1 empty cell in 3 rows, the first at 1 s" in gap_notes("y", np.arange(3.0), np.array([0.0, np.nan, 1.0]))[0]
+
+
+def test_notes_quote_the_unit_of_the_file():
+    (note,) = noise_note("y", "mm", T, noisy(DECAY), NOISE / 2)
+    assert "'y' scatters by 0.101 mm from sample to sample, but the rig file states a noise of 0.05 mm" in note
+    assert understated(["other", note]) == [note]
+    assert understated(noise_note("y", "mm", T, noisy(DECAY), 2 * NOISE)) == []
 
 
 def test_an_assumed_rate_is_said():

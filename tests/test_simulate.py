@@ -9,6 +9,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -486,24 +487,28 @@ def test_a_blow_up_keeps_its_length_and_names_parameters_and_time() -> None:
 def test_a_second_process_does_not_compile(tmp_path: Path) -> None:
     code = """
 import json, numpy as np
+from discovery.compile import heard_compiling
 from discovery.simulate import Simulator
 s = Simulator("oscillator", ("linear_stiffness",), np.linspace(0, 1, 3), None, step=0.1)
-y = s(np.array([[0.0], [9.0]]), np.ones(1), np.zeros(1))
+heard = []
+with heard_compiling(lambda: heard.append("began"), lambda: heard.append("ended")):
+    y = s(np.array([[0.0], [9.0]]), np.ones(1), np.zeros(1))
+    s(np.array([[0.0], [9.0]]), np.ones(1), np.zeros(1))
 stats = s.kernel.run.stats
-print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), y[-1, 0, 0]]))
+print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), heard, y[-1, 0, 0]]))
 """
 
-    def process() -> list[float]:
+    def process() -> list[Any]:
         environment = {**os.environ, "DISCOVERY_CACHE": str(tmp_path)}
         result = subprocess.run(
             [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
         )
         return json.loads(result.stdout)
 
-    hits, misses, first = process()
-    assert (hits, misses) == (0, 1)
-    hits, misses, second = process()
-    assert (hits, misses) == (1, 0)
+    hits, misses, heard, first = process()
+    assert (hits, misses, heard) == (0, 1, ["began", "ended"])
+    hits, misses, heard, second = process()
+    assert (hits, misses, heard) == (1, 0, [])
     assert first == second
     assert first == pytest.approx(np.cos(3.0), abs=1e-3)
 

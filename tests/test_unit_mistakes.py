@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -98,8 +100,14 @@ def test_zero_and_scale_apply_to_the_column(tmp_path):
         (pendulum(), np.degrees(swing(0.3)), T, ["to and fro by", "reading would be 17.19 rad", 'unit = "deg"']),
         (pendulum(), np.degrees(swing(-1.0)), T, ["to and fro by", "reading would be 57.3 rad"]),
         (pendulum(), swing(0.3) + np.pi, T, ["upright", "zero = 3.14159265"]),
-        (pendulum(), swing(0.3), 1e3 * T, ["as if it were", "unit of the time"]),
-        (pendulum(), swing(0.3), 1e-3 * T, ["as if it were", "unit of the time"]),
+        (
+            pendulum(),
+            swing(0.3),
+            1e3 * T,
+            ["column 't'", 'set unit = "ms" for the time', "as if it were", "unit of the"],
+        ),
+        (pendulum(), swing(0.3), 1e-3 * T, ["column 't'", "as if it were", "unit of the time"]),
+        (pendulum(unit="deg"), np.degrees(swing(0.3)) + 180.0, T, ["about 179.8 deg", "set zero = 180 (in the unit"]),
         (pendulum(Quantity(0.03, 1e-3)), swing(0.3), T, ["the rig file states 0.03 m"]),
     ],
 )
@@ -108,6 +116,15 @@ def test_mistakes_of_a_pendulum(tmp_path, rig, angle, time, words):
         read(tmp_path, rig, angle, time)
     for word in words:
         assert word in str(error.value)
+
+
+def test_the_clock_is_blamed_for_what_it_did_and_no_unit_offered_that_is_there(tmp_path):
+    for time, stated, offered in ((1e3 * T, "s", "ms"), (1e-3 * T, "s", None), (T, "ms", "s"), (1e6 * T, "s", "us")):
+        rig = replace(pendulum(), columns=replace(pendulum().columns, time=TimeColumn("t", stated)))
+        with pytest.raises(InputError, match=r"p\.csv, column 't': the pendulum would swing once in") as error:
+            read(tmp_path, rig, swing(0.3), time)
+        assert ("If the times are in" in str(error.value)) == (offered is not None)
+        assert offered is None or f'set unit = "{offered}" for the time' in str(error.value)
 
 
 def test_a_driven_pendulum_may_do_anything(tmp_path):

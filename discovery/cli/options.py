@@ -13,9 +13,11 @@ import click
 if TYPE_CHECKING:
     from discovery.dataset import Dataset
 
-__all__ = ["PATH", "load", "options", "progress", "results_folder"]
+__all__ = ["PATH", "estimate_text", "load", "options", "progress", "results_folder"]
 
 PATH = click.Path(path_type=Path)
+#: Without a word of it the first loop on a machine would seem to hang.
+_COMPILING = "compiling a simulator, up to a minute: each only once, then it is kept on disk"
 
 
 def options(*names: str) -> Callable[[Any], Any]:
@@ -40,25 +42,44 @@ def options(*names: str) -> Callable[[Any], Any]:
     return decorate
 
 
+def estimate_text(value: float, sd: float | None, unit: str) -> str:
+    """Write a parameter with its standard deviation, if it has one, and its unit, if it is no ratio."""
+    return f"{value:.6g}" + (f" +- {sd:.2g}" if sd else "") + (f" {unit}" if unit != "1" else "")
+
+
 @contextmanager
 def progress(quiet: bool):
-    """Yield a function that shows what is being done on standard error."""
-    if quiet or not sys.stderr.isatty():
+    """Yield a function that shows on standard error what is being done, and when a kernel is compiled for it."""
+    if quiet:
+        yield lambda _: None
+        return
+    from discovery.compile import heard_compiling
+
+    if not sys.stderr.isatty():
         last = ""
 
         def tell(message: str) -> None:
             nonlocal last
             kind = message.partition(":")[0]
-            if not quiet and kind != last:
+            if kind != last:
                 click.echo(message, err=True)
             last = kind
 
-        yield tell
+        with heard_compiling(lambda: click.echo(_COMPILING, err=True)):
+            yield tell
         return
     from rich.console import Console
 
     with Console(stderr=True).status("starting") as status:
-        yield status.update
+        doing = "starting"
+
+        def show(message: str) -> None:
+            nonlocal doing
+            doing = message
+            status.update(message)
+
+        with heard_compiling(lambda: status.update(f"{doing}: {_COMPILING}"), lambda: status.update(doing)):
+            yield show
 
 
 def load(

@@ -8,7 +8,10 @@ import click
 
 from discovery.cli.options import PATH
 
-__all__ = ["COMMANDS"]
+__all__ = ["COMMANDS", "MANOEUVRES"]
+
+#: Manoeuvres of the twin, named here so that the help is there at once.
+MANOEUVRES = ("train_paper", "train_large", "holdout_inside", "holdout_beyond")
 
 
 @click.command()
@@ -31,14 +34,39 @@ def effects(name: str | None) -> None:
         click.echo(f"  {p.name:10} [{p.unit}]  {p.meaning}, bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units")
 
 
-@click.command()
+def _list_hidden(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """List what the twin can hide, each as ``--effect`` takes it, and leave."""
+    if not wanted:
+        return
+    import inspect
+    from dataclasses import MISSING, fields
+
+    from discovery_datasets.disturbances import DISTURBANCES
+
+    for effect_id, kind in DISTURBANCES.items():
+        names = ",".join(f.name + ("" if f.default is MISSING else f"={f.default:g}") for f in fields(kind))
+        click.echo(f"{effect_id}:{names}")
+        click.echo(f"    {' '.join((inspect.getdoc(kind) or '').split())}")
+    context.exit()
+
+
+@click.command(epilog=f"MANOEUVRE is one of {', '.join(MANOEUVRES)}.")
 @click.argument("manoeuvre")
 @click.option(
     "--effect",
     "effects_",
     multiple=True,
     metavar="ID:NAME=VALUE[,NAME=VALUE]",
-    help="Hidden effect of the twin; repeat for several.",
+    help="Hidden effect of the twin, for example coulomb_friction:force=6e-4; repeat for several. "
+    "--list-effects lists them.",
+)
+@click.option(
+    "--list-effects",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_list_hidden,
+    help="List the effects that the twin can hide with their parameters, and exit.",
 )
 @click.option("--out", required=True, type=PATH, help="CSV file to write.")
 @click.option("--seed", default=1, show_default=True, help="Seed of the noise.")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from discovery.cli.options import PATH, load, options, progress, results_folder
+from discovery.cli.initial_state import check_state, read_state
+from discovery.cli.options import PATH, estimate_text, load, options, progress, results_folder
 
 __all__ = ["COMMANDS", "NOISES"]
 
@@ -42,19 +43,24 @@ def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str,
 @options("train", "holdout", "out", "seed", "quiet")
 @click.option("--predict", "target", type=PATH, help="File with times and input only: write prediction.csv for it.")
 @click.option(
-    "--initial-state", metavar="ANGLE,RATE", help="Initial state of --predict [SI]; static equilibrium otherwise."
+    "--initial-state",
+    metavar="ANGLE,RATE",
+    help="Initial state of --predict: rad and rad/s (80 degrees are 1.396), or m and m/s where the output is a "
+    "length; static equilibrium otherwise.",
 )
 def loop(
     rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None
 ) -> None:
     """Find what the declared model lacks."""
+    from discovery.reading_noise import understated
     from discovery.stages import loop as close
     from discovery.stages import unexplained
 
-    initial = _initial(initial_state)
+    initial = read_state(initial_state)
     if initial is not None and target is None:
         raise click.UsageError("--initial-state needs --predict: training and hold-out start where their fit says.")
     dataset = load(rig, train, holdout, quiet)
+    check_state(initial, dataset)
     wanted = None
     if target is not None:
         from discovery.experiment import make_experiment
@@ -81,29 +87,20 @@ def loop(
             # One of an earlier run would be another model's.
             (folder / "prediction.csv").unlink(missing_ok=True)
     _say_loop(result)
+    for recording in result.recordings:
+        for note in understated(recording.notes):
+            click.echo(f"doubt: {recording.name}: {note}")
     if missing is not None and missing.depends:
         of = " or ".join(", ".join(d.variables) for d in missing.depends)
         patch = "a patch is offered, see missing_force in loop.json" if missing.patch else "no patch is offered"
         click.echo(f"missing force: depends on {of}; {patch}")
-
-
-def _initial(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    from discovery.errors import InputError
-
-    try:
-        angle, rate = (float(part) for part in text.split(","))
-        if not (math.isfinite(angle) and math.isfinite(rate)):
-            raise ValueError
-    except ValueError:
-        raise InputError(
-            f"--initial-state {text!r} is not ANGLE,RATE: give two numbers in rad and rad/s, such as 0.1,0."
-        ) from None
-    return angle, rate
+    files = [folder / "loop.json", *sorted(folder.glob("manoeuvre_*.csv"))]
+    files += [folder / "prediction.csv"] if wanted is not None else []
+    click.echo(f"written: {', '.join(map(str, files))}")
 
 
 def _say_loop(result) -> None:
+    from discovery.holdout import SEPARATE
     from discovery.loop import UPGRADES
 
     click.echo(f"verdict: {result.verdict}")
@@ -115,8 +112,7 @@ def _say_loop(result) -> None:
         # What leaves more than noise explains a part only.
         role = "mechanics" if effect["id"] in mechanics else "partly" if unexplained else "added"
         values = ", ".join(
-            f"{n} = {p['value']:.6g}" + (f" +- {p['sd']:.2g}" if p["sd"] is not None else "") + f" {p['unit']}"
-            for n, p in effect["parameters"].items()
+            f"{n} = {estimate_text(p['value'], p['sd'], p['unit'])}" for n, p in effect["parameters"].items()
         )
         rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
         click.echo(f"{role}: {effect['id']}" + (f" ({values})" if values else "") + rivals)
@@ -130,9 +126,11 @@ def _say_loop(result) -> None:
         shown = {k: v for k, v in found.items() if k == "holdout" or v != found["holdout"]}
         click.echo(
             f"{when:>6}: "
-            + ", ".join(f"{k} rms {v['rms']:.4g}" for k, v in shown.items())
+            + ", ".join(f"{k} rms {v['rms']:.4g} (mean {v['mean']:.4g})" for k, v in shown.items())
             + f" {result.errors['unit']}"
         )
+    if result.errors["holdout_kind"] != SEPARATE:
+        click.echo(f"holdout: the {result.errors['holdout_kind']}; --holdout names a recording of its own")
 
 
 @click.command()
@@ -168,7 +166,11 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
         fits = stages.estimate(dataset, tell=tell)
     write_json(folder / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
     for label, found in fits.models.items():
-        values = ", ".join(f"{n} = {found.values[n]:.6g} +- {found.sd[n]:.2g}" for n in found.problem.free)
+        values = ", ".join(
+            f"{n} = {estimate_text(found.values[n], None if n in found.reasons else found.sd[n], parameter.unit)}"
+            for n in found.problem.free
+            for parameter in (found.model.parameters[n],)
+        )
         click.echo(f"{label}: {values}; {found.status}")
 
 
@@ -208,7 +210,7 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, noise: str) -
     if choice is not None:
         click.echo(f"noise: {chosen}, by its evidence{'' if choice.chosen.reliable else ', which cannot be trusted'}")
     for row in rows:
-        click.echo(f"{row['name']}: {row['mean']:.6g} +- {row['sd']:.2g} {row['unit']}")
+        click.echo(f"{row['name']}: {estimate_text(row['mean'], row['sd'], row['unit'])}")
 
 
 @click.command()
@@ -242,9 +244,8 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool) -> None
     if out is not None:
         write_json(results_folder(out) / "elastica.json", {"provenance": provenance(dataset, seed=seed), **found})
     for row in found["prediction"]:
-        click.echo(
-            f"{row['mass']:12} {row['law']:22} {row['parameter']:10} {row['mean']:.5g} +- {row['sd']:.2g} {row['unit']}"
-        )
+        value = estimate_text(row["mean"], row["sd"], row["unit"])
+        click.echo(f"{row['mass']:12} {row['law']:22} {row['parameter']:10} {value}")
 
 
 @click.command()
