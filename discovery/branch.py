@@ -19,6 +19,7 @@ from discovery.race import near_the_best
 from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs, resettled
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
+from discovery.simplicity import imitates
 from discovery.simulate import THREADS
 from discovery.stiff import unstiffened
 from discovery.workers import at_once
@@ -211,7 +212,7 @@ class Branches:
         """Return whether one of the sets that leave least, none of its effects imitating others, leaves noise."""
         limit = min((r.chi2 for _, r in children), default=np.inf) + self.case.settings.price
         least = [(added, r) for added, r in children if r.chi2 <= limit]
-        plain = [(added, r) for added, r in least if not any(catalogue()[e].pliable for e in added)]
+        plain = [(added, r) for added, r in least if not any(map(imitates, added))]
         nodes = (Node.of(added, r, self.case) for added, r in plain)
         return any(max(node.rough, node.held_rough) <= self.case.settings.floor for node in nodes)
 

@@ -19,9 +19,9 @@ from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem, conventions
 from discovery.refits import Refit, distances, resettled
-from discovery.registry import catalogue
 from discovery.residual import roughness
 from discovery.shaking import shaken
+from discovery.simplicity import imitates
 from discovery.step import choose_step
 
 __all__ = ["Case", "LoopSettings", "Step", "Tell"]
@@ -277,7 +277,7 @@ class Case:
 
     def _imitating(self, model: Model) -> list[str]:
         """Return the added effects of a model that imitate others."""
-        return [e for e in self._added(model) if catalogue()[e].pliable]
+        return [e for e in self._added(model) if imitates(e)]
 
     def is_noise(self, fitted: Fit, held: Sequence[FloatArray], first: tuple[float, float]) -> tuple[bool, str]:
         """Return whether what a fit leaves counts as noise, and the test as a sentence.

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 from discovery.case import Case
 from discovery.refits import Refit
-from discovery.registry import catalogue
-from discovery.simplicity import simplicity
+from discovery.simplicity import imitates, simplicity
 
 __all__ = ["Node", "merit"]
 
@@ -63,6 +62,6 @@ def merit(node: Node, least: float, price: float) -> tuple:
     `least` is the smallest chi-square over all recordings among them; less than a price above it is no difference.
     """
     system = node.refit.problem.model.mechanics.system
-    plain = sum(catalogue()[e].pliable for e in node.added)
+    plain = sum(map(imitates, node.added))
     error = max(node.chi2 + node.held, least + price)
     return plain, len(node.refit.problem.free), error, [simplicity(e, system) for e in node.added]

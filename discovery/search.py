@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
 from discovery.fit import Fit
-from discovery.node import Node, merit
+from discovery.node import Node
+from discovery.ordering import better, helps, ordered
 from discovery.race import is_far_behind
 from discovery.refits import Refit, relaxed, resettled
 from discovery.registry import catalogue
+from discovery.simplicity import imitates
 from discovery.simulate import THREADS
 from discovery.standing import evidence, rivals
 from discovery.stiff import coarsened
@@ -30,9 +32,7 @@ from discovery.workers import at_once
 __all__ = ["Search"]
 
 FloatArray = NDArray[np.float64]
-#: So many sets that are equally good are judged on held-out data,
-_TRIED = 4
-#: and so many are extended side by side, of sets of two or more one:
+#: So many sets are extended side by side, of sets of two or more one:
 _BEAM = (2, 1)
 #: a rival only if it leaves at most so many times what the best one leaves.
 _RIVAL = 2.0
@@ -187,8 +187,8 @@ class Search:
             beam = [n if n is self.best else self._resolved(n) for n in beam]
 
     def _chosen(self, children: Sequence[Child]) -> Node | None:
-        """Return the first set that replaces the best one so far, in the order of `_ordered`, idle effects left out."""
-        for node in self._ordered(children):
+        """Return the first set that replaces the best one so far, in the order of `ordered`, idle effects left out."""
+        for node in ordered(self.case, self.best, children):
             if self._passes(node):
                 return node
             lean = self._without_idle(node)
@@ -223,7 +223,7 @@ class Search:
         bare = coarsened(relaxed(node.refit, node.added), self.root.refit.problem.bench)
         gain = self.root.chi2 - bare.chi2
         # Less than what is asked of an effect is not worth another search.
-        if not (gain > self.case.settings.price and self._helps(bare)):
+        if not (gain > self.case.settings.price and helps(self.case, self.best, bare)):
             return False
         again = Node.of((), replace(bare, effect=""), self.case)
         if not again.held < self.root.held:
@@ -241,48 +241,7 @@ class Search:
 
     def _trusted(self, children: Sequence[Child]) -> list[Child]:
         """Return the sets without laws that imitate others, once these have been given up."""
-        return [(added, r) for added, r in children if not (self._plain and any(map(_imitates, added)))]
-
-    def _ordered(self, children: Sequence[Child]) -> list[Node]:
-        """Return the sets that are as good as the best one, simplest first."""
-        if not children:
-            return []
-        price = self.case.settings.price
-        best = min((r for _, r in children), key=lambda r: r.priced(price))
-        margin = self.case.margin(best.chi2, self.best.chi2 - best.chi2, pliable=_pliable(best))
-        limit = best.priced(price) + margin
-        tied = [(added, r) for added, r in children if r.priced(price) <= limit][:_TRIED]
-        nodes = [Node.of(added, r, self.case) for added, r in tied]
-        if min(n.rough for n in nodes) > self.case.settings.ceiling:
-            # None of them explains what is there: then what was not fitted knows best.
-            seen = [id(r) for _, r in tied]
-            others = [(added, r) for added, r in children[:_TRIED] if id(r) not in seen and self._helps(r)]
-            nodes = self._by_both([*nodes, *(Node.of(added, r, self.case) for added, r in others)])
-        else:
-            least = min(n.chi2 + n.held for n in nodes)
-            nodes.sort(key=lambda n: merit(n, least, price))
-        if all(_pliable(n.refit) for n in nodes):
-            # What a pliable law imitates deserves a try of its own, if it explains nearly all.
-            enough = self.best.chi2 - self.case.settings.pair_share * self.case.excess(self.best.chi2)
-            plain = [(added, r) for added, r in children if not _pliable(r) and r.chi2 < enough][:1]
-            nodes += [Node.of(added, r, self.case) for added, r in plain]
-        return nodes
-
-    def _by_both(self, nodes: Sequence[Node]) -> list[Node]:
-        """Sort sets by what they leave of all recordings, those that are equal within a tie by their merit."""
-        price = self.case.settings.price
-        least = min(n.chi2 + n.held for n in nodes)
-        margin = max(price, self.case.settings.tie * (self.case.excess(least) - self.case.n_held))
-        # Laws that differ in what they idealise only are equals.
-        alike = max(price, self.case.settings.form * (self.best.chi2 + self.best.held - least))
-        equal = [n for n in nodes if n.chi2 + n.held <= least + margin]
-        rest = [n for n in nodes if n not in equal]
-        return sorted(equal, key=lambda n: merit(n, least, alike)) + sorted(rest, key=lambda n: n.chi2 + n.held)
-
-    def _helps(self, refit: Refit) -> bool:
-        """Return whether a refit removes a share of the excess worth naming."""
-        gain = self.best.chi2 - refit.chi2
-        return gain > self.case.settings.least_share * self.case.excess(self.best.chi2)
+        return [(added, r) for added, r in children if not (self._plain and any(map(imitates, added)))]
 
     def _leading(self, children: Sequence[Child], besides: Sequence[Node]) -> list[Node]:
         """Return the best sets that are not among those already taken."""
@@ -296,7 +255,7 @@ class Search:
         if len(node.added) == len(self.best.added):
             # Where hardly more than noise is left, no rival can do much better.
             return self.best.rough > settings.ceiling and excess(node.chi2) <= _RIVAL * excess(self.best.chi2)
-        return self._helps(node.refit)
+        return helps(self.case, self.best, node.refit)
 
     def _leads_on(self, node: Node) -> bool:
         """Return whether a set is a step towards more than a pair: one that fails on the held-out recordings is not."""
@@ -443,26 +402,14 @@ class Search:
         again = next((r for added, r in children if added[-1] == effect), None)
         if again is not None:
             self._renew(effect, Node.of(self.best.added, again, self.case))
-        ranked = self._ordered(children)
+        ranked = ordered(self.case, self.best, children)
         others = [n for n in ranked if n.added[-1] != effect]
         for node in others:
-            if reason := self._better(node):
+            if reason := better(self.case, self.best, node):
                 numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
                 self.steps.append(Step("exchange", effect, True, reason, numbers, self._ranking(branch)))
                 self._take(node)
                 return
-
-    def _better(self, node: Node) -> str:
-        """Say why a set with another effect in the place of a member is better than the best one; "" if it is not."""
-        price, best = self.case.settings.price, self.best
-        gain = best.priced(price) - node.priced(price)
-        if gain > self.case.margin(best.chi2) and node.held < best.held:
-            return f"in its place {node.added[-1]} lowers chi-square by {gain:.0f} more"
-        (plain, count, *_), (plain_best, count_best, *_) = (merit(n, 0.0, price) for n in (node, best))
-        simpler = plain <= plain_best and count <= count_best and (plain, count) != (plain_best, count_best)
-        if simpler and node.chi2 <= best.chi2 + price and node.held <= best.held + price:
-            return f"in its place {node.added[-1]} leaves no more and is simpler"
-        return ""
 
     def _renew(self, effect: str, again: Node) -> bool:
         """Take another minimum of the same set: what an effect was beside fewer others may have been a local one."""
@@ -499,7 +446,7 @@ class Search:
 
     def _distrusts(self) -> bool:
         """Begin again without the laws that imitate others, and say so, where these leave little but not noise."""
-        imitating = [e for e in self.best.added if _imitates(e)]
+        imitating = [e for e in self.best.added if imitates(e)]
         if self.settled or not imitating or not self._leaves_little():
             return False
         for effect in imitating:
@@ -526,11 +473,3 @@ class Search:
             reason = f"what is left is not noise but {shares}"
             self.steps += [Step("withdraw", e, True, f"{reason}: no effect is named") for e in self.best.added]
             self.best = self.root
-
-
-def _imitates(effect: str) -> bool:
-    return catalogue()[effect].pliable
-
-
-def _pliable(refitted: Refit) -> bool:
-    return _imitates(refitted.effect)

@@ -1,10 +1,15 @@
-"""Which of equally good explanations comes first: the physically simplest one."""
+"""Which of equally good explanations comes first: the physically simplest one, and last one that imitates others."""
 
 from __future__ import annotations
 
 from discovery.registry import catalogue
 
-__all__ = ["simplicity"]
+__all__ = ["imitates", "simplicity"]
+
+
+def imitates(effect: str) -> bool:
+    """Return whether the law of an effect is so pliable that it imitates others."""
+    return catalogue()[effect].pliable
 
 
 def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:

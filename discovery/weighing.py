@@ -12,6 +12,7 @@ from discovery.case import Case
 from discovery.covariance import covariance_of
 from discovery.node import Node
 from discovery.registry import catalogue
+from discovery.simplicity import imitates
 
 __all__ = ["Verdict", "determined", "weigh"]
 
@@ -59,11 +60,11 @@ def weigh(
     noise = smaller.held_rough <= s.limit(root.held_rough) and smaller.rough <= s.limit(root.rough)
     if noise:
         least = max(least, s.form * (case.excess(root.chi2) - excess))
-    if any(catalogue()[e].pliable for e in new):
+    if any(map(imitates, new)):
         # An explained residual may keep so much of its power: a law that imitates others must not live on that.
         least = max(least, s.relative_floor**2 * (case.excess(root.chi2) - excess))
     # In the company of a law that imitates others, every effect must explain most of what is left.
-    company = len(larger.added) > 1 and any(catalogue()[e].pliable for e in larger.added)
+    company = len(larger.added) > 1 and any(map(imitates, larger.added))
     share = s.pair_share if noise or strict or company or len(new) > 1 else s.least_share
     if strict and not company and larger.held_rough > s.limit(root.held_rough):
         # Where something unknown is left, nothing explains most of what the others leave.

@@ -17,6 +17,7 @@ from discovery.fit import fit
 from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.node import Node
+from discovery.ordering import better
 from discovery.problem import NaturalUnits
 from discovery.recording import Recording
 from discovery.refits import Refit, settled
@@ -120,11 +121,11 @@ def changed(node: Node, *, chi2: float, held: float) -> Node:
 
 
 @pytest.mark.parametrize(
-    ("chi2", "held", "better"),
+    ("chi2", "held", "reason"),
     [(5.0, 5.0, "is simpler"), (15.0, 0.0, ""), (0.0, 15.0, ""), (-9.0, -1.0, "lowers chi-square")],
 )
 def test_a_law_with_fewer_parameters_that_leaves_no_more_takes_the_place_of_a_member(
-    chi2: float, held: float, better: str
+    chi2: float, held: float, reason: str
 ) -> None:
     """A slow ripple leaves what a gain of the encoder does, and needs two parameters more for it."""
     search = copy(searched(c_2=0.3, tau=0.01))
@@ -134,10 +135,10 @@ def test_a_law_with_fewer_parameters_that_leaves_no_more_takes_the_place_of_a_me
     large = replace(small, refit=Refit("periodic_disturbance", richer, small.refit.minimum))
     other = changed(small, chi2=chi2, held=held)
     search.best = large
-    assert better in search._better(other)
-    assert bool(better) == bool(search._better(other))
+    assert reason in better(search.case, search.best, other)
+    assert bool(reason) == bool(better(search.case, search.best, other))
     search.best = small
-    assert not search._better(changed(large, chi2=-3.0, held=-1.0))
+    assert not better(search.case, search.best, changed(large, chi2=-3.0, held=-1.0))
 
 
 def contended(search: Search) -> tuple[str, frozenset[str], Branch]:
@@ -196,7 +197,7 @@ def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed(
     search.best = found.best
     assert search._without_idle(node) is None
     search.best = stuck = changed(found.best, chi2=500.0, held=500.0)
-    monkeypatch.setattr(search, "_ordered", lambda children: [node])
+    monkeypatch.setattr("discovery.search.ordered", lambda case, best, children: [node])
     chosen = search._chosen([])
     assert chosen is search.best
     assert chosen is not stuck
