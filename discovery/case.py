@@ -173,8 +173,11 @@ class Case:
         return Bench(model.base, effects, self.train, step)
 
     def finished(self, found: Refit) -> Fit:
-        """Return a refit of the search with its intervals."""
-        return fit_near(found.problem, found.values)
+        """Return a refit of the search with its intervals, the conventions of the added effects free.
+
+        Held, these would shift the other parameters, and leave their intervals too narrow.
+        """
+        return fit_near(self._unfixed(found.problem), found.values)
 
     def _on_finer(self, found: Refit) -> Iterator[Problem]:
         """Yield the problem of a refit on each finer mechanics, the best first."""
@@ -204,11 +207,7 @@ class Case:
         return found
 
     def finest(self, found: Refit) -> Fit:
-        """Return a refit of the search with its intervals, on finer mechanics where there are any that fit as well.
-
-        What the laws of the added effects hold by convention is free there, within what is believed of it: held, it
-        would shift their other parameters, and leave their intervals too narrow.
-        """
+        """Return a refit of the search, finished on finer mechanics where there are any that fit as well."""
         for problem in self._on_finer(found):
             self.tell(f"refitting on finer mechanics: {problem.model.base}")
             try:
@@ -217,12 +216,14 @@ class Case:
                 continue
             if self._is_as_good(fitted.chi2, found):
                 return self.polish(fitted)
-        return self.polish(fit_near(self._unfixed(found.problem), found.values))
+        return self.polish(self.finished(found))
 
     def _unfixed(self, problem: Problem) -> Problem:
-        """Return a problem in which the conventions of the added effects are free."""
-        free = conventions(self._added(problem.model), self.units)
-        return replace(problem, gaussian={**problem.gaussian, **free})
+        return replace(problem, gaussian={**problem.gaussian, **self.conventions(problem.model)})
+
+    def conventions(self, model: Model) -> dict[str, tuple[float, float]]:
+        """Return what the added effects of a model hold by convention, see `discovery.problem.conventions`."""
+        return conventions(self._added(model), self.units)
 
     def _added(self, model: Model) -> list[str]:
         """Return the effects of a model that are not declared."""

@@ -43,7 +43,8 @@ Written by `make docs` from the declarations in `discovery/effects`; [how to add
 Energies are per unit of inertia, lengths in lengths of the arm, q is the unit of the coordinate (rad for an arm, the
 output's unit for an oscillator). Bounds and priors are in natural units: time in 1/omega of the small oscillation, an
 oscillator's coordinate in its largest amplitude. A shape parameter does not switch its effect; a fixed one is a
-convention, fitted only at the end of a loop. Where bases are named, the others contain the effect or cannot show it.
+convention, which the loop fits at its end where it has added the effect. Where bases are named, the others contain the
+effect or cannot show it.
 """
 
 

@@ -133,7 +133,8 @@ def _listen() -> None:
 
         def _call(self, event, which: int) -> None:
             function = event.data["dispatcher"].py_func
-            if function.__module__.startswith(_GENERATED) and function.__name__ == "run":
+            # The module of a function that others made from text is None.
+            if (function.__module__ or "").startswith(_GENERATED) and function.__name__ == "run":
                 for calls in _LISTENING:
                     calls[which]()
 

@@ -149,7 +149,10 @@ def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> 
     known = np.isfinite(np.diag(covariance))
     if not known.any():
         return float("nan")
-    step, *_ = np.linalg.lstsq(minimum.jacobian[: change.size, known], -change, rcond=None)
+    # What is known beside the recordings does not move.
+    push = np.zeros(len(minimum.jacobian))
+    push[: change.size] = -change
+    step, *_ = np.linalg.lstsq(minimum.jacobian[:, known], push, rcond=None)
     return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[known])))
 
 

@@ -67,6 +67,8 @@ class LoopResult:
         The manoeuvres that would tell apart what these recordings cannot.
     recordings : tuple of Recording
         Training first.
+    noise : bool
+        Whether what the final model leaves counts as noise: if so, an "unexplained" motion contradicts the rig.
     unlike : float
         How far the laws of the added effects may be from nature's, see `discovery.covariance.covariance_of`.
     """
@@ -87,6 +89,7 @@ class LoopResult:
     contradiction: ContradictionReport | None = None
     separations: tuple[Separation, ...] = ()
     recordings: tuple[Recording, ...] = ()
+    noise: bool = False
     unlike: float = 0.0
 
     def __repr__(self) -> str:
@@ -128,6 +131,7 @@ class LoopResult:
             "effects": effects,
             "errors": dict(self.errors),
             "test": self.test,
+            "noise": self.noise,
             **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
@@ -193,10 +197,11 @@ def close_loop(
     noise, test = case.is_noise(after, after_held, (search.root.rough, search.root.held_rough))
     added = (*geometry, *search.added)
     contradiction = _contradiction(after, search, case, noise=noise)
-    if noise and contradiction and contradiction.gross:
+    excluded = contradiction.gross if noise and contradiction else ()
+    if excluded:
         # Whatever else the motion was explained with, it is not the motion of the arm that the rig file describes.
-        noise, test = False, f"what is left is noise, but {contradiction.gross[0].sentence}"
-    verdict = "unexplained" if not noise else "explained" if added else "nothing_missing"
+        test = f"what is left is noise, but {excluded[0].sentence}"
+    verdict = "unexplained" if excluded or not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time
     only_train = case.judge.continued
     arm = train[0].is_arm
@@ -226,6 +231,7 @@ def close_loop(
         contradiction=contradiction,
         separations=_separations(search, case) if settings.follow_up and arm else (),
         recordings=tuple(e.recording for e in (*train, *holdout)),
+        noise=noise,
         unlike=unlike,
     )
 
@@ -246,9 +252,12 @@ def _contradiction(after: Fit, search: Search, case: Case, *, noise: bool) -> Co
     Where more than noise is left and the search names nothing, nothing is named that would reconcile them either.
     """
     follow_up, seed = case.settings.follow_up, [case.settings.seed, 1]
-    if not noise and (case.train[0].is_arm or not follow_up):
-        return grossly_unlike(after, np.random.default_rng(seed)) if follow_up else None
-    if not follow_up and not grossly_unlike(after, np.random.default_rng(seed)).gross:
+    arm = case.train[0].is_arm
+    if arm and not (noise and follow_up):
+        gross = grossly_unlike(after, np.random.default_rng(seed))
+        if not noise or not gross.contradictions:
+            return gross if follow_up else None
+    elif not follow_up:
         return None
     case.tell("comparing with the rig")
     names = None if noise or search.added else ()
@@ -325,7 +334,7 @@ def _judge_geometry(before: Fit, search: Search, case: Case) -> tuple[list[str],
             case.tell(f"comparing mechanics: {base}")
             model = before.model.with_effect(*[e for e in search.added if e not in before.model.effects]).on_base(base)
             values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
-            found = case.fit(model, values, {})
+            found = case.fit(model, values, case.conventions(model))
             predicted = case.held(found)
         held, count, _ = case.judge.score(predicted)
         if name:

@@ -128,7 +128,8 @@ class Parameter:
     shape : bool
         True when the parameter shapes an effect without switching it (a frequency, a width): it has no own zero.
     fixed : bool
-        True when the value is conventional: it is fitted only at the end of the loop, within its prior's width.
+        True when the value is known or conventional and is not fitted. The convention of a shape (see `shape`) of an
+        effect that the loop adds is fitted at its end, within the prior's width.
     planar : bool
         True when the parameter needs a plane; a system that moves along one line leaves it at its default.
     latex : str

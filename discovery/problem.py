@@ -101,7 +101,7 @@ def conventions(effects: Iterable[str], units: NaturalUnits) -> dict[str, tuple[
 
     Such as the speed within which dry friction changes its sign: it decides how a body creeps that should stick.
     """
-    held = [p for e in effects for p in get_effect(e).parameters() if p.fixed]
+    held = [p for e in effects for p in get_effect(e).parameters() if p.fixed and p.shape]
     return {p.name: (p.default * units.scale(p), p.prior.width * units.scale(p)) for p in held}
 
 
@@ -118,7 +118,7 @@ class Problem:
     units : NaturalUnits
         Natural units.
     gaussian : mapping of str to (mean, sd)
-        Free parameters known from the rig within an uncertainty; bounded at three standard deviations.
+        Free parameters known from the rig or by convention within an uncertainty; bounded at three standard deviations.
     """
 
     model: Model
@@ -162,15 +162,13 @@ class Problem:
         """Lower and upper bounds of every free number."""
         lower, upper = [], []
         for name in self.free:
+            parameter = self.model.parameters[name]
+            least, most = (bound * self.units.scale(parameter) for bound in parameter.bounds)
             if name in self.gaussian:
                 mean, sd = self.gaussian[name]
-                lower.append(max(mean - 3 * sd, self.model.parameters[name].bounds[0]))
-                upper.append(min(mean + 3 * sd, self.model.parameters[name].bounds[1]))
-            else:
-                parameter = self.model.parameters[name]
-                unit = self.units.scale(parameter)
-                lower.append(parameter.bounds[0] * unit)
-                upper.append(parameter.bounds[1] * unit)
+                least, most = max(least, mean - 3 * sd), min(most, mean + 3 * sd)
+            lower.append(least)
+            upper.append(most)
         free_start = [np.inf] * (2 * len(self._released))
         return np.array([*lower, *(-np.array(free_start))]), np.array([*upper, *free_start])
 
@@ -221,6 +219,6 @@ class Problem:
         return [c[:, :, 0] for c in self.bench.predict(*self.expand(x[:, None]))]
 
     def prior_residuals(self, x: FloatArray) -> FloatArray:
-        """Return (value - mean)/sd of the parameters known from the rig, shape (g, k)."""
+        """Return (value - mean)/sd of the parameters known within an uncertainty, shape (g, k)."""
         rows = [(x[self.free.index(n)] - m) / sd for n, (m, sd) in self.gaussian.items() if n in self.free]
         return np.array(rows).reshape(len(rows), x.shape[1])

@@ -126,26 +126,30 @@ def swing_notes(label: str, time: FloatArray, values: FloatArray, period: float 
         Shortest period that the rig allows [s].
     """
     good = np.flatnonzero(np.isfinite(values))
-    good = good[:: max(1, good.size // _ENOUGH)]
     duration = float(time[-1] - time[0])
     if good.size < 4 or np.ptp(values[good]) == 0.0:
         return []
     x, u = values[good] - values[good].mean(), (time[good] - time[0]) / duration
-    swings, left = 0.0, np.inf
-    for tried in np.arange(0.1, 3.0, 0.02):
-        phase = 2.0 * np.pi * tried * u
-        sine = np.column_stack([np.ones_like(u), np.cos(phase), np.sin(phase)])
-        rest = float(np.std(x - sine @ np.linalg.lstsq(sine, x, rcond=None)[0]))
-        swings, left = (float(tried), rest) if rest < left else (swings, left)
-    if left > _SINE * float(np.std(x)):
+    some = slice(None, None, max(1, good.size // _ENOUGH))
+    swings = float(min(np.arange(0.1, 3.0, 0.02), key=lambda tried: _beside_a_sine(tried * u[some], x[some])))
+    # Some of its samples may look slow where all of them swing fast.
+    if _beside_a_sine(swings * u, x) > _SINE * float(np.std(x)):
         # No sine: many swings, or part of a very large one, which the rig knows.
         swings = np.inf if period is None else duration / period
     if swings >= _WHOLE:
         return []
     return [
         f"{label!r} holds about {swings:.1g} of a swing ({duration:.3g} s): frequency, damping and the form of the "
-        "force are hardly told apart. Record several swings, better ten: without a hold-out, the last third judges."
+        "force are hardly told apart. If it swings at all, record several swings, better ten: without a hold-out, the "
+        "last third judges."
     ]
+
+
+def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
+    """Return the standard deviation of what a sine with a mean leaves of values, its phase in turns."""
+    phase = 2.0 * np.pi * turns
+    sine = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
+    return float(np.std(values - sine @ np.linalg.lstsq(sine, values, rcond=None)[0]))
 
 
 def clean_output(

@@ -150,7 +150,7 @@ def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str,
         noise = "State the noise of a reading as noise = ... of the output in [columns]: remove"
         raise InputError(
             f"The rig file {path}, line {line_of(text, (key,))}: the key {key!r} belongs to "
-            f"{' or '.join(MEANT_FOR[stem])}; with kind {table.kind!r} it would change nothing. "
+            f"{' or '.join(MEANT_FOR[stem])}; kind {table.kind!r} has no use for it. "
             f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
         )
 

@@ -339,8 +339,8 @@ def continued(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, 
 
 
 def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingForce | None:
-    """Return the force that the final model lacks where the loop explains not all; None where it does."""
-    if result.verdict != "unexplained":
+    """Return the force that the final model lacks where it leaves more than noise; None where it does not."""
+    if result.noise:
         return None
     if not result.after.model.mechanics.reads_state:
         tell("no missing force: it is reconstructed where the instrument reads the position")

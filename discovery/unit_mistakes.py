@@ -133,9 +133,11 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
             f"{largest:.4g} {unit}. {remedy}"
         )
     if abs(float(np.median(later))) > 0.5 * np.pi:
+        given = rig.columns.output
+        upright = given.zero + np.pi / (given.scale * si_factor(unit))
         raise InputError(
             f"{where}: the pendulum would swing about {quoted(float(np.median(later)), unit, 4)}, that is upright. If "
-            f"the angle is counted from upright, set zero = {np.pi / si_factor(unit):.9g} (in the unit of the column) "
+            f"the angle is counted from upright, set zero = {upright:.9g} (in the unit of the column) "
             "for the output in the rig file."
         )
     scatter = float(np.median(np.abs(angle - np.median(angle))))

@@ -113,13 +113,13 @@ def test_what_an_unexplained_loop_found_is_called_a_part(capsys: pytest.CaptureF
     numbers = {"unit": "m", "holdout_kind": "separate recordings", "before": {"holdout": {"rms": 2.0, "mean": 1.5}},
                "after": {"holdout": {"rms": 1.0, "mean": 0.5}}}  # fmt: skip
     result = SimpleNamespace(summary=lambda: {"effects": found}, contradiction=None, separations=(), errors=numbers,
-                             test="systematic part: 3 noise sds, above 1")  # fmt: skip
+                             noise=False, test="systematic part: 3 noise sds, above 1")  # fmt: skip
     result.verdict = "unexplained"
     say_loop(result)
     said = capsys.readouterr().out
     assert said.startswith("verdict: unexplained\nbecause: systematic part: 3 noise sds, above 1\n")
     assert "mechanics: elastica_geometry\npartly: quadratic_drag\n" in said
-    result.verdict = "explained"
+    result.verdict, result.noise = "explained", True
     say_loop(result)
     assert "mechanics: elastica_geometry\nadded: quadratic_drag\n" in capsys.readouterr().out
 

@@ -239,6 +239,12 @@ def test_searches_are_told_apart_by_what_is_in_the_model(arm: Made) -> None:
         ]
 
 
+def test_a_motion_that_is_explained_against_the_rig_contradicts_it(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    results["loop"] |= {"verdict": "unexplained", "noise": True}
+    assert headline(Run(tmp_path, results)).startswith("Contradicts the rig: only noise is left, 0.473 mm rms")
+
+
 def test_an_error_that_grows_does_not_fall(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["loop"]["errors"]["after"]["holdout_inside"]["rms"] = 4e-3

@@ -13,12 +13,12 @@ from discovery.branch import Branch, Branches
 from discovery.case import Case, LoopSettings
 from discovery.drive import Drive
 from discovery.experiment import Experiment
-from discovery.fit import fit
+from discovery.fit import fit, fit_near
 from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.node import Node
 from discovery.ordering import better
-from discovery.problem import NaturalUnits
+from discovery.problem import NaturalUnits, Problem, conventions
 from discovery.recording import Recording
 from discovery.refits import Refit, settled
 from discovery.registry import catalogue
@@ -85,6 +85,29 @@ def test_two_effects_are_both_found_and_nothing_else(effects: dict[str, float]) 
     assert set(search.added) == {owners[n] for n in effects}
     for name, value in effects.items():
         assert found[name] == pytest.approx(value, rel=0.1)
+
+
+def test_what_friction_holds_by_convention_is_free_in_the_answer_and_moves_no_step() -> None:
+    """Also where its speed in the unit of the coordinate is far from that in natural units."""
+    search = searched(beta=1.0, f_c=0.02)
+    fitted, _ = search.finest()
+    # The recordings hardly know it: what finer steps change of it is little beside what it may be anyway.
+    assert fitted.sd["v_c"] == pytest.approx(fitted.problem.gaussian["v_c"][1], rel=0.5)
+    held = fit_near(replace(fitted.problem, gaussian={}), fitted.values)
+    assert fitted.solver_shift == pytest.approx(held.solver_shift, rel=0.2)
+    (_, mean, _) = within(fitted.problem, "v_c")
+    for coordinate in (5e-3, 150.0):
+        units = replace(UNITS, coordinate=coordinate)
+        free = replace(fitted.problem, units=units, gaussian=conventions(search.added, units))
+        lower, middle, upper = within(free, "v_c")
+        assert lower < middle < upper
+        assert middle == pytest.approx(mean * coordinate / UNITS.coordinate)
+
+
+def within(problem: Problem, name: str) -> tuple[float, float, float]:
+    """Return the lower bound, the convention and the upper bound of a parameter."""
+    lower, upper = problem.bounds
+    return lower[problem.free.index(name)], problem.gaussian[name][0], upper[problem.free.index(name)]
 
 
 def test_the_evidence_says_how_large_and_how_sure() -> None:

@@ -270,6 +270,13 @@ def test_a_part_of_a_swing_is_told(amplitude, length, swings, told):
         assert share == pytest.approx(swings, abs=0.11)
 
 
+@pytest.mark.parametrize(("period", "rate", "duration"), [(1.0, 30, 300), (1.003, 100, 300), (2.0, 60, 600)])
+def test_many_swings_are_no_part_of_one_where_every_so_many_th_sample_is_looked_at(period, rate, duration):
+    time = np.arange(duration * rate) / rate
+    values = np.cos(2.0 * np.pi * time / period) + 2e-3 * np.random.default_rng(4).standard_normal(time.size)
+    assert swing_notes("a", time, values) == []
+
+
 def test_a_short_film_is_read_and_told_and_one_that_is_driven_is_not(tmp_path):
     time = np.arange(60) / 30.0
     frame = pd.DataFrame({"t": time, "u": np.sin(time), "a": np.degrees(0.4 * np.cos(2.0 * time))})

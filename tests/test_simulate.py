@@ -486,7 +486,7 @@ def test_a_blow_up_keeps_its_length_and_names_parameters_and_time() -> None:
 
 def test_a_second_process_does_not_compile(tmp_path: Path) -> None:
     code = """
-import json, numpy as np
+import json, numba, numpy as np
 from discovery.compile import heard_compiling
 from discovery.simulate import Simulator
 s = Simulator("oscillator", ("linear_stiffness",), np.linspace(0, 1, 3), None, step=0.1)
@@ -494,6 +494,9 @@ heard = []
 with heard_compiling(lambda: heard.append("began"), lambda: heard.append("ended")):
     y = s(np.array([[0.0], [9.0]]), np.ones(1), np.zeros(1))
     s(np.array([[0.0], [9.0]]), np.ones(1), np.zeros(1))
+    # A function that others compile, of a module without a name.
+    exec("def twice(x): return 2 * x", made := {"__name__": None})
+    assert numba.njit(made["twice"])(1.5) == 3.0
 stats = s.kernel.run.stats
 print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), heard, y[-1, 0, 0]]))
 """

@@ -104,19 +104,20 @@ def _say_loop(result) -> None:
     from discovery.loop import UPGRADES
 
     click.echo(f"verdict: {result.verdict}")
-    unexplained = result.verdict == "unexplained"
-    if unexplained:
+    if result.verdict == "unexplained":
         click.echo(f"because: {result.test}")
     mechanics = {name for _, name in UPGRADES}
     for effect in result.summary()["effects"]:
         # What leaves more than noise explains a part only.
-        role = "mechanics" if effect["id"] in mechanics else "partly" if unexplained else "added"
+        role = "mechanics" if effect["id"] in mechanics else "added" if result.noise else "partly"
         values = ", ".join(
             f"{n} = {estimate_text(p['value'], p['sd'], p['unit'])}" for n, p in effect["parameters"].items()
         )
         rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
         click.echo(f"{role}: {effect['id']}" + (f" ({values})" if values else "") + rivals)
     for contradiction in result.contradiction.contradictions if result.contradiction else ():
+        if contradiction.sentence in result.test:
+            continue
         click.echo(f"contradiction: {contradiction.sentence}")
     for separation in result.separations:
         click.echo(separation.sentence)

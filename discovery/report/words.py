@@ -160,9 +160,8 @@ def headline(run: Run) -> str:
         return f"Nothing is missing: the declared model leaves {left}, which is noise (floor {floor})."
     if run.loop["verdict"] == "explained":
         return f"Explained: the declared model lacked {listed(added)}; with {them}, {change}."
-    contradictions = (run.loop.get("contradiction") or {}).get("contradictions", ())
-    if any(c.get("gross") for c in contradictions):
-        return f"Contradicts the rig: the model leaves {left}, but with a stiffness that the rig file excludes."
+    if run.loop.get("noise"):
+        return f"Contradicts the rig: only noise is left, {left}, but the rig file excludes the fitted stiffness."
     if added:
         found = f"the declared model lacked {listed(added)}, and {change}"
         return f"Not fully explained: {found}, but what is left is not noise."
