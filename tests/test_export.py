@@ -363,8 +363,9 @@ def test_the_sympy_program_is_the_kernels(base: str) -> None:
     assert found.lateness == program.lateness
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.sampled_from(CLOSED), st.lists(st.floats(-0.6, 0.6), min_size=7, max_size=7))
+@pytest.mark.parametrize("base", CLOSED)
+@settings(max_examples=5, deadline=None)
+@given(numbers=st.lists(st.floats(-0.6, 0.6), min_size=7, max_size=7))
 def test_the_equation_of_motion_holds_for_the_kernels_acceleration(base: str, numbers: list[float]) -> None:
     """Lagrange's equation, derived from energies, against the program's forces and mass."""
     model, found, _ = evaluator(base)
@@ -393,6 +394,8 @@ def test_the_equation_of_motion_holds_for_the_kernels_acceleration(base: str, nu
             **given,
             **dict(zip(("u", "u'", "u''"), received, strict=True)),
             **dict(zip(map(str, program.states), state, strict=True)),
+            # What the instrument adds is no part of the force.
+            "theta_0": 0.0,
         }
         meaning["F"] = _lambdified(found.reading[0], names := _sorted(found.reading[0]))(*[told[x.name] for x in names])
     for equation in (found.equation, *found.memory):
