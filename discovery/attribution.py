@@ -234,7 +234,8 @@ def _scored(
     gain, solution, transform = bounded_gains(gram, push, *limits)
     shapes = Shapes(own, rows, transform, gain)
     # Shapes that rounding alone tells apart stay in the order of the grid.
-    order = np.argsort(-np.round(gain / max(_TIE * gain.max(), 1e-300)), kind="stable")
+    removed = np.maximum(gain, 0.0)
+    order = np.argsort(-np.round(removed / max(_TIE * removed.max(), 1e-300)), kind="stable")
     bases = shapes.bases(order[:_COMPARED])
     starts = []
     for i in order[_distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)]:

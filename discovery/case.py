@@ -19,6 +19,7 @@ from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem, conventions
 from discovery.refits import Refit, distances, resettled
+from discovery.registry import catalogue
 from discovery.residual import roughness
 from discovery.shaking import shaken
 from discovery.simplicity import imitates
@@ -61,6 +62,8 @@ class LoopSettings:
     form : float
         So are those within this share of what the best one removes: every law idealises. Where what is left counts
         as noise, a further effect must remove more than this share of what the others have.
+    form_lumped : float
+        That share beside a law at the tip that stands for one spread along the rod.
     tie_pliable : float
         The same share where the best one is pliable (a periodic force imitates any slow change of a decay).
     pair_share : float
@@ -88,6 +91,7 @@ class LoopSettings:
     price: float = 10.0
     tie: float = 0.05
     form: float = 5e-4
+    form_lumped: float = 2e-3
     tie_pliable: float = 0.25
     pair_share: float = 0.7
     kept_share: float = 0.4
@@ -310,6 +314,11 @@ class Case:
         noise = rough <= limit
         verb = "at most" if noise else "above"
         return noise, f"systematic part of the held-out residual ({part}): {rough:.3g} noise sds, {verb} {told}"
+
+    def form(self, model: Model) -> float:
+        """Return the share of what the added effects of a model remove that their laws may leave for others."""
+        lumped = self.train[0].is_arm and any(catalogue()[e].lumped for e in self._added(model))
+        return self.settings.form_lumped if lumped else self.settings.form
 
     @cached_property
     def n_data(self) -> int:

@@ -54,6 +54,8 @@ class Effect(ABC):
     systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
     #: Where the law comes from.
     cite: ClassVar[str] = ""
+    #: True for a law at the tip of an arm that stands for one spread along the rod: it idealises more than others.
+    lumped: ClassVar[bool] = False
     #: True for a law so pliable that it imitates others: it is taken only where no simpler one explains nearly as much.
     pliable: ClassVar[bool] = False
     #: Ids of simpler effects that it is where one of its amplitudes vanishes.

@@ -61,7 +61,10 @@ def exact_counterpart(fit: Fit, *, longer: float = 0.0) -> ExactCounterpart:
         If no integration step reaches the tolerance.
     """
     bench, units = fit.problem.bench, fit.problem.units
-    arm = fit.model.on_base("elastica")
+    # What is known within an uncertainty, such as the speed within which friction turns, stays where it was found.
+    held = {n: fit.values[n] for n in fit.problem.gaussian if n in fit.problem.free}
+    model = replace(fit.model, known={**fit.model.known, **held})
+    arm = model.on_base("elastica")
     arm = replace(arm, known={**arm.known, "tau_r": RETARDATION, "length": (1 + longer) * arm.known["length"]})
     wanted = {n: v for n, v in fit.values.items() if "[" in n or n in arm.free}
     step = choose_step(arm, bench.experiments, units, wanted)
@@ -70,7 +73,7 @@ def exact_counterpart(fit: Fit, *, longer: float = 0.0) -> ExactCounterpart:
     given = source.start(wanted)
     for _ in range(_ROUNDS):
         recorded = [_recorded(e, c) for e, c in zip(bench.experiments, source.predict(given), strict=True)]
-        problem = Problem(fit.model, Bench(bench.base, bench.effects, recorded, bench.step), units, {})
+        problem = Problem(model, Bench(bench.base, bench.effects, recorded, bench.step), units, {})
         (minimum,) = fit_problems([problem], [problem.start(fit.values)])
         arm_values = source.named(given)
         found = problem.named(minimum.x)

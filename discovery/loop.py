@@ -187,9 +187,9 @@ def close_loop(
         search, geometry, steps = Search(before, case), [], []
         search.run()
 
-    # Laws that differ by no more than `form` of what they remove could not have been told apart.
+    # Laws that differ by no more than this share of what they remove could not have been told apart.
     moved = sum(e["effect_rms"] ** 2 for e in search.evidence.values())
-    unlike = float(np.sqrt(settings.form * moved))
+    unlike = float(np.sqrt(case.form(search.best.refit.problem.model) * moved))
     after, after_held = _final(search, case)
     after = widened(after, unlike)
     before_train, after_train = before.predict(), after.predict()

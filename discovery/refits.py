@@ -17,6 +17,7 @@ from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
 from discovery.race import Race, near_the_best
+from discovery.registry import get_effect
 
 __all__ = [
     "Refit",
@@ -271,11 +272,30 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
     return settled(problems, vectors)
 
 
-def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
-    """Return a refit without some of its effects, fitted again."""
+def relaxed(fitted: Refit, dropped: Sequence[str], *, carried: bool = False) -> Refit:
+    """Return a refit without some of its effects, fitted again.
+
+    Parameters
+    ----------
+    fitted : Refit
+        With them.
+    dropped : sequence of str
+        Effects.
+    carried : bool
+        Whether the other parameters take over, to first order, what these did: what the recordings do not determine
+        may have shared it with them in any proportion.
+    """
     problem = fitted.problem
     smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
-    (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
+    start = smaller.start(fitted.values)
+    if carried:
+        amplitudes = {p.name for e in dropped for p in get_effect(e).parameters() if not p.shape}
+        gone = [i for i, n in enumerate(problem.names) if n in amplitudes]
+        kept = [problem.names.index(n) for n in smaller.names]
+        jacobian, x = fitted.minimum.jacobian, fitted.minimum.x
+        step, *_ = np.linalg.lstsq(jacobian[:, kept], jacobian[:, gone] @ x[gone], rcond=None)
+        start = np.clip(start + step, *smaller.bounds)
+    (minimum,) = fit_problems([smaller], [start], tolerance=1e-6, rough=True)
     return Refit(smaller.model.effects[-1], smaller, minimum)
 
 

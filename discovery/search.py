@@ -26,7 +26,7 @@ from discovery.simplicity import imitates
 from discovery.simulate import THREADS
 from discovery.standing import evidence, rivals
 from discovery.stiff import coarsened
-from discovery.weighing import Verdict, determined, weigh
+from discovery.weighing import Verdict, determined, is_needed, weigh
 from discovery.workers import at_once
 
 __all__ = ["Search"]
@@ -132,6 +132,7 @@ class Search:
         if self._distrusts():
             self._extend(rival)
             self._reverse()
+        self._simplify()
         self.least = self.best.chi2
         self._conclude()
 
@@ -305,7 +306,8 @@ class Search:
             return self.root
         key = self.best, effect
         if key not in self._smaller:
-            smaller = relaxed(self.best.refit, [effect]) if rest else resettled(start, bench)
+            carried = bool(rest) and not determined(self.best, effect)
+            smaller = relaxed(self.best.refit, [effect], carried=carried) if rest else resettled(start, bench)
             # The steps may have been as fine as the effect alone needs.
             smaller = coarsened(smaller, start.problem.bench) if alike else smaller
             self._smaller[key] = Node.of(rest, smaller, self.case)
@@ -422,6 +424,34 @@ class Search:
             self._take(again)
             self._branches.forget(effect)
         return better
+
+    def _simplify(self) -> None:
+        """Let a simpler law take the place of one that is not needed once what both hold by convention is free.
+
+        Held, friction that turns within another speed looks like one with a peak.
+        """
+        for effect in self.best.added:
+            near = catalogue()[effect].reduces_to
+            if not near or not self.case.conventions(self.best.refit.problem.model):
+                continue
+            branch = self._in_place_of(effect)
+            for added, r in branch.children(self._without(effect).added):
+                if r.effect not in near:
+                    continue
+                here, there = self._unfixed(self.best.added, self.best.refit), self._unfixed(added, r)
+                if is_needed(self.case, self.root, there, here):
+                    continue
+                reason = f"in its place {r.effect}, its conventions free, leaves {there.chi2 - here.chi2:.0f} more only"
+                numbers = {"chi2_before": here.chi2, "chi2_after": there.chi2}
+                self.steps.append(Step("exchange", effect, True, reason, numbers, self._ranking(branch)))
+                self._take(Node.of(added, r, self.case))
+                self.finest()
+                break
+
+    def _unfixed(self, added: tuple[str, ...], refit: Refit) -> Node:
+        """Return a set with what its laws hold by convention free."""
+        fitted = self.case.finished(refit)
+        return Node.of(added, Refit(refit.effect, fitted.problem, fitted.minimum), self.case)
 
     def rivals(self) -> dict[str, dict[str, Refit]]:
         """Return, for each added effect that others explain as well, the refits with those in its place."""

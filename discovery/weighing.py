@@ -14,7 +14,7 @@ from discovery.node import Node
 from discovery.registry import catalogue
 from discovery.simplicity import imitates
 
-__all__ = ["Verdict", "determined", "weigh"]
+__all__ = ["Verdict", "determined", "is_needed", "weigh"]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def weigh(
     # more than the laws before it may idealise.
     noise = smaller.held_rough <= s.limit(root.held_rough) and smaller.rough <= s.limit(root.rough)
     if noise:
-        least = max(least, s.form * (case.excess(root.chi2) - excess))
+        least = max(least, case.form(smaller.refit.problem.model) * (case.excess(root.chi2) - excess))
     if any(map(imitates, new)):
         # An explained residual may keep so much of its power: a law that imitates others must not live on that.
         least = max(least, s.relative_floor**2 * (case.excess(root.chi2) - excess))
@@ -96,6 +96,14 @@ def weigh(
             "n_holdout": float(case.n_held),
         },
     )
+
+
+def is_needed(case: Case, root: Node, simpler: Node, richer: Node) -> bool:
+    """Return whether a richer law removes more than a simpler one by what is asked of an effect, fitted or held out."""
+    s = case.settings
+    removed = case.excess(root.chi2) - case.excess(simpler.chi2)
+    least = max(s.least_gain, case.form(simpler.refit.problem.model) * removed)
+    return simpler.chi2 - richer.chi2 > least or simpler.held - richer.held > 0.25 * s.least_gain
 
 
 def determined(node: Node, name: str) -> bool:

@@ -311,6 +311,14 @@ def test_a_spring_that_gravity_hides_is_named_by_the_length_of_a_pendulum(tmp_pa
     assert abs(stiffness - 4.0) < 3 * sd
 
 
+def test_gravity_is_found_in_the_smallest_swing(tmp_path: Path) -> None:
+    rig, recording, _ = swing(tmp_path, lambda v: 0.05 * v, release=0.01, strength=9.80665 / 0.6, noise=1e-5)
+    train = load_dataset(rig, [recording], keep_third=False).train
+    found = fit(declared_model(train[0]), train)
+    assert found.values["g_c"] == pytest.approx(9.80665 / 0.6, rel=1e-4)
+    assert found.reduced_chi2 < 1.1
+
+
 def test_a_pull_that_is_not_known_contradicts_nothing(tmp_path: Path) -> None:
     """Beside a spring, a small swing gives gravity no standard deviation, which is not one of zero."""
     train = sprung(tmp_path, 0.05)

@@ -426,6 +426,16 @@ def test_what_a_law_holds_by_convention_is_free_in_the_answer(tmp_path: Path) ->
     assert held.sd["f_c"] < 0.7 * free.sd["f_c"]
 
 
+def test_friction_that_turns_within_another_speed_is_not_taken_for_one_with_a_peak(tmp_path: Path) -> None:
+    """Strong friction, by a tanh: held at the convention, the speed leaves 900 that a Stribeck peak would take."""
+    rig = ArmRig(1.156, 0.0363, 0.00128, 1.123, disc_friction=3.5e-3, retardation=1.2e-4)
+    result = of_another_arm(tmp_path, rig, CoulombFriction(0.012, 4e-3), 100)
+    assert [e for e in result.added if e not in GEOMETRY] == ["coulomb_friction"]
+    assert ("exchange", "stribeck_friction") in [(s.action, s.effect) for s in result.steps]
+    force = 0.012 / ((rig.tip_mass + 33 / 140 * rig.beam_mass) * rig.length)
+    assert result.after.values["f_c"] == pytest.approx(force, abs=2 * result.after.sd["f_c"])
+
+
 def test_predictions_come_from_all_that_was_recorded() -> None:
     result = alone(DATASETS / "arm_delay" / "train_large.csv", "arm_delay")
     whole, judged = result.foresight(), result.after

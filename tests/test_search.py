@@ -20,7 +20,7 @@ from discovery.node import Node
 from discovery.ordering import better
 from discovery.problem import NaturalUnits, Problem, conventions
 from discovery.recording import Recording
-from discovery.refits import Refit, settled
+from discovery.refits import Refit, relaxed, settled
 from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.search import Search
@@ -108,6 +108,33 @@ def within(problem: Problem, name: str) -> tuple[float, float, float]:
     """Return the lower bound, the convention and the upper bound of a parameter."""
     lower, upper = problem.bounds
     return lower[problem.free.index(name)], problem.gaussian[name][0], upper[problem.free.index(name)]
+
+
+def test_laws_at_the_tip_of_an_arm_may_leave_more_for_others() -> None:
+    case, settings = searched().case, LoopSettings()
+    arm = replace(case, train=[SimpleNamespace(is_arm=True, rig=SimpleNamespace(declared=("cubic_stiffness",)))])
+    for effects, lumped in ((("quadratic_stiffness",), True), (("cubic_stiffness", "coulomb_friction"), False)):
+        model = Model("constant_radius", effects)
+        assert arm.form(model) == (settings.form_lumped if lumped else settings.form)
+        assert case.form(model) == settings.form
+
+
+def test_what_the_recordings_do_not_determine_is_carried_by_what_shared_it() -> None:
+    """A small swing knows the sum of gravity and a spring only: without the spring, gravity must take it all."""
+    time = 0.02 * np.arange(1000)
+    rig = Rig("p", kind="pendulum", columns=Columns(TimeColumn(), None, OutputColumn("a", "rad")))
+    swing = 0.01 * np.exp(-0.03 * time) * np.cos(3.0 * time)
+    noise = 1e-5
+    readings = swing + noise * np.random.default_rng(1).standard_normal(time.size)
+    recording = Recording("p", time, None, readings[:, None], ("output",), ("rad",), np.array([noise]), "", "")
+    one = Experiment(recording, None, rig)
+    model = Model("oscillator", ("viscous_damping", "gravity_torque", "linear_stiffness"), {"g": 0.0})
+    whole = fit(model, [one], start={"g_c": 4.5, "alpha": 4.5})
+    assert abs(whole.values["alpha"]) > 2.0
+    start = Refit("linear_stiffness", whole.problem, whole.minimum)
+    left, carried = (relaxed(start, ["linear_stiffness"], carried=c) for c in (False, True))
+    assert carried.chi2 < whole.chi2 + 10 < left.chi2
+    assert carried.values["g_c"] == pytest.approx(9.0, rel=1e-3)
 
 
 def test_the_evidence_says_how_large_and_how_sure() -> None:

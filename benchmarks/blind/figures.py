@@ -38,11 +38,17 @@ def _by_size(table: pd.DataFrame, sizes: Mapping[str, Any]) -> Picture:
                 capsize=2,
             )
         if part["limit"]["half"]:
-            axis.axvline(part["limit"]["half"], color=GREY, lw=0.8, ls=":")
-        axis.axvline(4, color="black", lw=0.6)
+            axis.axvline(part["limit"]["half"], color=GREY, lw=1.2, ls=":", label="half are named")
+        axis.axvline(4, color="black", lw=0.6, label="goals from here on")
         axis.set(xscale="log", ylim=(-0.05, 1.05), title=f"{family} ({len(own)})")
-    for axis in axes[-2:]:
+    for axis in axes[1::2]:
+        axis.tick_params(labelleft=False)
+    # The last panel stands alone in its row.
+    axes[len(sizes) - 2].tick_params(labelbottom=True)
+    for axis in axes[len(sizes) - 2 : len(sizes)]:
         axis.set_xlabel("part that the exact arm cannot absorb / noise")
+    figure.supylabel("share named")
+    axes[len(sizes) - 1].legend(loc="lower right")
     return Picture(
         "named_by_size",
         figure,

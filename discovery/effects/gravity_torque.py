@@ -21,7 +21,7 @@ class GravityTorque(Potential):
     angular = True
     cite = "Huygens, Horologium Oscillatorium (1673); Baker and Blackburn, The Pendulum (2005)"
     g_c = Parameter(
-        "s^-2 q",
+        "s^-2",
         "gravity torque across the zero of the angle",
         (-30.0, 30.0),
         Normal(0.0, 2.0),
@@ -29,7 +29,7 @@ class GravityTorque(Potential):
         latex="g_c",
     )
     g_s = Parameter(
-        "s^-2 q",
+        "s^-2",
         "gravity torque along the zero of the angle",
         (-30.0, 30.0),
         Normal(0.0, 2.0),
