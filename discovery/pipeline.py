@@ -141,12 +141,12 @@ def write_loop(
 ) -> dict[str, Any]:
     """Write loop.json and return its content; where it stands alone, its models are in it, ready to be exported.
 
-    A designed manoeuvre is written beside it as a course of the motor.
+    A designed manoeuvre that can decide between rivals is written beside it as a course of the motor.
     """
     content = result.summary()
     if missing is not None:
         content["missing_force"] = missing.summary()
-    designed = {f"manoeuvre_{i}.csv": s for i, s in enumerate(getattr(result, "separations", ()), 1)}
+    designed = {f"manoeuvre_{i}.csv": s for i, s in enumerate(getattr(result, "separations", ()), 1) if s.decides}
     for name, separation in designed.items():
         with atomic_write(out / name) as draft:
             draft.write_text(separation.csv(), encoding="utf-8")

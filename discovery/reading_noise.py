@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -10,16 +11,19 @@ import numpy.typing as npt
 from discovery.quantisation import resolution
 from discovery.units import quoted
 
-__all__ = ["estimate_noise", "noise_note", "understated"]
+__all__ = ["estimate_noise", "misstated", "noise_note", "understated"]
 
 FloatArray = npt.NDArray[np.float64]
 
 _FEWEST = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
+_FAR = 2.0  # ratio of a stated noise to a smaller one that hides what is sought
 _COARSE = 0.3  # of the noise
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
 _JITTER = 0.05  # of a step
 _TOO_SMALL = "If that is too small, the rest of the noise looks like something missing."
+_TOO_LARGE = "If that is too large, small effects stay unseen; if the readings were smoothed, take raw ones."
+_NOTE = re.compile(r"(?P<label>.+?) scatters by (?P<scatter>\S+)(?P<rest>.* from .* a noise of (?P<stated>[^ ,]+).*)")
 
 
 def estimate_noise(values: FloatArray) -> float:
@@ -86,7 +90,7 @@ def noise_note(label: str, unit: str, time: FloatArray, values: FloatArray, stat
             return []
         doubt = _TOO_SMALL
     else:
-        doubt = "If that is too large, small effects stay unseen; if the readings were smoothed, take raw ones."
+        doubt = _TOO_LARGE
     return [
         f"{label!r} scatters by {quoted(scatter, unit)} from sample to sample, but the rig file states a noise of "
         f"{quoted(stated, unit)}, which is used. {doubt}"
@@ -94,5 +98,33 @@ def noise_note(label: str, unit: str, time: FloatArray, values: FloatArray, stat
 
 
 def understated(notes: Iterable[str]) -> list[str]:
-    """Return those notes on a recording that doubt a verdict: its noise is larger than the rig file states."""
+    """Return those notes on a recording by which its noise is larger than the rig file states."""
     return [note for note in notes if note.endswith(_TOO_SMALL)]
+
+
+def misstated(notes: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return what doubts a verdict in notes on recordings: their noise is not the one that the rig file states.
+
+    Parameters
+    ----------
+    notes : mapping of str to iterable of str
+        By name of the recording.
+
+    Returns
+    -------
+    list of str
+        A sentence for each noise that is stated, with all recordings and columns that contradict it.
+    """
+    faults: dict[str, list[tuple[str, str, str]]] = {}
+    for name, told in notes.items():
+        for note in told:
+            found = _NOTE.fullmatch(note) if note.endswith((_TOO_SMALL, _TOO_LARGE)) else None
+            if found and not float(found["scatter"]) <= float(found["stated"]) < _FAR * float(found["scatter"]):
+                faults.setdefault(found["rest"], []).append((name, found["label"], found["scatter"]))
+    sentences = []
+    for rest, entries in faults.items():
+        names, labels = (", ".join(dict.fromkeys(entry[i] for entry in entries)) for i in (0, 1))
+        sizes = sorted({scatter for _, _, scatter in entries}, key=float)
+        verb = "scatters" if len(entries) == 1 else "scatter"
+        sentences.append(f"{names}: {labels} {verb} by {' to '.join(dict.fromkeys((sizes[0], sizes[-1])))}{rest}")
+    return sentences

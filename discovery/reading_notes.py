@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ from discovery.quantisation import quantum
 from discovery.sensor_faults import drift, flat_runs, spikes
 from discovery.units import quoted
 
-__all__ = ["bend_notes", "clean_output", "gap_notes", "swing_notes", "time_notes"]
+__all__ = ["bend_notes", "clean_output", "gap_notes", "misread", "swing_notes", "time_notes"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -21,7 +21,14 @@ _RARE = 0.1  # share of the steps
 _SLOW, _FAST = 1.0, 1e-6  # steps of mechanical recordings [s]
 _COARSE = 0.3  # of the noise
 _BENT = 0.9  # rms deflection of a rod [rad]
+_STRETCHES = 6  # of an arm's record, each with some swings
+_ASIDE = 0.2  # rms of their mean deflections [rad]
+_STRAIGHTER = 0.5  # of that, where a column is not what it is called
+_MISREAD = (
+    "Are its columns exchanged, is one of opposite sign, or is an angle in another unit than its column's name says?"
+)
 _WHOLE = 0.95  # swings that count as one
+_SOME = 3.0  # swings
 _SINE = 0.12  # of the standard deviation, what a sine may leave of a part of a swing
 _ENOUGH = 300  # samples of a part of a swing
 
@@ -75,18 +82,63 @@ def bend_notes(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> li
         Readings [m or rad], NaN in gaps.
     """
     if "tip_x" in outputs:
-        direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
+        x, y = outputs["tip_x"], outputs["tip_y"]
+        direction = np.arctan2(y, x)
+        mistakes = {
+            "tip_x and tip_y exchanged": np.arctan2(x, y) - motor_angle,
+            "tip_x of opposite sign": np.arctan2(y, -x) - motor_angle,
+            "the motor's angle or tip_y of opposite sign": direction + motor_angle,
+        }
     elif "tip_angle" in outputs:
         direction = outputs["tip_angle"]
+        mistakes = {"the motor's angle or the tip's of opposite sign": direction + motor_angle}
     else:
         return []
-    bend = float(np.sqrt(np.nanmean(np.angle(np.exp(1j * (direction - motor_angle))) ** 2)))
-    if bend <= _BENT:
+    bend = float(np.sqrt(np.nanmean(_within_a_turn(direction - motor_angle) ** 2)))
+    aside = _aside(direction - motor_angle)
+    likely, left = min(((name, _aside(angle)) for name, angle in mistakes.items()), key=lambda found: found[1])
+    # A rod swings about the motor's direction: its mean tells of a mistake that is no larger than a bend in use.
+    mistaken = aside > _ASIDE and left < min(_ASIDE, _STRAIGHTER * aside)
+    if bend <= _BENT and not mistaken:
         return []
+    hint = f" With {likely} it would lie {left:.2g} rad beside it on average, not {aside:.2g}." if mistaken else ""
+    more = ", more than a rod bends in use" if bend > _BENT else ""
+    return [f"The tip lies {bend:.2g} rad beside the motor's direction (rms){more}.{hint} {_MISREAD}"]
+
+
+def misread(notes: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return what doubts a verdict in notes on recordings: their columns may not be what they are called.
+
+    Parameters
+    ----------
+    notes : mapping of str to iterable of str
+        By name of the recording.
+
+    Returns
+    -------
+    list of str
+        A sentence for each likely mistake, with the numbers of the first recording.
+    """
+    faults: dict[str, list[tuple[str, str]]] = {}
+    for name, told in notes.items():
+        for note in told:
+            if note.endswith(_MISREAD):
+                # The mistake stands before the numbers that speak for it.
+                faults.setdefault(note.partition(" With ")[2].partition(" it would ")[0], []).append((name, note))
     return [
-        f"The tip lies {bend:.2g} rad beside the motor's direction (rms), more than a rod bends in use. Are its "
-        "columns exchanged, is one of opposite sign, or is an angle in another unit than its column's name says?"
+        f"{first}: {note}" + (f" So in {', '.join(name for name, _ in others)}." if others else "")
+        for (first, note), *others in faults.values()
     ]
+
+
+def _aside(angle: FloatArray) -> float:
+    """Return how far an angle lies from zero once swings are averaged out [rad]."""
+    parts = [part[np.isfinite(part)] for part in np.array_split(_within_a_turn(angle), _STRETCHES)]
+    return float(np.sqrt(np.mean([part.mean() ** 2 for part in parts if part.size])))
+
+
+def _within_a_turn(angle: FloatArray) -> FloatArray:
+    return np.angle(np.exp(1j * angle))
 
 
 def gap_notes(label: str, time: FloatArray, values: FloatArray) -> list[str]:
@@ -112,7 +164,7 @@ def gap_notes(label: str, time: FloatArray, values: FloatArray) -> list[str]:
 
 
 def swing_notes(label: str, time: FloatArray, values: FloatArray, period: float | None = None) -> list[str]:
-    """Tell of a free motion that ends before it has swung once to and fro.
+    """Tell of a free motion that ends before it has swung a few times to and fro.
 
     A sine that fits the whole motion says how much of a swing it is; one of many swings fits no slow sine.
 
@@ -131,13 +183,18 @@ def swing_notes(label: str, time: FloatArray, values: FloatArray, period: float 
         return []
     x, u = values[good] - values[good].mean(), (time[good] - time[0]) / duration
     some = slice(None, None, max(1, good.size // _ENOUGH))
-    swings = float(min(np.arange(0.1, 3.0, 0.02), key=lambda tried: _beside_a_sine(tried * u[some], x[some])))
+    swings = float(min(np.arange(0.1, _SOME + 0.3, 0.02), key=lambda tried: _beside_a_sine(tried * u[some], x[some])))
     # Some of its samples may look slow where all of them swing fast.
     if _beside_a_sine(swings * u, x) > _SINE * float(np.std(x)):
         # No sine: many swings, or part of a very large one, which the rig knows.
         swings = np.inf if period is None else duration / period
-    if swings >= _WHOLE:
+    if swings > _SOME:
         return []
+    if swings >= _WHOLE:
+        return [
+            f"{label!r} holds about {swings:.2g} swings ({duration:.3g} s): few to tell damping and weak forces apart. "
+            "Better record ten."
+        ]
     return [
         f"{label!r} holds about {swings:.1g} of a swing ({duration:.3g} s): frequency, damping and the form of the "
         "force are hardly told apart. If it swings at all, record several swings, better ten: without a hold-out, the "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
@@ -203,9 +203,10 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
                     f"{where} the key {name!r} is not known. Write {right} = 1.0, or with its standard deviation "
                     f"{right} = {{ value = 1.0, sd = 0.01 }}; any unit of that kind may be the suffix.{more}"
                 )
-        return (
-            f"{where} the key {name!r} is not known.{suggestion(keys[-1], known)} Known here: {', '.join(known)}.{more}"
-        )
+        hint = suggestion(keys[-1], known)
+        if parent is RigTable and detail["input"] in get_args(RigTable.model_fields["kind"].annotation):
+            hint = f' Did you mean kind = "{detail["input"]}"?'
+        return f"{where} the key {name!r} is not known.{hint} Known here: {', '.join(known)}.{more}"
     value = detail["input"]
     if detail["type"] == "literal_error" and isinstance(value, str):
         known = re.findall("'([^']*)'", detail["ctx"]["expected"])

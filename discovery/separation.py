@@ -29,6 +29,8 @@ __all__ = ["Separation", "demonstrated_limits", "separate", "similarity_matrix"]
 FloatArray = NDArray[np.float64]
 #: Share of the trials that are drawn at random; the others improve on the best of those.
 _RANDOM = 0.6
+#: Chi-square by which the right rival must be expected to win: less may be chance.
+_DECIDES = 10.0
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,22 @@ class Separation:
     evaluations: int
 
     @property
+    def decides(self) -> bool:
+        """Whether the manoeuvre can be expected to tell the rivals apart."""
+        return self.designed.chi2 >= _DECIDES
+
+    @property
     def sentence(self) -> str:
         """What the manoeuvre promises, in words."""
+        if not self.decides:
+            most = self.limits
+            return (
+                f"No manoeuvre within the safe limits ({most.angle:.3g} rad, {most.speed:.3g} rad/s, "
+                f"{most.acceleration:.3g} rad/s^2, {most.duration:.3g} s, tip deflected by {most.deflection:.3g} rad) "
+                f"tells {', '.join(self.rivals)} apart: of {self.evaluations} tried, the best lets the right one win "
+                f"by an expected chi-square of {self.designed.chi2:.2g}, and less than {_DECIDES:g} may be chance. A "
+                "camera with less noise, or wider limits if they are safe, would help."
+            )
         turns = "; ".join(
             f"at {m.start:.2f} s turn {m.angle:+.2f} rad at {m.speed:.2f} rad/s, ramps {m.ramp * m.duration:.2f} s"
             for m in self.moves
@@ -93,6 +109,7 @@ class Separation:
             "designed": asdict(self.designed),
             "deflection": self.deflection,
             "evaluations": self.evaluations,
+            "decides": self.decides,
             "sentence": self.sentence,
         }
 

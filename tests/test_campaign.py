@@ -360,6 +360,8 @@ def test_a_folder_without_rigs_and_a_file_that_is_none_are_refused(tmp_path):
     for name in ("known.toml", "nothing.toml"):
         with pytest.raises(InputError, match=name):
             campaign_cases.rig_files(tmp_path / name)
+    with pytest.raises(InputError, match=r"absent does not exist\. Give a folder with rig files in it, or a rig file"):
+        campaign_cases.rig_files(tmp_path / "absent")
 
 
 def counted(monkeypatch):

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from discovery_datasets import recordings, registry
+from discovery_datasets import instrument, recordings, registry
 from discovery_datasets.disturbances import DISTURBANCES
 
 from discovery import compile as compiled
 from discovery.cli import cli, main
+from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
 from discovery.cli.options import estimate_text, progress
 from discovery.cli.sources import MANOEUVRES
@@ -29,6 +30,8 @@ from discovery.cli.stages import _say_loop as say_loop
 from discovery.errors import ComputationError, InputError
 from discovery.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.provenance import surroundings
+from discovery.reading_noise import noise_note, understated
+from discovery.reading_notes import bend_notes
 from discovery.registry import catalogue
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
@@ -255,10 +258,100 @@ def test_fits_have_units_and_what_is_known_exactly_no_deviation(
 ) -> None:
     said = call(capsys, "fit", film.rig, "--train", film.train, "--out", tmp_path, "--quiet")
     number = r"\S+ = \S+ \+- \S+"
-    assert re.search(rf"^declared: {number} s\^-1, {number} s\^-2 q, {number} s\^-2 q; ", said.out, re.MULTILINE)
+    assert re.search(rf"^declared: {number} s\^-1, {number} s\^-2, {number} s\^-2; ", said.out, re.MULTILINE)
     assert estimate_text(0.25, 0.1, "1") == "0.25 +- 0.1"
     assert estimate_text(0.25, 0.0, "q^-1") == "0.25 q^-1"
     assert estimate_text(0.25, None, "s") == "0.25 s"
+
+
+def test_quiet_keeps_what_a_result_means(
+    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise ComputationError("The loop began.")
+
+    monkeypatch.setattr("discovery.stages.loop", stop)
+    arguments = ["loop", film.rig, "--train", film.train, "--predict", film.train, "--out", tmp_path]
+    quiet, loud = (call(capsys, *arguments, *more).err for more in (["--quiet"], []))
+    warning = f"{film.train}: without --initial-state the prediction starts at rest"
+    assert quiet.startswith(warning)
+    assert warning in loud
+    assert "scatters by" in loud
+    assert "scatters by" not in quiet
+    assert "errors stay, and a warning that" in " ".join(call(capsys, "loop", "--help").out.split())
+
+
+def test_what_can_be_given_once_is_refused_twice(
+    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    twice = ("--predict", film.train, "--predict", film.rig)
+    said = call(capsys, "loop", film.rig, "--train", film.train, *twice, "--out", tmp_path / "out")
+    assert said.status == 2
+    assert f"--predict is given 2 times ({film.train}, {film.rig}): give it once." in said.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("campaign", "the same command goes on from what is finished"),
+        ("posterior", "goes on with the chains"),
+        ("run", "begins again, but a posterior that was being sampled goes on"),
+        ("loop", "half-written; the same command begins again\n"),
+        ("fit", "half-written; the same command begins again\n"),
+        ("discover", "half-written; the same command begins again\n"),
+    ],
+)
+def test_an_interrupted_command_says_what_the_next_one_does(
+    command: str, words: str, film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("discovery.rig_file.read_rig", interrupt)
+    monkeypatch.setattr("discovery.dataset.read_rig", interrupt)
+    said = call(capsys, command, film.rig, "--out", tmp_path / "out")
+    assert said.status == 130
+    assert words in said.err
+
+
+def scattered(rms: float, **more: Any) -> SimpleNamespace:
+    after = {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}
+    return SimpleNamespace(
+        **{"verdict": "explained", "recordings": (), "errors": {"unit": "m", "after": after}, **more}
+    )
+
+
+def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves_noise() -> None:
+    def held(*noise: float, notes: tuple[str, ...] = ()) -> Any:
+        recording = SimpleNamespace(name="r", noise=np.array(noise), noise_estimated=False, notes=notes)
+        return SimpleNamespace(train=(), holdout=(SimpleNamespace(recording=recording),))
+
+    # Of two channels with a noise of 1 each, the distance of a reading is root two.
+    assert doubts(scattered(1.49 * np.sqrt(2)), held(1.0, 1.0)) == []
+    (doubt,) = doubts(scattered(1.51 * np.sqrt(2)), held(1.0, 1.0))
+    assert doubt.startswith("held-out readings lie 2.14 m (rms) from the model, 1.5 times their stated noise of 1.41 m")
+    assert doubts(scattered(9.0, verdict="unexplained"), held(1.0)) == []
+    assert doubts(scattered(float("nan")), held(1.0)) == []
+    # The first says it already.
+    small = noise_note("y", "m", 0.01 * np.arange(400), np.random.default_rng(1).normal(0, 1, 400), 0.3)
+    assert understated(small) == small != []
+    recordings_ = (SimpleNamespace(name="r", notes=(*small, "other")),)
+    (doubt,) = doubts(scattered(9.0, recordings=recordings_), held(1.0, notes=tuple(small)))
+    assert doubt == f"r: {small[0]}"
+
+
+def test_a_loop_doubts_columns_that_are_exchanged() -> None:
+    arm = ARM.parent / "arm_coulomb"
+    frame = pd.read_csv(arm / "train_paper.csv")
+    notes = bend_notes(
+        frame["motor_angle_rad"].to_numpy(),
+        {"tip_x": frame["tip_y_m"].to_numpy(), "tip_y": frame["tip_x_m"].to_numpy()},
+    )
+    recordings_ = tuple(SimpleNamespace(name=name, notes=("other", *notes)) for name in ("a", "b"))
+    (doubt,) = doubts(scattered(0.0, recordings=recordings_), SimpleNamespace(train=(), holdout=()))
+    assert doubt == f"a: {notes[0]} So in b."
 
 
 def test_notes_on_recordings_are_said_and_quiet_is_quiet(
@@ -503,15 +596,48 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatc
     ("arguments", "part"),
     [
         (["no_manoeuvre"], "it knows train_paper"),
-        (["train_paper", "--effect", "no_effect:x=1"], "it has coulomb_friction"),
-        (["train_paper", "--effect", "coulomb_friction:force=much"], "Write it as coulomb_friction:name=value"),
-        (["train_paper", "--effect", "coulomb_friction:power=1"], "Write it as coulomb_friction:name=value"),
+        (["train_paper", "--effect", "no_effect:x=1"], "It has coulomb_friction"),
+        (
+            ["train_paper", "--effect", "coulomb_friction:force=much"],
+            "'force' is 'much', which is no number. Write it as",
+        ),
+        (["train_paper", "--effect", "coulomb_friction:force=nan"], "'force' is 'nan', which is no number"),
+        (["train_paper", "--effect", "coulomb_friction:force=1,force=2"], "'force' is given twice"),
+        (["train_paper", "--effect", "coulomb_friction:forc=1"], "has no parameter 'forc'. Did you mean 'force'?"),
+        (["train_paper", "--effect", "coulomb_friction:power=1"], "as coulomb_friction:force=VALUE,speed=0.002;"),
+        (["train_paper", "--effect", "coulomb_friction"], "lacks the parameter 'force'. Write it as coulomb_friction:"),
     ],
 )
 def test_simulate_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], part: str) -> None:
     said = call(capsys, "simulate", *arguments, "--out", tmp_path / "x.csv")
     refused(said, tmp_path / "x.csv")
     assert part in said.err
+
+
+def test_simulate_refuses_what_is_no_file_to_write(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recordings, "DURATION", 1.0)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    monkeypatch.chdir(tmp_path)
+    for out, part in (
+        (".", "name the file to write with --out, as train_paper.csv"),
+        ("folder", "folder is a folder"),
+        ("file/x.csv", "file/x.csv cannot be written: "),
+    ):
+        said = call(capsys, "simulate", "train_paper", "--out", out)
+        assert said.status == 2
+        assert said.out == ""
+        assert said.err.startswith("discovery: ")
+        assert part in said.err
+    said = call(capsys, "simulate", "train_paper", "--seed", "-3", "--out", "x.csv")
+    assert said.status == 2
+    assert "-3 is not in the range" in said.err
+    # A folder that appears while the twin is simulated.
+    with pytest.raises(OSError, match="folder"):
+        instrument.write_csv(cut("train_paper", 3), tmp_path / "folder")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
 
 
 def test_the_help_of_simulate_names_manoeuvres_and_where_effects_are(capsys: pytest.CaptureFixture[str]) -> None:

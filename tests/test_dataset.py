@@ -181,6 +181,33 @@ def test_a_hold_out_made_of_samples_that_are_fitted_is_refused(folder: Path, cha
         load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "part.csv"])
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda f: f[::2],
+        lambda f: f[1::3].assign(t=lambda x: x.t - 0.02),
+        lambda f: f[40:240:2],
+        lambda f: f.sample(frac=0.5, random_state=1).sort_index(),
+    ],
+)
+def test_a_hold_out_with_some_rows_of_what_is_fitted_is_refused_and_so_is_the_reverse(folder: Path, change) -> None:
+    change(pd.read_csv(folder / "one.csv")).to_csv(folder / "part.csv", index=False)
+    for train, holdout in (("one", "part"), ("part", "one")):
+        with pytest.raises(InputError, match=rf"{holdout}.csv, from sample \d+ on, repeats .*{train}.csv"):
+            load_dataset(folder / "rig.toml", [folder / f"{train}.csv"], [folder / f"{holdout}.csv"])
+
+
+@pytest.mark.parametrize("step", [0.002, 0.02, 0.1])
+def test_another_trial_in_coarse_steps_is_no_repetition(folder: Path, step: float) -> None:
+    for name, every, seed in (("fine.csv", 1, 1), ("rare.csv", 2, 2)):
+        frame = pd.read_csv(write(folder, name, seed))[::every]
+        frame["y"] = np.round(
+            (frame["y"] + 0.1 * step * np.random.default_rng(seed).standard_normal(len(frame))) / step
+        )
+        frame.assign(y=step * frame["y"]).to_csv(folder / name, index=False)
+    assert len(load_dataset(folder / "rig.toml", [folder / "fine.csv"], [folder / "rare.csv"]).holdout) == 1
+
+
 def test_parts_of_one_file_and_equal_readings_at_rest_are_no_repetition(folder: Path) -> None:
     rest = pd.DataFrame({"t": 0.02 * np.arange(320), "u": np.sin(np.arange(320)), "y": np.zeros(320)})
     for name, sign in (("up.csv", 1), ("down.csv", -1)):

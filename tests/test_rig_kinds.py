@@ -146,6 +146,10 @@ def test_records_pick_rows_and_have_names(read):
         (f'name = "a"\nkind = "falling_body"\n{FREE}', "column 'output'.*cannot be converted to 'm'"),
         (SERVO.replace('"drive"', '"oscillator"'), r"line 7: \[controller\] belongs to drive"),
         (SERVO.replace("kp = 160.0", "kp = 0"), "line 8.*greater than 0"),
+        (
+            f'name = "a"\ntype = "pendulum"\n{FREE}',
+            r"line 2: the key 'type' is not known\. Did you mean kind = \"pendulum\"\? Known here: name, kind, ",
+        ),
         (SERVO.replace("limit", "limt"), r"line 10: the key 'controller.limt' is not known\. Did you mean 'limit'\?"),
         (SERVO.replace('"r", unit = "mm"', '"r", unit = "V"'), "line 5, column 'input'.*cannot be converted to 'mm'"),
         (SERVO.replace('unit = "mV"', 'unit = "mVV"'), r"line 11, \[controller\]: The unit 'mVV' is not known"),

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from discovery.quantisation import quantum, resolution
-from discovery.reading_noise import noise_note, understated
-from discovery.reading_notes import clean_output, gap_notes, swing_notes, time_notes
+from discovery.reading_noise import misstated, noise_note, understated
+from discovery.reading_notes import bend_notes, clean_output, gap_notes, misread, swing_notes, time_notes
 from discovery.recording import read_recording
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.sensor_faults import drift, flat_runs, spikes
@@ -253,8 +253,11 @@ def test_notes_on_times(time, words):
 
 
 @pytest.mark.parametrize(("amplitude", "length"), [(0.1, None), (1.0, None), (2.5, 1.0)])
-@pytest.mark.parametrize(("swings", "told"), [(0.3, True), (0.8, True), (1.6, False), (4.0, False), (30.0, False)])
-def test_a_part_of_a_swing_is_told(amplitude, length, swings, told):
+@pytest.mark.parametrize(
+    ("swings", "told"),
+    [(0.3, "of a swing"), (0.8, "of a swing"), (1.6, "swings"), (2.5, "swings"), (4.0, ""), (30.0, "")],
+)
+def test_how_few_swings_there_are_is_told(amplitude, length, swings, told):
     period = 2.0 * np.pi / np.sqrt(9.81)
     time = np.linspace(0.0, swings * period, 500)
     found = solve_ivp(
@@ -263,10 +266,10 @@ def test_a_part_of_a_swing_is_told(amplitude, length, swings, told):
     values = found.y[0] + 2e-3 * np.random.default_rng(4).standard_normal(time.size)
     slow = amplitude > 2.0  # a large swing takes longer
     notes = swing_notes("a", time, values, None if length is None else period)
-    if not (slow and swings == 1.6):
-        assert bool(notes) is told
+    if not slow or swings > 10.0 or swings < 1.0:
+        assert bool(notes) is bool(told)
     if told and not slow:
-        share = float(re.search(r"'a' holds about (\S+) of a swing", notes[0])[1])
+        share = float(re.search(rf"'a' holds about (\S+) {told} ", notes[0])[1])
         assert share == pytest.approx(swings, abs=0.11)
 
 
@@ -303,6 +306,54 @@ def test_notes_quote_the_unit_of_the_file():
     assert "'y' scatters by 0.101 mm from sample to sample, but the rig file states a noise of 0.05 mm" in note
     assert understated(["other", note]) == [note]
     assert understated(noise_note("y", "mm", T, noisy(DECAY), 2 * NOISE)) == []
+
+
+def test_a_fault_of_several_columns_is_told_once():
+    small = [noise_note(c, "mm", T, noisy(DECAY, seed), NOISE / 2)[0] for seed, c in enumerate(("x", "y"))]
+    (large,) = noise_note("z", "mm", T, noisy(DECAY), 2.5 * NOISE)
+    (hardly,) = noise_note("z", "mm", T, noisy(DECAY), 1.8 * NOISE)
+    assert misstated({"one": ["other", small[0]]}) == [f"one: {small[0]}"]
+    assert misstated({"one": [hardly], "two": ["other"]}) == []
+    first, second = misstated({"one": [*small, large], "two": small})
+    assert re.fullmatch(r"one, two: 'x', 'y' scatter by (0\.\d+) to (0\.\d+) mm from sample to sample, .*", first)
+    assert first.endswith(small[0].partition(", but ")[2])
+    assert second == f"one: {large}"
+
+
+def swinging_arm():
+    """Motor angle, and position of the tip of a rod that swings about the motor's direction."""
+    motor = np.interp(T, [1.0, 2.0, 20.0, 21.0], [0.0, 1.0, 1.0, 0.4])
+    direction = motor + 0.4 * np.cos(6.0 * T)
+    return motor, np.cos(direction), np.sin(direction)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda m, x, y: (m, {"tip_x": x, "tip_y": y}), None),
+        (lambda m, x, y: (m, {"tip_angle": np.arctan2(y, x)}), None),
+        (lambda m, x, y: (0 * m, {"tip_x": x, "tip_y": y}), None),  # bent, but by no known mistake
+        (lambda m, x, y: (m, {"tip_deflection": y}), None),
+        (lambda m, x, y: (m, {"tip_x": y, "tip_y": x}), "With tip_x and tip_y exchanged it would lie"),
+        (lambda m, x, y: (-m, {"tip_x": x, "tip_y": y}), "With the motor's angle or tip_y of opposite sign"),
+        (lambda m, x, y: (m, {"tip_x": -x, "tip_y": y}), "With tip_x of opposite sign"),
+        (lambda m, x, y: (m, {"tip_angle": -np.arctan2(y, x)}), "With the motor's angle or the tip's of opposite"),
+        (lambda m, x, y: (np.degrees(m), {"tip_x": x, "tip_y": y}), "more than a rod bends in use. Are its columns"),
+    ],
+)
+def test_a_tip_that_does_not_point_where_the_motor_does_is_told(change, words):
+    motor, x, y = swinging_arm()
+    x[100:110] = np.nan
+    notes = bend_notes(*change(motor, x, y))
+    assert len(notes) == (words is not None)
+    assert words is None or words in notes[0]
+    # Each mistake is told once, however far the tip lies beside the motor's direction.
+    again = [note.replace("The tip lies ", "The tip lies 1") for note in notes]
+    doubt = [f"a: {note} So in b." for note in notes]
+    assert misread({"a": ["other", *notes], "b": again}) == doubt
+    assert len(misread({"a": notes, "c": bend_notes(-motor, {"tip_x": x, "tip_y": y})})) == (
+        1 if words is None or "or tip_y of opposite" in words else 2
+    )
 
 
 def test_an_assumed_rate_is_said():

@@ -2,8 +2,11 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from functools import cache, reduce
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +23,7 @@ from discovery.errors import InputError
 from discovery.experiment import Experiment
 from discovery.fit import Fit
 from discovery.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit
+from discovery.pipeline import write_loop
 from discovery.report import build_report
 from discovery.rig import Rig
 from discovery.rival_distance import _absorbed
@@ -202,6 +206,21 @@ def test_the_design_can_be_given_to_a_motor_and_to_a_report() -> None:
     assert summary["rivals"] == ["table_tilt", "encoder_ripple"]
     assert len(summary["moves"]) == len(found.moves)
     assert "table_tilt, encoder_ripple" in summary["sentence"]
+
+
+def test_what_no_manoeuvre_decides_is_said_and_no_course_is_written(tmp_path: Path) -> None:
+    found = designed(("encoder_ripple", "table_tilt"))
+    assert found.decides
+    assert found.sentence.startswith("To tell table_tilt, encoder_ripple apart: at ")
+    weak = replace(found, designed=replace(found.designed, chi2=2.13))
+    assert not weak.summary()["decides"]
+    assert weak.sentence.startswith("No manoeuvre within the safe limits (1.5 rad, 2 rad/s, ")
+    assert "tells table_tilt, encoder_ripple apart" in weak.sentence
+    assert "an expected chi-square of 2.1, and less than 10 may be chance" in weak.sentence
+    result: Any = SimpleNamespace(separations=(weak, found), summary=dict)
+    (tmp_path / "manoeuvre_1.csv").touch()
+    write_loop(tmp_path, result)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json", "manoeuvre_2.csv"]
 
 
 def test_the_same_seed_gives_the_same_manoeuvre_and_progress_is_told() -> None:

@@ -101,5 +101,8 @@ def write_csv(frame: pd.DataFrame, path: str | Path) -> None:
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     draft = target.with_name(target.name + ".part")
-    frame.to_csv(draft, index=False, float_format="%.6f", lineterminator="\n")
-    os.replace(draft, target)
+    try:
+        frame.to_csv(draft, index=False, float_format="%.6f", lineterminator="\n")
+        os.replace(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -18,6 +18,14 @@ __all__ = ["cli", "main"]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+#: What an interruption leaves of a command's work; of any other, nothing.
+_RESUMED = {
+    "campaign": "the same command goes on from what is finished",
+    "posterior": "the same command fits again and goes on with the chains that were being sampled",
+    "run": "the same command begins again, but a posterior that was being sampled goes on",
+}
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(package_name="discovery")
 def cli() -> None:
@@ -35,7 +43,10 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         cli.main(arguments, prog_name="discovery", standalone_mode=False)
     except click.exceptions.Abort:
-        click.echo("interrupted: no file is half-written, and the same command goes on from what is finished", err=True)
+        # The group's own options end the call: what comes first is the command.
+        given = (sys.argv[1:] if arguments is None else arguments)[:1]
+        left = _RESUMED.get(given[0] if given else "", "the same command begins again")
+        click.echo(f"interrupted: no file is half-written; {left}", err=True)
         sys.exit(130)
     except click.ClickException as error:
         error.show()

@@ -55,6 +55,8 @@ def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
     from discovery.errors import InputError
     from discovery.rig_file import read_rig
 
+    if not where.exists():
+        raise InputError(f"{where} does not exist. Give a folder with rig files in it, or a rig file.")
     if not where.is_dir():
         read_rig(where)
         return [where], []

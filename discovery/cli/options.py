@@ -13,9 +13,10 @@ import click
 if TYPE_CHECKING:
     from discovery.dataset import Dataset
 
-__all__ = ["PATH", "estimate_text", "load", "options", "progress", "results_folder"]
+__all__ = ["PATH", "SEED", "estimate_text", "load", "once", "options", "progress", "results_folder"]
 
 PATH = click.Path(path_type=Path)
+SEED = click.IntRange(0)
 #: Without a word of it the first loop on a machine would seem to hang.
 _COMPILING = "compiling a simulator, up to a minute: each only once, then it is kept on disk"
 
@@ -28,10 +29,13 @@ def options(*names: str) -> Callable[[Any], Any]:
             "--holdout", multiple=True, type=PATH, help="Recording that is never fitted; repeat for several."
         ),
         "out": click.option("--out", required=True, type=PATH, help="Folder for the results."),
-        "seed": click.option(
-            "--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of everything random."
+        "seed": click.option("--seed", default=1, show_default=True, type=SEED, help="Seed of everything random."),
+        "quiet": click.option(
+            "--quiet",
+            is_flag=True,
+            help="No progress and no notes on standard error; errors stay, and a warning that a result is not what it "
+            "may seem.",
         ),
-        "quiet": click.option("--quiet", is_flag=True, help="No progress and no notes on standard error."),
     }
 
     def decorate(function: Any) -> Any:
@@ -40,6 +44,14 @@ def options(*names: str) -> Callable[[Any], Any]:
         return function
 
     return decorate
+
+
+def once(_: click.Context, parameter: click.Parameter, values: tuple[Any, ...]) -> Any:
+    """Return the value of an option that may be given once, and refuse it given again: the last would win unseen."""
+    if len(values) > 1:
+        name = parameter.opts[0]
+        raise click.UsageError(f"{name} is given {len(values)} times ({', '.join(map(str, values))}): give it once.")
+    return values[0] if values else None
 
 
 def estimate_text(value: float, sd: float | None, unit: str) -> str:

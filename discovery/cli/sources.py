@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from discovery.cli.options import PATH
+from discovery.cli.options import PATH, SEED
+
+if TYPE_CHECKING:
+    from discovery_datasets.disturbances import Disturbance
 
 __all__ = ["COMMANDS", "MANOEUVRES"]
 
@@ -34,17 +38,67 @@ def effects(name: str | None) -> None:
         click.echo(f"  {p.name:10} [{p.unit}]  {p.meaning}, bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units")
 
 
+def _parameters(kind: type[Disturbance]) -> dict[str, float | None]:
+    """Return the parameters of what the twin can hide with their defaults, None where a value must be given."""
+    from dataclasses import MISSING, fields
+
+    return {f.name: None if f.default is MISSING else f.default for f in fields(kind)}
+
+
+def _hidden(text: str) -> Disturbance:
+    """Return what one ``--effect`` names.
+
+    Raises
+    ------
+    InputError
+        With the parameters of the effect, if they are not those that are given.
+    """
+    from math import isfinite
+
+    from discovery_datasets.disturbances import DISTURBANCES
+
+    from discovery.errors import InputError, suggestion
+
+    effect_id, _, rest = text.partition(":")
+    if effect_id not in DISTURBANCES:
+        raise InputError(
+            f"The twin has no effect {effect_id!r}.{suggestion(effect_id, DISTURBANCES)} It has "
+            f"{', '.join(DISTURBANCES)}."
+        )
+    known = _parameters(DISTURBANCES[effect_id])
+    form = ",".join(f"{n}=VALUE" if default is None else f"{n}={default:g}" for n, default in known.items())
+    remedy = f"Write it as {effect_id}:{form}; what has a value here may be left out."
+    values: dict[str, float] = {}
+    for part in filter(None, rest.split(",")):
+        name, _, number = (word.strip() for word in part.partition("="))
+        if name not in known:
+            raise InputError(
+                f"--effect {text!r}: {effect_id} has no parameter {name!r}.{suggestion(name, known)} {remedy}"
+            )
+        try:
+            value = float(number)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value) or name in values:
+            fault = "is given twice" if name in values else f"is {number!r}, which is no number"
+            raise InputError(f"--effect {text!r}: the parameter {name!r} {fault}. {remedy}")
+        values[name] = value
+    lacking = [repr(n) for n, default in known.items() if default is None and n not in values]
+    if lacking:
+        raise InputError(f"--effect {text!r} lacks the parameter {' and '.join(lacking)}. {remedy}")
+    return DISTURBANCES[effect_id](**values)
+
+
 def _list_hidden(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     """List what the twin can hide, each as ``--effect`` takes it, and leave."""
     if not wanted:
         return
     import inspect
-    from dataclasses import MISSING, fields
 
     from discovery_datasets.disturbances import DISTURBANCES
 
     for effect_id, kind in DISTURBANCES.items():
-        names = ",".join(f.name + ("" if f.default is MISSING else f"={f.default:g}") for f in fields(kind))
+        names = ",".join(n + ("" if default is None else f"={default:g}") for n, default in _parameters(kind).items())
         click.echo(f"{effect_id}:{names}")
         click.echo(f"    {' '.join((inspect.getdoc(kind) or '').split())}")
     context.exit()
@@ -69,10 +123,9 @@ def _list_hidden(context: click.Context, _: click.Parameter, wanted: bool) -> No
     help="List the effects that the twin can hide with their parameters, and exit.",
 )
 @click.option("--out", required=True, type=PATH, help="CSV file to write.")
-@click.option("--seed", default=1, show_default=True, help="Seed of the noise.")
+@click.option("--seed", default=1, show_default=True, type=SEED, help="Seed of the noise.")
 def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) -> None:
     """Record the twin in one of its MANOEUVREs, with any of its hidden effects."""
-    from discovery_datasets.disturbances import DISTURBANCES
     from discovery_datasets.recordings import MANOEUVRES, make_recording
     from discovery_datasets.twin import write_csv
 
@@ -80,19 +133,13 @@ def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) ->
 
     if manoeuvre not in MANOEUVRES:
         raise InputError(f"The twin knows no manoeuvre {manoeuvre!r}; it knows {', '.join(MANOEUVRES)}.")
-    hidden = []
-    for text in effects_:
-        effect_id, _, rest = text.partition(":")
-        if effect_id not in DISTURBANCES:
-            raise InputError(f"The twin has no effect {effect_id!r}; it has {', '.join(DISTURBANCES)}.")
-        try:
-            values = {k.strip(): float(v) for k, v in (part.split("=") for part in rest.split(",") if part)}
-            hidden.append(DISTURBANCES[effect_id](**values))
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"--effect {text!r} cannot be read: {error}. Write it as {effect_id}:name=value,name=value."
-            ) from None
-    write_csv(make_recording(manoeuvre, seed, disturbances=tuple(hidden)), out)
+    if out.is_dir():
+        raise InputError(f"{out} is a folder; name the file to write with --out, as {out / f'{manoeuvre}.csv'}.")
+    made = make_recording(manoeuvre, seed, disturbances=tuple(_hidden(text) for text in effects_))
+    try:
+        write_csv(made, out)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written: {error.strerror}. Give another file with --out.") from None
     click.echo(f"{out}")
 
 

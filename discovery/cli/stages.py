@@ -7,8 +7,9 @@ from pathlib import Path
 
 import click
 
+from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state, read_state
-from discovery.cli.options import PATH, estimate_text, load, options, progress, results_folder
+from discovery.cli.options import PATH, estimate_text, load, once, options, progress, results_folder
 
 __all__ = ["COMMANDS", "NOISES"]
 
@@ -41,7 +42,14 @@ def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str,
 @click.command()
 @click.argument("rig", type=PATH)
 @options("train", "holdout", "out", "seed", "quiet")
-@click.option("--predict", "target", type=PATH, help="File with times and input only: write prediction.csv for it.")
+@click.option(
+    "--predict",
+    "target",
+    type=PATH,
+    multiple=True,
+    callback=once,
+    help="File with times and input only: write prediction.csv for it.",
+)
 @click.option(
     "--initial-state",
     metavar="ANGLE,RATE",
@@ -52,7 +60,6 @@ def loop(
     rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None
 ) -> None:
     """Find what the declared model lacks."""
-    from discovery.reading_noise import understated
     from discovery.stages import loop as close
     from discovery.stages import unexplained
 
@@ -87,9 +94,8 @@ def loop(
             # One of an earlier run would be another model's.
             (folder / "prediction.csv").unlink(missing_ok=True)
     _say_loop(result)
-    for recording in result.recordings:
-        for note in understated(recording.notes):
-            click.echo(f"doubt: {recording.name}: {note}")
+    for doubt in doubts(result, dataset):
+        click.echo(f"doubt: {doubt}")
     if missing is not None and missing.depends:
         of = " or ".join(", ".join(d.variables) for d in missing.depends)
         patch = "a patch is offered, see missing_force in loop.json" if missing.patch else "no patch is offered"

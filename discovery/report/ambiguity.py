@@ -109,8 +109,9 @@ def separation_table(run: Run) -> Table | None:
     caption = (
         "Effects that these recordings cannot tell apart. Similarity: largest cosine between sensitivities of their "
         "fits. Apart: rms difference of their predictions that readjusted parameters cannot absorb [noise sds]. "
-        "Expected: chi-square by which the right one will win once the designed manoeuvre is recorded. The motor’s "
-        "course is in manoeuvre_1.csv and so on."
+        "Expected: chi-square by which the right one will win once the designed manoeuvre is recorded; below 10 it may "
+        "be chance, and no manoeuvre within the limits decides; else the motor’s course is in manoeuvre_1.csv and so "
+        "on."
     )
     return Table("separation", caption, head, cells, keys, raw, (0, 1))
 

@@ -1,0 +1,53 @@
+"""What doubts a verdict, said last by the loop: one line for each fault."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from discovery.dataset import Dataset
+    from discovery.loop import LoopResult
+    from discovery.recording import Recording
+
+__all__ = ["doubts"]
+
+#: Times the noise floor, single readings beside a model that leaves noise on average.
+_SCATTERED = 1.5
+
+
+def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
+    """Return what doubts the verdict of a loop, a sentence for each fault."""
+    from discovery.reading_noise import misstated, understated
+    from discovery.reading_notes import misread
+
+    notes = {recording.name: recording.notes for recording in result.recordings}
+    held = [e.recording for e in dataset.holdout or dataset.train]
+    # A stated noise that is too small says the same.
+    known = result.verdict == "unexplained" or any(understated(recording.notes) for recording in held)
+    return [
+        *misread(notes),
+        *misstated(notes),
+        *([] if known else _scattered(result, held)),
+    ]
+
+
+def _scattered(result: LoopResult, held: Sequence[Recording]) -> list[str]:
+    """Tell where averages of what is left are noise, but single readings lie farther off than their noise."""
+    import numpy as np
+
+    after = result.errors["after"]
+    # Beyond the trained range a model may err; what decides lies inside where anything does.
+    rms = after.get("holdout_inside", after["holdout"])["rms"]
+    # The error is a distance over all channels, and recordings may differ in their noise.
+    floor = max((float(np.sqrt(np.sum(np.square(recording.noise)))) for recording in held), default=np.inf)
+    if not rms > _SCATTERED * floor:
+        return []
+    unit = result.errors["unit"]
+    source = "estimated" if any(recording.noise_estimated for recording in held) else "stated"
+    return [
+        f"held-out readings lie {rms:.3g} {unit} (rms) from the model, {rms / floor:.2g} times their {source} "
+        f"noise of {floor:.3g} {unit}, though averages of what is left are noise: are the time stamps off, are there "
+        "spikes, or is the noise larger?"
+    ]
