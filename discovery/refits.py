@@ -296,7 +296,8 @@ def relaxed(fitted: Refit, dropped: Sequence[str], *, carried: bool = False) -> 
         step, *_ = np.linalg.lstsq(jacobian[:, kept], jacobian[:, gone] @ x[gone], rcond=None)
         start = np.clip(start + step, *smaller.bounds)
     (minimum,) = fit_problems([smaller], [start], tolerance=1e-6, rough=True)
-    return Refit(smaller.model.effects[-1], smaller, minimum)
+    # A falling body needs no effect at all.
+    return Refit(next(reversed(smaller.model.effects), ""), smaller, minimum)
 
 
 def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], there: Sequence[FloatArray]) -> FloatArray:

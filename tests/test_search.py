@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.branch import Branch, Branches
 from discovery.case import Case, LoopSettings
@@ -135,6 +136,17 @@ def test_what_the_recordings_do_not_determine_is_carried_by_what_shared_it() -> 
     left, carried = (relaxed(start, ["linear_stiffness"], carried=c) for c in (False, True))
     assert carried.chi2 < whole.chi2 + 10 < left.chi2
     assert carried.values["g_c"] == pytest.approx(9.0, rel=1e-3)
+
+
+def test_a_model_may_be_left_without_any_effect() -> None:
+    """As a falling body, which may need none."""
+    one = recorded("free", pushes(1.0, -1.5, 0.7, 0.0), 1)
+    model = Model("oscillator", ("viscous_damping",))
+    problem = Problem(model, Bench("oscillator", model.effects, [one], 0.02), UNITS, {})
+    (damped,) = fit_problems([problem], [problem.start({"g": 1e-3, "xi": 1.0})])
+    bare = relaxed(Refit("viscous_damping", problem, damped), ["viscous_damping"])
+    assert bare.effect == ""
+    assert bare.problem.model.effects == ()
 
 
 def test_the_evidence_says_how_large_and_how_sure() -> None:

@@ -20,18 +20,19 @@ class GravityTorque(Potential):
     systems = frozenset({OSCILLATOR})
     angular = True
     cite = "Huygens, Horologium Oscillatorium (1673); Baker and Blackburn, The Pendulum (2005)"
+    # In units of the swing, what pulls is the larger the smaller the swing.
     g_c = Parameter(
-        "s^-2",
+        "s^-2 q",
         "gravity torque across the zero of the angle",
-        (-30.0, 30.0),
+        (-3e3, 3e3),
         Normal(0.0, 2.0),
         starts=(0.1, -0.1),
         latex="g_c",
     )
     g_s = Parameter(
-        "s^-2",
+        "s^-2 q",
         "gravity torque along the zero of the angle",
-        (-30.0, 30.0),
+        (-3e3, 3e3),
         Normal(0.0, 2.0),
         starts=(0.1, -0.1),
         latex="g_s",
