@@ -31,8 +31,8 @@ _EXACT = "elastica_calm"
 UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
-#: Manoeuvres that are tried for each group of rivals.
-_DESIGNS = 100
+#: Manoeuvres that are tried for each group of rivals, and for motions that take more steps than this fewer, but so many.
+_DESIGNS, _LONG, _FEWEST = 100, 30_000, 20
 
 
 @dataclass(frozen=True, repr=False)
@@ -273,8 +273,15 @@ def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
         case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
         # All on the mechanics of the search: what tells them apart must be the effects.
         fits = {name: case.finished(r) for name, r in {effect: search.best.refit, **rivals}.items()}
-        found.append(separate(fits, np.random.default_rng([case.settings.seed, 2]), evaluations=_DESIGNS))
+        steps = sum(s.grid.steps.size for s in search.best.refit.problem.bench.simulators)
+        rng = np.random.default_rng([case.settings.seed, 2])
+        found.append(separate(fits, rng, evaluations=_designs(steps)))
     return tuple(found)
+
+
+def _designs(steps: int) -> int:
+    """Return how many manoeuvres are tried where the motion takes so many steps: play takes a hundred thousand."""
+    return int(np.clip(_DESIGNS * _LONG / steps, _FEWEST, _DESIGNS))
 
 
 def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]) -> dict[str, float]:

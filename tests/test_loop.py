@@ -22,7 +22,7 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate
 from discovery.case import LoopSettings
 from discovery.dataset import load_dataset
 from discovery.fit import fit_near
-from discovery.loop import LoopResult, _search_arm, close_loop
+from discovery.loop import LoopResult, _designs, _search_arm, close_loop
 from discovery.mechanics.elastica import ElasticaCalm
 from discovery.provenance import plain
 from discovery.search import Search
@@ -434,6 +434,10 @@ def test_friction_that_turns_within_another_speed_is_not_taken_for_one_with_a_pe
     assert ("exchange", "stribeck_friction") in [(s.action, s.effect) for s in result.steps]
     force = 0.012 / ((rig.tip_mass + 33 / 140 * rig.beam_mass) * rig.length)
     assert result.after.values["f_c"] == pytest.approx(force, abs=2 * result.after.sd["f_c"])
+
+
+def test_fewer_manoeuvres_are_tried_where_one_takes_long() -> None:
+    assert [_designs(n) for n in (8_000, 30_000, 60_000, 10**6)] == [100, 100, 50, 20]
 
 
 def test_predictions_come_from_all_that_was_recorded() -> None:
