@@ -31,7 +31,7 @@ _EXACT = "elastica_calm"
 UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
-#: Manoeuvres that are tried for each group of rivals, and for motions that take more steps than this fewer, but so many.
+#: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
 _DESIGNS, _LONG, _FEWEST = 100, 30_000, 20
 
 
