@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.angles import within_half_a_turn
 from discovery.effect import ARM
 from discovery.force_view import sampling_rate, zero_phase
 from discovery.grid import DriveLike
@@ -127,8 +128,7 @@ class Experiment:
         out = self.recording.output
         names = self.recording.channels
         if names == ("tip_x", "tip_y"):
-            relative = np.arctan2(out[:, 1], out[:, 0]) - self.motor_angle
-            return (relative + np.pi) % (2 * np.pi) - np.pi
+            return within_half_a_turn(np.arctan2(out[:, 1], out[:, 0]) - self.motor_angle)
         if names == ("tip_angle",):
             return out[:, 0] - self.motor_angle
         if names == ("tip_deflection",):

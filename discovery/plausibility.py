@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from discovery.angles import within_half_a_turn
 from discovery.errors import InputError
 from discovery.io import Table
 from discovery.rig import Rig
@@ -157,7 +158,7 @@ def check_arm(
         _check_not_nearer(table, columns, units["tip_x"], length, radius)
         direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
         # The camera does not count turns.
-        deflection = np.angle(np.exp(1j * (direction - inputs)))
+        deflection = within_half_a_turn(direction - inputs)
         _check_follows(table, names["motor_angle"], units["motor_angle"], inputs, direction, deflection)
     elif "tip_angle" in outputs:
         deflection = outputs["tip_angle"] - inputs

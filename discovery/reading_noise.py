@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.quantisation import resolution
+from discovery.repeated_notes import by_fault
 from discovery.units import quoted
 
 __all__ = ["estimate_noise", "misstated", "noise_note", "understated"]
@@ -103,28 +104,20 @@ def understated(notes: Iterable[str]) -> list[str]:
 
 
 def misstated(notes: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return what doubts a verdict in notes on recordings: their noise is not the one that the rig file states.
-
-    Parameters
-    ----------
-    notes : mapping of str to iterable of str
-        By name of the recording.
-
-    Returns
-    -------
-    list of str
-        A sentence for each noise that is stated, with all recordings and columns that contradict it.
-    """
-    faults: dict[str, list[tuple[str, str, str]]] = {}
-    for name, told in notes.items():
-        for note in told:
-            found = _NOTE.fullmatch(note) if note.endswith((_TOO_SMALL, _TOO_LARGE)) else None
-            if found and not float(found["scatter"]) <= float(found["stated"]) < _FAR * float(found["scatter"]):
-                faults.setdefault(found["rest"], []).append((name, found["label"], found["scatter"]))
+    """Return a sentence for each stated noise that notes, by recording, contradict, with all their columns."""
     sentences = []
-    for rest, entries in faults.items():
-        names, labels = (", ".join(dict.fromkeys(entry[i] for entry in entries)) for i in (0, 1))
-        sizes = sorted({scatter for _, _, scatter in entries}, key=float)
+    for rest, entries in by_fault(notes, _misstatement).items():
+        names = ", ".join(dict.fromkeys(name for name, _ in entries))
+        labels = ", ".join(dict.fromkeys(label for _, (label, _) in entries))
+        sizes = sorted({scatter for _, (_, scatter) in entries}, key=float)
         verb = "scatters" if len(entries) == 1 else "scatter"
         sentences.append(f"{names}: {labels} {verb} by {' to '.join(dict.fromkeys((sizes[0], sizes[-1])))}{rest}")
     return sentences
+
+
+def _misstatement(note: str) -> tuple[str, tuple[str, str]] | None:
+    """Return what a note says of the stated noise, and the column with its scatter, if that noise hides anything."""
+    found = _NOTE.fullmatch(note) if note.endswith((_TOO_SMALL, _TOO_LARGE)) else None
+    if not found or float(found["scatter"]) <= float(found["stated"]) < _FAR * float(found["scatter"]):
+        return None
+    return found["rest"], (found["label"], found["scatter"])

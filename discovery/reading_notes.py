@@ -7,7 +7,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import numpy.typing as npt
 
+from discovery.angles import within_half_a_turn
 from discovery.quantisation import quantum
+from discovery.repeated_notes import by_fault
 from discovery.sensor_faults import drift, flat_runs, spikes
 from discovery.units import quoted
 
@@ -94,7 +96,7 @@ def bend_notes(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> li
         mistakes = {"the motor's angle or the tip's of opposite sign": direction + motor_angle}
     else:
         return []
-    bend = float(np.sqrt(np.nanmean(_within_a_turn(direction - motor_angle) ** 2)))
+    bend = float(np.sqrt(np.nanmean(within_half_a_turn(direction - motor_angle) ** 2)))
     aside = _aside(direction - motor_angle)
     likely, left = min(((name, _aside(angle)) for name, angle in mistakes.items()), key=lambda found: found[1])
     # A rod swings about the motor's direction: its mean tells of a mistake that is no larger than a bend in use.
@@ -107,38 +109,22 @@ def bend_notes(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> li
 
 
 def misread(notes: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return what doubts a verdict in notes on recordings: their columns may not be what they are called.
-
-    Parameters
-    ----------
-    notes : mapping of str to iterable of str
-        By name of the recording.
-
-    Returns
-    -------
-    list of str
-        A sentence for each likely mistake, with the numbers of the first recording.
-    """
-    faults: dict[str, list[tuple[str, str]]] = {}
-    for name, told in notes.items():
-        for note in told:
-            if note.endswith(_MISREAD):
-                # The mistake stands before the numbers that speak for it.
-                faults.setdefault(note.partition(" With ")[2].partition(" it would ")[0], []).append((name, note))
+    """Return a sentence for each mistake in columns that notes, by recording, tell of, with its first numbers."""
     return [
         f"{first}: {note}" + (f" So in {', '.join(name for name, _ in others)}." if others else "")
-        for (first, note), *others in faults.values()
+        for (first, note), *others in by_fault(notes, _mistake).values()
     ]
+
+
+def _mistake(note: str) -> tuple[str, str] | None:
+    """Return the likely mistake in columns that a note tells of, which stands before its numbers, and the note."""
+    return (note.partition(" With ")[2].partition(" it would ")[0], note) if note.endswith(_MISREAD) else None
 
 
 def _aside(angle: FloatArray) -> float:
     """Return how far an angle lies from zero once swings are averaged out [rad]."""
-    parts = [part[np.isfinite(part)] for part in np.array_split(_within_a_turn(angle), _STRETCHES)]
+    parts = [part[np.isfinite(part)] for part in np.array_split(within_half_a_turn(angle), _STRETCHES)]
     return float(np.sqrt(np.mean([part.mean() ** 2 for part in parts if part.size])))
-
-
-def _within_a_turn(angle: FloatArray) -> FloatArray:
-    return np.angle(np.exp(1j * angle))
 
 
 def gap_notes(label: str, time: FloatArray, values: FloatArray) -> list[str]:

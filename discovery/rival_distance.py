@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from discovery.angles import within_half_a_turn
 from discovery.fit import Fit
 from discovery.manoeuvre_design import Move, hub_drive
 from discovery.predict import equilibrium
@@ -148,7 +149,7 @@ class Trial:
             if not np.isfinite(reading).all():
                 return Distance(0.0, 0.0, 0.0), np.inf
             turned = np.arctan2(reading[:, 1], reading[:, 0]) - motor[:, None]
-            deflection = max(deflection, float(np.abs((turned + np.pi) % (2 * np.pi) - np.pi).max()))
+            deflection = max(deflection, float(np.abs(within_half_a_turn(turned)).max()))
             normal = experiment.channels(reading) / old.noise[:, None]
             edges = np.cumsum([0, *(self.rivals[i].parameters.shape[1] for i in own)])
             flat = normal.reshape(-1, edges[-1])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
+from discovery.angles import within_half_a_turn
 from discovery.case import LoopSettings
 from discovery.dataset import Dataset
 from discovery.effect import ARM
@@ -209,8 +210,7 @@ def _fit_errors(train, predictions) -> dict[str, Any]:
     found: dict[str, Any] = {"position": errors(predicted, measured)}
     if train[0].recording.channels == ("tip_x", "tip_y"):
         angle = np.arctan2(predicted[:, 1], predicted[:, 0]) - np.arctan2(measured[:, 1], measured[:, 0])
-        wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
-        found["angle"] = errors(wrapped[:, None], np.zeros((wrapped.size, 1)))
+        found["angle"] = errors(within_half_a_turn(angle)[:, None], np.zeros((angle.size, 1)))
         radius = np.hypot(*predicted.T) - np.hypot(*measured.T)
         found["radius"] = errors(radius[:, None], np.zeros((radius.size, 1)))
     return found

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.angles import within_half_a_turn
 from discovery.errors import InputError
 from discovery.kinds import KINDS
 
@@ -70,8 +71,7 @@ class Trajectory:
         """Return the deflection that a model predicts, shape (n,); None where the channels do not give it."""
         reading = self.models[model]
         if self.channels == ("tip_x", "tip_y") and self.input is not None:
-            relative = np.arctan2(reading[:, 1], reading[:, 0]) - self.input
-            return (relative + np.pi) % (2 * np.pi) - np.pi
+            return within_half_a_turn(np.arctan2(reading[:, 1], reading[:, 0]) - self.input)
         if self.channels == ("tip_angle",) and self.input is not None:
             return reading[:, 0] - self.input
         return reading[:, 0] if self.channels == ("output",) else None
