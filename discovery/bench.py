@@ -92,10 +92,8 @@ class Bench:
         initial : ndarray, shape (experiments, 2, k)
             Initial deflection and rate in every experiment.
         """
-        return [
-            e.channels(simulator(parameters, initial[i, 0], initial[i, 1]))
-            for i, (e, simulator) in enumerate(zip(self.experiments, self._whole, strict=True))
-        ]
+        asked = [s.asked(parameters, *own) for s, own in zip(self._whole, initial, strict=True)]
+        return [e.channels(read) for e, (read, _) in zip(self.experiments, simulate.simulated(asked), strict=True)]
 
     def residuals(
         self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None = None
@@ -131,8 +129,7 @@ class Bench:
         """Return the same of every channel, shape (c, k), one array an experiment."""
         if any(e.rig.view is not None for e in self.experiments):
             return self.reduced(parameters, initial, lambda _, r: np.einsum("nck,nck->ck", r, r))
-        batches = self._batches(parameters, initial)
-        sums = [s.summed(b, c) for s, b, c in zip(self.simulators, batches, self._compared, strict=True)]
+        sums = [own for _, own in simulate.simulated(self._asked(parameters, initial, None), stored=False)]
         bad = self._blown(sums)
         for each in sums:
             each[:, bad] = np.inf
@@ -192,14 +189,19 @@ class Bench:
             for simulator, (deflection, rate) in zip(self.simulators, initial, strict=True)
         ]
 
+    def _asked(
+        self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None
+    ) -> list[simulate.Asked]:
+        shared = [None] * len(self.simulators) if motions is None else motions
+        batches = self._batches(parameters, initial)
+        return list(zip(self.simulators, batches, self._compared, shared, strict=True))
+
     def _residuals(
         self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None
     ) -> FloatArray:
-        found, sums = [], []
-        for i, batch in enumerate(self._batches(parameters, initial)):
-            out, own = self.simulators[i].missed(batch, self._compared[i], None if motions is None else motions[i])
-            found.append(self._filtered(i, out, own).reshape(-1, parameters.shape[1]))
-            sums.append(own)
+        answers = simulate.simulated(self._asked(parameters, initial, motions))
+        sums = [own for _, own in answers]
+        found = [self._filtered(i, *each).reshape(-1, parameters.shape[1]) for i, each in enumerate(answers)]
         residuals = found[0] if len(found) == 1 else np.concatenate(found)
         residuals[:, self._blown(sums)] = np.inf
         return residuals

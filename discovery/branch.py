@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from discovery.growing import grown
 from discovery.likeness import likely_pairs
 from discovery.node import Node
 from discovery.race import near_the_best
-from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs, resettled
+from discovery.refits import Refit, best_of, finish, held_fixed, quickened, refit, refit_pairs, resettled_together
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
 from discovery.simplicity import imitates
@@ -71,9 +72,11 @@ class Branch:
 
 def _moved(refits: Sequence[Refit], bench: Bench) -> list[Refit]:
     """Return refits that go on upon other mechanics, smallest chi-square first."""
-    steps = {min(r.problem.bench.step, bench.step) for r in refits}
-    benches = {step: bench if step == bench.step else Bench.like(bench, step) for step in steps}
-    return best_of(resettled(r, benches[min(r.problem.bench.step, bench.step)]) for r in refits)
+    groups: dict[float, list[Refit]] = {}
+    for r in refits:
+        groups.setdefault(min(r.problem.bench.step, bench.step), []).append(r)
+    benches = [bench if step == bench.step else Bench.like(bench, step) for step in groups]
+    return best_of(chain(*map(resettled_together, groups.values(), benches)))
 
 
 def _parted(finished: Iterable[Refit], others: Iterable[Refit]) -> tuple[tuple[Refit, ...], tuple[Refit, ...]]:
@@ -139,14 +142,8 @@ class Branches:
     def _quick(self, node: Node) -> Node:
         """Return the same set on the mechanics on which the search began, or as it is where it blows up on these."""
         if node not in self._begun:
-            quick, fine, bench = node, node.refit.problem.bench, self.bench
-            while bench.base != fine.base and bench.step > fine.step:
-                again = resettled(node.refit, bench)
-                if np.isfinite(again.chi2):
-                    quick = Node.of(node.added, again, self.case)
-                    break
-                bench = Bench.like(bench, bench.step / 2)
-            self._begun[node] = quick
+            quick = quickened(node.refit, self.bench)
+            self._begun[node] = node if quick is node.refit else Node.of(node.added, quick, self.case)
         return self._begun[node]
 
     def _make(self, node: Node, among: Collection[str] | None, grows: bool) -> Branch:

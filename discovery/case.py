@@ -14,7 +14,7 @@ from discovery.attribution import candidates
 from discovery.bench import Bench
 from discovery.errors import ComputationError, SimulationFailure
 from discovery.experiment import Experiment
-from discovery.fit import SHIFT, Fit, fit, fit_near, refined
+from discovery.fit import MOST_STEPS, SHIFT, Fit, fit, fit_near, refined
 from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem, conventions
@@ -171,9 +171,9 @@ class Case:
         bench = self._bench(model, values)
         return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)
 
-    def _bench(self, model: Model, values: Mapping[str, float]) -> Bench:
+    def _bench(self, model: Model, values: Mapping[str, float], shortest: float = 0.0) -> Bench:
         effects = self.kernel_effects(model)
-        step = choose_step(model, self.train, self.units, values, self.settings.tolerance, effects)
+        step = choose_step(model, self.train, self.units, values, self.settings.tolerance, effects, shortest)
         return Bench(model.base, effects, self.train, step)
 
     def finished(self, found: Refit) -> Fit:
@@ -185,13 +185,15 @@ class Case:
 
     def _on_finer(self, found: Refit) -> Iterator[Problem]:
         """Yield the problem of a refit on each finer mechanics, the best first."""
+        # What damps the rod's higher shapes strongly may ask for a million steps, and leaves nothing of them to see.
+        shortest = max(float(np.ptp(e.recording.time)) for e in self.train) / MOST_STEPS
         for name in found.problem.model.mechanics.finer:
             model = found.problem.model.on_base(name)
             key = name, found.problem.bench.step
             try:
                 # The steps that the search needs tell how fine these must be.
                 if key not in self._benches:
-                    self._benches[key] = self._bench(model, found.values)
+                    self._benches[key] = self._bench(model, found.values, shortest)
             except ComputationError:
                 continue
             yield replace(found.problem, model=model, bench=self._benches[key])
@@ -253,7 +255,7 @@ class Case:
         """Return the fit on steps so fine that the solver shifts no estimate; see `discovery.fit.refined`."""
         if fitted.solver_shift > SHIFT:
             self.tell("refitting with a finer step")
-        return refined(fitted)
+        return refined(fitted, rough=True)
 
     def held(self, fitted: Fit) -> list[FloatArray]:
         """Return a fit's predictions of the held-out recordings."""

@@ -22,7 +22,18 @@ from discovery.registry import get_effect
 from discovery.simulate import check_finite
 from discovery.step import TOLERANCE, choose_step
 
-__all__ = ["SHIFT", "Fit", "declared_model", "fit", "fit_near", "prolonged", "refined", "rig_uncertainty", "widened"]
+__all__ = [
+    "MOST_STEPS",
+    "SHIFT",
+    "Fit",
+    "declared_model",
+    "fit",
+    "fit_near",
+    "prolonged",
+    "refined",
+    "rig_uncertainty",
+    "widened",
+]
 
 FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
@@ -31,7 +42,7 @@ _REFINEMENTS = 3
 #: From one minimum to the next, on finer steps, it is no farther than so many.
 _NEAR = 15
 #: Longest integration of one recording that a refinement asks for: dry friction and play would ask for any.
-_MOST_STEPS = 200_000
+MOST_STEPS = 200_000
 
 
 @dataclass(frozen=True)
@@ -327,11 +338,12 @@ def widened(found: Fit, unlike: float) -> Fit:
     return replace(found, covariance=covariance, reasons=reasons, null_directions=directions)
 
 
-def refined(found: Fit, largest: float = SHIFT) -> Fit:
+def refined(found: Fit, largest: float = SHIFT, *, rough: bool = False) -> Fit:
     """Return a fit on steps so fine that the solver shifts no estimate by more than `largest` standard deviations.
 
     Each round refits from the minimum of the last one. Where finer steps do not help, as for dry friction, or would be
-    too many, the best round is returned; its `solver_shift` and `status` tell.
+    too many, the best round is returned; its `solver_shift` and `status` tell. `rough` as in
+    `discovery.least_squares.levenberg_marquardt`.
     """
     best = found
     for _ in range(_REFINEMENTS):
@@ -341,9 +353,9 @@ def refined(found: Fit, largest: float = SHIFT) -> Fit:
         # The shift falls with the fourth power of the step.
         step = old.bench.step * max(0.25, 0.8 * (largest / shift) ** 0.25)
         problem = Problem(old.model, Bench.like(old.bench, step), old.units, old.gaussian)
-        if max(s.grid.steps.size for s in problem.bench.simulators) > _MOST_STEPS:
+        if max(s.grid.steps.size for s in problem.bench.simulators) > MOST_STEPS:
             break
-        (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR)
+        (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR, rough=rough)
         if not np.isfinite(minimum.cost):
             break
         found = _at(problem, minimum)

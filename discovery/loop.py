@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.bench import Bench
 from discovery.case import Case, LoopSettings, Step
 from discovery.contradiction import ContradictionReport, check_contradictions, grossly_unlike
 from discovery.experiment import Experiment
@@ -17,10 +19,13 @@ from discovery.holdout import HoldOut
 from discovery.problem import natural_units
 from discovery.quantisation import resolution
 from discovery.recording import Recording
+from discovery.refits import Refit, quickened
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
 from discovery.separation import Separation, separate
+from discovery.simulate import THREADS
+from discovery.workers import at_once
 
 __all__ = ["UPGRADES", "LoopResult", "close_loop"]
 
@@ -271,12 +276,19 @@ def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
     found = []
     for effect, rivals in search.rivals().items():
         case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
-        # All on the mechanics of the search: what tells them apart must be the effects.
-        fits = {name: case.finished(r) for name, r in {effect: search.best.refit, **rivals}.items()}
-        steps = sum(s.grid.steps.size for s in search.best.refit.problem.bench.simulators)
+        # All on the mechanics on which the search began: what tells them apart must be the effects.
+        refits = {effect: search.best.refit, **rivals}
+        fitting = [partial(_quickly, r, search.bench, case) for r in refits.values()]
+        fits = dict(zip(refits, at_once(fitting, threads=THREADS), strict=True))
+        steps = max(s.grid.steps.size for f in fits.values() for s in f.problem.bench.simulators)
         rng = np.random.default_rng([case.settings.seed, 2])
         found.append(separate(fits, rng, evaluations=_designs(steps)))
     return tuple(found)
+
+
+def _quickly(found: Refit, bench: Bench, case: Case) -> Fit:
+    """Return a refit with its intervals, on the mechanics of a bench where these do."""
+    return case.finished(quickened(found, bench))
 
 
 def _designs(steps: int) -> int:

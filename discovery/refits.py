@@ -25,10 +25,12 @@ __all__ = [
     "distances",
     "finish",
     "held_fixed",
+    "quickened",
     "refit",
     "refit_pairs",
     "relaxed",
     "resettled",
+    "resettled_together",
     "settle",
     "settled",
 ]
@@ -315,9 +317,25 @@ def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], the
 
 def resettled(fitted: Refit, bench: Bench) -> Refit:
     """Return the same model on another bench, of the same mechanics or another, from where it was fitted."""
-    problem = replace(fitted.problem, model=fitted.problem.model.on_base(bench.base), bench=bench)
-    (minimum,) = settle([problem], [problem.start(fitted.values)], _CHECKED)
-    return Refit(fitted.effect, problem, minimum)
+    return resettled_together([fitted], bench)[0]
+
+
+def resettled_together(fits: Sequence[Refit], bench: Bench) -> list[Refit]:
+    """Return models on another bench, see `resettled`: those of which the best matter."""
+    problems = [replace(r.problem, model=r.problem.model.on_base(bench.base), bench=bench) for r in fits]
+    minima = settle(problems, [p.start(r.values) for p, r in zip(problems, fits, strict=True)], _CHECKED)
+    return [Refit(r.effect, p, m) for r, p, m in zip(fits, problems, minima, strict=True)]
+
+
+def quickened(fitted: Refit, bench: Bench) -> Refit:
+    """Return the same model on quicker mechanics, or as it is where it blows up on these however fine their steps."""
+    fine = fitted.problem.bench
+    while bench.base != fine.base and bench.step > fine.step:
+        again = resettled(fitted, bench)
+        if np.isfinite(again.chi2):
+            return again
+        bench = Bench.like(bench, bench.step / 2)
+    return fitted
 
 
 def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:

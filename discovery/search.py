@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.bench import Bench
 from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
 from discovery.fit import Fit
@@ -89,6 +90,11 @@ class Search:
         self.root = Node.of((), Refit("", start.problem, start.minimum), case)
         self.root = self._take(self.root)
         self.least = self.root.chi2
+
+    @property
+    def bench(self) -> Bench:
+        """Recordings and mechanics on which the search began."""
+        return self._branches.bench
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -232,7 +238,7 @@ class Search:
         reason = f"fitted again from there without it, the start leaves {gain:.0f} less than before"
         numbers = {"chi2_before": self.root.chi2, "chi2_after": again.chi2}
         self.steps += [Step("withdraw", e, True, reason, numbers) for e in node.added]
-        self._branches, self._smaller = Branches(self.case, self._branches.bench), {}
+        self._branches, self._smaller = Branches(self.case, self.bench), {}
         self.root = self._take(again)
         return True
 

@@ -17,7 +17,7 @@ from discovery.mechanics import get_base
 from discovery.runge_kutta import CLASSICAL, Method
 from discovery.workers import in_threads
 
-__all__ = ["THREADS", "Batch", "Misses", "Simulator", "check_finite"]
+__all__ = ["THREADS", "Batch", "Misses", "Simulator", "check_finite", "simulated"]
 
 FloatArray = NDArray[np.float64]
 
@@ -161,7 +161,11 @@ class Simulator:
             What the instrument reports at the output times; not finite where the motion blew up
             (`check_finite` turns that into an error with parameters and time).
         """
-        return self.missed(self.batch(parameters, deflection, rate), self._plain)[0]
+        return simulated([self.asked(parameters, deflection, rate)])[0][0]
+
+    def asked(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> Asked:
+        """Return what `simulated` needs for the readings themselves, see `__call__`."""
+        return self, self.batch(parameters, deflection, rate), self._plain, None
 
     def batch(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> Batch:
         """Return parameter sets, see `__call__`, made ready for the kernel."""
@@ -229,34 +233,12 @@ class Simulator:
         self.run(batch, self._plain, np.empty((0, channels, 1)), np.empty((channels + 1, width)), [0], motion=motion)
         return motion
 
-    def missed(self, batch: Batch, misses: Misses, motion: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Return all misses (m, c, k), and their sums (c + 1, k); of one motion, see `motion`, if all share it."""
-        channels, width = misses.target.shape[1], batch.blocks * batch.lanes
-        out, sums = np.empty((self.time.size, channels, width)), np.empty((channels + 1, width))
-
-        def work(waiting: Iterator[range]) -> None:
-            for part in waiting:
-                place = part[0] * batch.lanes
-                self.run(batch, misses, out, sums, part, place, motion=motion, plays=motion is not None)
-
-        in_threads(work, batch.blocks, threads=THREADS)
-        return batch.restored(out), batch.restored(sums)
-
     def summed(self, batch: Batch, misses: Misses) -> FloatArray:
         """Return the sum of squared misses of every channel and the largest magnitude, shape (c + 1, k).
 
         No trajectory is stored.
         """
-        channels, width = misses.target.shape[1], batch.blocks * batch.lanes
-        out, sums = np.empty((0, channels, 1)), np.empty((channels + 1, width))
-
-        def work(waiting: Iterator[range]) -> None:
-            for part in waiting:
-                self.run(batch, misses, out, sums, part)
-
-        # A call takes a few microseconds: in pieces as large as balanced threads allow.
-        in_threads(work, batch.blocks, threads=THREADS, together=max(1, batch.blocks // (4 * THREADS)))
-        return batch.restored(sums)
+        return simulated([(self, batch, misses, None)], stored=False)[0][1]
 
     def _order(self, parameters: FloatArray) -> NDArray[np.int64]:
         """Return the columns with the same effects present side by side, those with most first."""
@@ -264,6 +246,48 @@ class Simulator:
         if (present == present[:, :1]).all():
             return np.arange(parameters.shape[1])
         return np.lexsort((*present, -present.sum(axis=0)))
+
+
+#: A simulator, parameter sets, what their readings are compared with, and the motion that they all share, if they do.
+Asked = tuple[Simulator, Batch, Misses, FloatArray | None]
+
+
+def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[FloatArray, FloatArray]]:
+    """Simulate on several recordings, blocks of all of them side by side.
+
+    Parameters
+    ----------
+    asked : sequence of Asked
+        One a recording.
+    stored : bool
+        Whether the misses are wanted, or their sums only.
+
+    Returns
+    -------
+    list of (ndarray, ndarray)
+        Of each: misses, shape (m, c, k), with no column where they are not stored; the sum of squares of every channel
+        and the largest magnitude, shape (c + 1, k).
+    """
+    found, jobs = [], []
+    for i, (_, batch, misses, _) in enumerate(asked):
+        (count, channels), width = misses.target.shape, batch.blocks * batch.lanes
+        out = np.empty((count, channels, width) if stored else (0, channels, 1))
+        found.append((out, np.empty((channels + 1, width))))
+        # Without trajectories a call takes a few microseconds: in pieces as large as balanced threads allow.
+        size = 1 if stored else max(1, batch.blocks // (4 * THREADS))
+        jobs += [(i, range(first, min(first + size, batch.blocks))) for first in range(0, batch.blocks, size)]
+
+    def work(waiting: Iterator[range]) -> None:
+        for i, blocks in (jobs[j] for part in waiting for j in part):
+            simulator, batch, misses, motion = asked[i]
+            place = blocks[0] * batch.lanes if stored else 0
+            simulator.run(batch, misses, *found[i], blocks, place, motion=motion, plays=motion is not None)
+
+    in_threads(work, len(jobs), threads=THREADS)
+    return [
+        (batch.restored(out) if stored else out, batch.restored(sums))
+        for (_, batch, _, _), (out, sums) in zip(asked, found, strict=True)
+    ]
 
 
 def check_finite(

@@ -32,6 +32,7 @@ def choose_step(
     values: Mapping[str, float],
     tolerance: float = TOLERANCE,
     effects: Sequence[str] | None = None,
+    shortest: float = 0.0,
 ) -> float:
     """Return the integration step whose trajectory error is at most `tolerance`, measured against half the step.
 
@@ -50,6 +51,8 @@ def choose_step(
         for an oscillator.
     effects : sequence of str, optional
         Effects of the kernel; the model's own by default.
+    shortest : float
+        No step below this is tried [s].
 
     Raises
     ------
@@ -86,7 +89,10 @@ def choose_step(
         if len(finite) > _PATIENCE and min(finite) > 0.1 * max(finite):
             break
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
-        step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
+        change = float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
+        if step * change < shortest:
+            break
+        step *= change
     best = min(tried, key=lambda h: tried[h])
     if tried[best] < _USABLE:
         # Dry friction at a turn, or ringing that is all but chaotic: finer steps do not help.
