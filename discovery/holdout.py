@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from discovery.bench import Bench
 from discovery.covariance import principal_spread
+from discovery.errors import ComputationError
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit
 from discovery.model import Model
@@ -56,16 +57,26 @@ class HoldOut:
         if self.continued:
             return [on_train for _, _, on_train in models]
         kernel = (bench.base, bench.effects)
-        if kernel not in self._shares:
-            # How much finer steps these recordings need than the fitted ones: later sets do not ask again, so that
-            # which of them comes first makes no difference.
-            model, values, _ = models[0]
-            step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
-            self._shares[kernel] = min(step / bench.step, 1.0)
-        key = (*kernel, bench.step)
+        step = self._share(bench, *models[0][:2]) * bench.step
+        key = (*kernel, step)
         if key not in self._benches:
-            self._benches[key] = Bench(*kernel, self.separate, self._shares[kernel] * bench.step)
+            self._benches[key] = Bench(*kernel, self.separate, step)
         return held_out([(m, v) for m, v, _ in models], self.separate, self._benches[key], self.units)
+
+    def _share(self, bench: Bench, model: Model, values: Mapping[str, float]) -> float:
+        """Return how much finer steps the held-out recordings need than the fitted ones, over these.
+
+        Later sets do not ask again, so that which of them comes first makes no difference.
+        """
+        kernel = (bench.base, bench.effects)
+        if kernel not in self._shares:
+            try:
+                step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
+            except ComputationError:
+                # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
+                return 1.0
+            self._shares[kernel] = min(step / bench.step, 1.0)
+        return self._shares[kernel]
 
     @property
     def experiments(self) -> Sequence[Experiment]:

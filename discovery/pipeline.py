@@ -16,7 +16,7 @@ from discovery import curves, stages
 from discovery.bench import Bench
 from discovery.dataset import Dataset
 from discovery.draws import Posterior
-from discovery.errors import InputError
+from discovery.errors import ComputationError, InputError
 from discovery.export import FittedModel
 from discovery.fit import Fit
 from discovery.io import atomic_write
@@ -291,10 +291,10 @@ def _save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, 
         curves.save_groups(folder / "multisine.nc", {"/": curves.lines(discovered.multisine)})
 
 
-def save_prediction(
-    path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None
-) -> None:
+def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:
     """Write what the instrument would read before and after the loop, with standard deviations.
+
+    The declared model may blow up beyond the motions that it was fitted to: its columns are empty then.
 
     Parameters
     ----------
@@ -306,14 +306,29 @@ def save_prediction(
         The declared model and the final one.
     initial : tuple of float, optional
         Deflection and rate at the first time; the static equilibrium at rest otherwise.
+
+    Returns
+    -------
+    str
+        Why the columns of the declared model are empty, if they are.
+
+    Raises
+    ------
+    ComputationError
+        If the final model has no prediction.
     """
     import pandas as pd
 
     columns: dict[str, FloatArray] = {"time_s": experiment.recording.time}
     spreads: dict[str, FloatArray] = {}
     arm = experiment.is_arm
-    for label, fitted in (("before", before), ("after", after)):
-        value, sd = predict(fitted, experiment, initial)
+    final, why = predict(after, experiment, initial), ""
+    try:
+        first = predict(before, experiment, initial)
+    except ComputationError as failure:
+        nothing, why = np.full_like(final[0], np.nan), str(failure)
+        first = nothing, nothing
+    for label, (value, sd) in (("before", first), ("after", final)):
         if arm:
             for k, axis in enumerate("xy"):
                 columns[f"tip_{axis}_{label}_m"] = value[:, k]
@@ -323,3 +338,4 @@ def save_prediction(
             spreads[f"output_{label}_sd"] = sd[:, 0]
     with atomic_write(path) as temporary:
         pd.DataFrame({**columns, **spreads}).to_csv(temporary, index=False, float_format="%.9g")
+    return why

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from discovery.autocorrelation import Autocorrelation, autocorrelation
 from discovery.correlations import Correlations, correlations
+from discovery.errors import SimulationFailure
 from discovery.likelihood import log_posterior
 from discovery.marginal_priors import MarginalPrior, marginal_priors
 from discovery.predictive import Band, fitted_starts, predictive
@@ -77,7 +79,8 @@ class PosteriorStudy:
     autocorrelation : Autocorrelation
         Of the chains.
     bands : tuple of Band
-        Predictive bands of the recordings.
+        Predictive bands of the recordings, those left out that are too long, and those held out in which a motion blows
+        up.
     coverage : tuple of Coverage
         How many readings they hold.
     ranges : mapping of str to (float, float)
@@ -176,9 +179,18 @@ def study_posterior(
     priors, flat = marginal_priors(target), posterior.flat()
     train = _short(fit.problem.bench.experiments)
     held = _short(holdout)
-    shown = [*train, *held]
     starts = fitted_starts(posterior, held)
-    bands = predictive(posterior, shown, draws, rng=rng, initial=starts) if shown else []
+
+    def banded(experiments: Sequence[Experiment]) -> list[Band]:
+        return predictive(posterior, experiments, draws, rng=rng, initial=starts) if experiments else []
+
+    try:
+        bands = banded([*train, *held])
+    except SimulationFailure:
+        # What was fitted may blow up in a motion that it has not seen: there is no band of that.
+        held = [e for e in held if _is_finite(partial(banded, [e]))]
+        bands = banded([*train, *held])
+    shown = [*train, *held]
     seen = [*(e.fitted for e in train), *[slice(0, 0)] * len(held)]
     rows: list[Coverage] = []
     for experiment, band, fitted in zip(shown, bands, seen, strict=True):
@@ -193,6 +205,15 @@ def study_posterior(
         tuple(rows),
         {name: tuple(np.quantile(flat[name], _NEARLY_ALL).tolist()) for name in priors},
     )
+
+
+def _is_finite(simulate: Callable[[], object]) -> bool:
+    """Return whether nothing blows up in a simulation."""
+    try:
+        simulate()
+    except SimulationFailure:
+        return False
+    return True
 
 
 def _short(experiments: Sequence[Experiment]) -> list[Experiment]:

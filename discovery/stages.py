@@ -240,11 +240,16 @@ def sampled(fitted: Fit, *, seed: int, tell: Tell, backend=None, noise: str = GA
 
 def studied(posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int, tell: Tell) -> PosteriorStudy:
     """Study a posterior: priors, profiles, correlations, chains, and predictive bands of every recording."""
-    from discovery.posterior_study import study_posterior
+    from discovery.posterior_study import LONGEST_BAND, study_posterior
 
     tell("profile likelihoods and predictive bands")
     rng = np.random.default_rng(stage_seed(seed, "predictive"))
-    return study_posterior(posterior, fitted, dataset.holdout, rng=rng)
+    study = study_posterior(posterior, fitted, dataset.holdout, rng=rng)
+    banded = {band.name for band in study.bands}
+    for e in dataset.holdout:
+        if e.recording.name not in banded and e.recording.time.size <= LONGEST_BAND:
+            tell(f"no predictive band of {e.recording.name}: the fitted motion blows up there")
+    return study
 
 
 def compared(fitted: Fit, loop: LoopResult, *, seed: int, tell: Tell) -> dict[str, Any]:

@@ -72,6 +72,8 @@ def choose_step(
     size = units.length if experiments[0].is_arm else units.coordinate
     tried: dict[float, float] = {}
     for _ in range(12):
+        if step < shortest:
+            break
         bench = Bench(model.base, effects or model.effects, experiments, step)
         problem = Problem(model, bench, units, {})
         vector = problem.start(values)[:, None]
@@ -89,14 +91,10 @@ def choose_step(
         if len(finite) > _PATIENCE and min(finite) > 0.1 * max(finite):
             break
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
-        change = float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
-        if step * change < shortest:
-            break
-        step *= change
-    best = min(tried, key=lambda h: tried[h])
-    if tried[best] < _USABLE:
+        step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
+    best = min(tried, key=lambda h: tried[h], default=step)
+    if tried.get(best, np.inf) < _USABLE:
         # Dry friction at a turn, or ringing that is all but chaotic: finer steps do not help.
         return best
-    raise ComputationError(
-        f"No step gives a trajectory error below {tolerance:g}; the last one tried was {step:.3g} s."
-    )
+    last = min(tried, default=step)
+    raise ComputationError(f"No step gives a trajectory error below {tolerance:g}, not even {last:.3g} s.")

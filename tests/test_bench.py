@@ -118,6 +118,23 @@ def test_the_number_of_threads_changes_no_digit(monkeypatch: pytest.MonkeyPatch)
             np.testing.assert_array_equal(a, b)
 
 
+def test_recordings_side_by_side_answer_as_each_alone() -> None:
+    experiments = (arm("a", ("tip_x", "tip_y"), 150), arm("bb", ("tip_x", "tip_y"), 90), arm("ccc", ("tip_angle",), 40))
+    together = Bench("constant_radius", EFFECTS, experiments, 0.02)
+    parameters, initial = scattered(together, 77)
+    residuals, chi2 = together.residuals(parameters, initial), together.chi2(parameters, initial)
+    predicted = together.predict(parameters, initial)
+    first = 0
+    for i, e in enumerate(experiments):
+        alone = Bench("constant_radius", EFFECTS, [e], 0.02)
+        own = initial[i : i + 1]
+        np.testing.assert_array_equal(residuals[first : first + alone.n_rows], alone.residuals(parameters, own))
+        np.testing.assert_array_equal(chi2[i], alone.chi2(parameters, own)[0])
+        np.testing.assert_array_equal(predicted[i], alone.predict(parameters, own)[0])
+        first += alone.n_rows
+    assert first == len(residuals)
+
+
 def test_memory_does_not_grow_with_samples_times_sets() -> None:
     bench = Bench("constant_radius", EFFECTS, [arm("a", ("tip_x", "tip_y"), 4000)], 0.05)
 

@@ -68,6 +68,23 @@ def test_what_blows_up_on_the_quick_steps_is_compared_on_finer_ones() -> None:
     assert again.step < coarse.step
 
 
+def test_finer_mechanics_that_would_take_too_many_steps_are_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, quick, _ = on_both_mechanics()
+    train = quick.refit.problem.bench.experiments
+    settings = LoopSettings()
+    case = Case(
+        train,
+        HoldOut(train, [], quick.refit.problem.units, settings.tolerance),
+        settings,
+        quick.refit.problem.units,
+        lambda _: None,
+    )
+    monkeypatch.setattr("discovery.case.MOST_STEPS", 100)
+    assert list(case._on_finer(quick.refit)) == []
+    assert case.finer(quick.refit, 0.0) is quick.refit
+    assert case.finest(quick.refit).model.base == "elastica_calm"
+
+
 def test_only_what_is_near_the_best_is_finished() -> None:
     case, quick, _ = on_both_mechanics()
     made = Branches(case, quick.refit.problem.bench).of(quick, AMONG, grows=False)

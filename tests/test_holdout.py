@@ -58,6 +58,19 @@ def test_a_set_that_blows_up_on_held_out_recordings_is_no_noise(monkeypatch: pyt
     assert node.held == node.held_rough == np.inf
 
 
+def test_a_model_that_blows_up_beyond_the_fitted_motion_is_infinitely_wrong_and_no_error() -> None:
+    train = [recorded("train", pushes(1.0, -1.5, 0.7, 0.0), 0)]
+    found = fit(Model("oscillator", DECLARED), train, start={"xi": 0.08, "alpha": 9.0}, units=UNITS)
+    bench, held = Bench("oscillator", EFFECTS, train, 0.04), judge()
+    # It pushes away from rest, so fast that no step is short enough.
+    (wild,) = held.predictions(bench, [(found.model, {**found.values, "alpha": -1e4}, [])])
+    assert held.score(wild)[0] == held.score(wild)[2] == held.errors(wild)["holdout"]["rms"] == np.inf
+    # The next model is predicted as if nothing had been.
+    (after,) = held.predictions(bench, [(found.model, found.values, [])])
+    (fresh,) = judge().predictions(bench, [(found.model, found.values, [])])
+    np.testing.assert_array_equal(after[0], fresh[0])
+
+
 @pytest.mark.parametrize("continued", [False, True])
 def test_the_uncertainty_of_predictions_is_that_of_draws_of_the_estimates(
     continued: bool, monkeypatch: pytest.MonkeyPatch

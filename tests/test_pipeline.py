@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from discovery import stages
 from discovery.dataset import Dataset, load_dataset
+from discovery.errors import ComputationError
 from discovery.pipeline import _describe as describe
 from discovery.pipeline import run, save_prediction, write_loop
 from discovery.predict import predict
@@ -286,6 +287,24 @@ def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, tmp_path:
     moved = pd.read_csv(tmp_path / "moved.csv")
     angle = np.arctan2(moved["tip_y_after_m"][0], moved["tip_x_after_m"][0])
     assert angle - wanted.motor_angle[0] == pytest.approx(0.2, abs=1e-6)
+
+
+def test_a_declared_model_that_blows_up_leaves_its_columns_empty(dataset: Dataset, tmp_path: Path) -> None:
+    fits = stages.estimate(dataset, tell=silent)
+    after, cubic = fits.models["linear"], fits.models["declared"]
+    (wanted,) = dataset.holdout
+    x = cubic.minimum.x.copy()
+    # So soft where it is far deflected that it pushes the tip away.
+    x[cubic.problem.names.index("beta")] = cubic.problem.bounds[0][cubic.problem.names.index("beta")]
+    before = replace(cubic, minimum=replace(cubic.minimum, x=x))
+    why = save_prediction(tmp_path / "prediction.csv", wanted, before, after)
+    assert "step" in why
+    table = pd.read_csv(tmp_path / "prediction.csv")
+    assert table.filter(like="_before").isna().all(axis=None)
+    np.testing.assert_allclose(table["tip_x_after_m"], predict(after, wanted)[0][:, 0], rtol=1e-8, atol=1e-9)
+    with pytest.raises(ComputationError, match="step"):
+        save_prediction(tmp_path / "other.csv", wanted, after, before)
+    assert not (tmp_path / "other.csv").exists()
 
 
 # Another kind of system.

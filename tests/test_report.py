@@ -251,6 +251,25 @@ def test_an_error_that_grows_does_not_fall(tmp_path: Path) -> None:
     assert "goes from 2.98 to 4.00 mm" in headline(Run(tmp_path, results))
 
 
+def test_a_declared_model_that_blows_up_is_told_and_hides_nothing(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    before = results["loop"]["errors"]["before"]
+    held = next(r["name"] for r in results["recordings"] if r["role"] == "holdout")
+    for group in before.keys() - {"train"}:
+        before[group] = dict.fromkeys(before[group])
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    with xr.open_dataset(tmp_path / "trajectories.nc", group=held) as stored:
+        dataset = stored.load()
+    dataset["before"][100:] = 1e190
+    dataset["before"][200:] = np.nan
+    dataset.to_netcdf(tmp_path / "trajectories.nc", mode="a", group=held)
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert "falls from ∞ to 0.473" in page.translate(_PLAIN)
+    drawn = next(t for t in Run(tmp_path, results).trajectories if t.name == held).models["before"]
+    assert np.isfinite(drawn[:100]).all()
+    assert np.isnan(drawn[100:]).all()
+
+
 def test_notes_stand_with_the_recordings(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["recordings"][0]["notes"] = ["'tip_x_m' is stuck for 29 samples from 3.3 s, while the system moves."]

@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 from discovery import compile as compiled
 from discovery.compile import compile_kernel, numpy_derivative
 from discovery.drive import Drive
-from discovery.errors import SimulationFailure
+from discovery.errors import ComputationError, SimulationFailure
 from discovery.experiment import Experiment
 from discovery.grid import DriveLike, Grid
 from discovery.kernel_source import kernel_source
@@ -206,6 +206,19 @@ def test_default_step_of_a_driven_oscillator() -> None:
         return np.array([y[1], 2.0 * u[0] - 0.3 * y[1] - 9.0 * y[0] - 4.0 * y[0] ** 3])
 
     assert np.abs(got - reference(duffing, SMOOTH, np.array([0.1, 0.0]), time)[0]).max() < 0.3e-6
+
+
+def test_a_step_below_the_shortest_is_not_tried() -> None:
+    time, drive = np.linspace(0.0, 3.0, 151), trapezoid(1.0, 1.25)
+    experiment, model = arm_experiment("elastica_2", time, drive)
+    # So strongly damped that the higher shape creeps back fast: it sets the step, whatever the tolerance.
+    values = {**PAPER, "tau_r": 0.1, "delta_0_init[test]": 0.1, "rate_0_init[test]": 0.0}
+    units = NaturalUnits(1 / 3, 1.0, 1.0)
+    step = choose_step(model, [experiment], units, values, 1e-3)
+    assert step < 0.01
+    assert choose_step(model, [experiment], units, values, 1e-3, shortest=0.5 * step) == step
+    with pytest.raises(ComputationError, match="No step"):
+        choose_step(model, [experiment], units, values, 1e-3, shortest=2 * step)
 
 
 @pytest.mark.parametrize(("base", "first"), [("constant_radius", 0.1), ("elastica_2", 0.01)])

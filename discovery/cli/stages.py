@@ -80,19 +80,20 @@ def loop(
                 "stays there. Give the state at the first time with --initial-state ANGLE,RATE.",
                 err=True,
             )
-    folder = results_folder(out)
+    folder, why = results_folder(out), ""
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, tell=tell)
         missing = unexplained(result, dataset, tell=tell)
         from discovery.pipeline import save_prediction, write_loop
 
+        # One of an earlier run would be another model's.
+        (folder / "prediction.csv").unlink(missing_ok=True)
+        write_loop(folder, result, missing=missing)
         if wanted is not None:
             tell("predicting")
-            save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
-        write_loop(folder, result, missing=missing)
-        if wanted is None:
-            # One of an earlier run would be another model's.
-            (folder / "prediction.csv").unlink(missing_ok=True)
+            why = save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
+    if why:
+        click.echo(f"{target}: the declared model does not predict it, its columns are left empty. {why}", err=True)
     _say_loop(result)
     for doubt in doubts(result, dataset):
         click.echo(f"doubt: {doubt}")

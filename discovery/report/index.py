@@ -19,7 +19,7 @@ from discovery.report.estimates import posterior_table
 from discovery.report.formula import formula
 from discovery.report.numbers import scale_for, significant, uncertain, unit_text
 from discovery.report.page import added_effects, environment, found_terms, regression_equation, three_terms
-from discovery.report.results import Run, read_run
+from discovery.report.results import Run, blown_up, read_run
 from discovery.report.words import effect_name, headline, held_group, origin
 
 __all__ = ["build_index"]
@@ -114,7 +114,7 @@ def _figure(path: Path) -> dict[str, str]:
 def _row(folder: Path) -> dict[str, Any]:
     """Return what the page says of a closed loop."""
     loop = json.loads((folder / "loop.json").read_text(encoding="utf-8"))
-    errors = loop["errors"]
+    errors = blown_up(loop["errors"])
     group = held_group(errors)
     scale = scale_for(errors["unit"], errors["after"][group]["rms"])
     found = []

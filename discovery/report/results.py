@@ -24,6 +24,8 @@ __all__ = ["MODELS", "Run", "Trajectory", "read_run"]
 FloatArray = NDArray[np.float64]
 #: Models whose predictions are stored beside the measurement.
 MODELS = ("linear", "before", "after")
+#: Predictions are drawn up to so many times the largest reading.
+_FARTHEST = 10.0
 #: What is read where it is not the coordinate, by base.
 _READS = {"inverse_dynamics": "force", "accelerometer": "acceleration"}
 
@@ -81,6 +83,20 @@ class Trajectory:
         return np.sqrt(np.sum((self.models[model] - self.measured) ** 2, axis=1))
 
 
+def blown_up(errors: Mapping[str, Any]) -> dict[str, Any]:
+    """Return errors with infinite ones, which a file cannot hold, where one model has them and the other does not.
+
+    Where neither has, there are no samples.
+    """
+    found = dict(errors)
+    for when, other in (("before", "after"), ("after", "before")):
+        found[when] = {
+            group: {k: np.inf if v is None and errors[other][group][k] is not None else v for k, v in measures.items()}
+            for group, measures in errors[when].items()
+        }
+    return found
+
+
 @dataclass(frozen=True)
 class Run:
     """The result files of a run directory.
@@ -101,10 +117,11 @@ class Run:
         """Whether the system is a flexible arm."""
         return self.results["rig"]["kind"] == "flexible_arm"
 
-    @property
+    @cached_property
     def loop(self) -> Mapping[str, Any]:
-        """The loop's result, as in ``loop.json``."""
-        return self.results["loop"]
+        """The loop's result, as in ``loop.json``, with infinite errors where a motion blew up."""
+        loop = self.results["loop"]
+        return {**loop, "errors": blown_up(loop["errors"])}
 
     @property
     def coordinate_unit(self) -> str:
@@ -213,6 +230,11 @@ class Run:
         return separate or tuple(t for t in self.trajectories if not t.fitted.all())
 
 
+def _shown(values: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return a prediction without what lies so far beyond all readings that it would hide the rest: it blew up."""
+    return np.where(np.abs(values) <= _FARTHEST * np.nanmax(np.abs(measured), axis=0), values, np.nan)
+
+
 def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory:
     def array(name: str) -> FloatArray | None:
         return np.asarray(dataset[name].to_numpy(), dtype=np.float64) if name in dataset else None
@@ -222,7 +244,7 @@ def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory
         raise InputError(
             f"trajectories.nc has no variable 'measured' for {recording['name']!r}. Run the pipeline again."
         )
-    models = {name: values for name in MODELS if (values := array(name)) is not None}
+    models = {name: _shown(values, measured) for name in MODELS if (values := array(name)) is not None}
     quantiles = [array(f"posterior_{q}") for q in ("q05", "q50", "q95")]
     band = np.stack([q for q in quantiles if q is not None]) if all(q is not None for q in quantiles) else None
     fitted = array("fitted")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, RED, Picture, new_figure, plain_log
@@ -32,6 +34,20 @@ def draw(run: Run) -> Picture | None:
             (-0.13, 0.13),
             strict=True,
         ):
+            if math.isinf(value):
+                # At the right edge, above or below the line of its group as its bar would be.
+                blown = f"{name.partition(':')[0]}: blows up"
+                axes.text(
+                    0.99,
+                    row + 2 * shift,
+                    blown,
+                    color=colour,
+                    fontsize=8,
+                    ha="right",
+                    va="center",
+                    transform=axes.get_yaxis_transform(),
+                )
+                continue
             axes.plot([value, peak], [row + shift] * 2, color=colour, linewidth=0.8, alpha=0.7)
             axes.plot(peak, row + shift, marker="|", color=colour, markersize=6)
             axes.plot(
