@@ -64,9 +64,13 @@ def _answer_on(problems: Sequence[Problem]) -> Callable[[list[tuple[int, FloatAr
         initial = np.concatenate([s for _, s in expanded], axis=2)
         edges = np.cumsum([0, *[x.shape[1] for _, x in wanted]])
         data = problems[0].bench.residuals(parameters, initial)
-        return [
-            np.concatenate([data[:, edges[j] : edges[j + 1]], problems[i].prior_residuals(x)])
-            for j, (i, x) in enumerate(wanted)
-        ]
+        found = []
+        for j, (i, x) in enumerate(wanted):
+            prior = problems[i].prior_residuals(x)
+            # What a minimisation does with a trial it does with a whole column.
+            own = np.empty((len(data) + len(prior), x.shape[1]), order="F")
+            own[: len(data)], own[len(data) :] = data[:, edges[j] : edges[j + 1]], prior
+            found.append(own)
+        return found
 
     return answer

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dger
 
 __all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
 
@@ -189,7 +190,7 @@ def levenberg_marquardt(
     points, apart = _probes(x, lower, upper, step, unknown, both=both)
     answers = yield np.concatenate([x[:, None], points], axis=1)
     residual = answers[:, 0]
-    jacobian = np.empty((residual.size, x.size)) if jacobian is None else jacobian.copy()
+    jacobian = np.empty((residual.size, x.size), order="F") if jacobian is None else jacobian.copy(order="F")
     jacobian[:, unknown] = _columns(answers[:, 1:], residual, apart)
 
     def differenced() -> Generator[FloatArray, FloatArray, FloatArray]:
@@ -247,7 +248,9 @@ def levenberg_marquardt(
         if gain > small:
             if quick or (rough and not bent and gain > -_KEPT * (gradient @ moved + 0.5 * moved @ normal @ moved)):
                 weighted = diagonal**2 * moved
-                jacobian += np.outer(changed - jacobian @ moved, weighted) / max(weighted @ moved, 1e-300)
+                # In place: it is the same array, by columns.
+                share = 1.0 / max(weighted @ moved, 1e-300)
+                jacobian = dger(share, changed - jacobian @ moved, weighted, a=jacobian, overwrite_a=1)
                 fresh = False
             else:
                 jacobian = yield from differenced()

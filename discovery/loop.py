@@ -25,7 +25,7 @@ from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
 from discovery.separation import Separation, separate
 from discovery.simulate import THREADS
-from discovery.workers import at_once
+from discovery.workers import at_once, single_algebra
 
 __all__ = ["UPGRADES", "LoopResult", "close_loop"]
 
@@ -183,6 +183,14 @@ def close_loop(
     settings = settings or LoopSettings()
     judge = HoldOut(train, holdout, units, settings.tolerance)
     case = Case(train, judge, _attainable(settings, train, judge), units, progress or (lambda _: None))
+    # Matrices are tall and narrow: a second thread of theirs would only wait in the way of the simulations.
+    with single_algebra():
+        return _closed(case)
+
+
+def _closed(case: Case) -> LoopResult:
+    """Return what the loop finds."""
+    train, holdout, units = case.train, case.judge.separate, case.units
     declared = declared_model(train[0])
     case.tell("refitting the declared model")
     before = fit(declared, train, units=units)
@@ -234,7 +242,7 @@ def close_loop(
         },
         test=test,
         contradiction=contradiction,
-        separations=_separations(search, case) if settings.follow_up and arm else (),
+        separations=_separations(search, case) if case.settings.follow_up and arm else (),
         recordings=tuple(e.recording for e in (*train, *holdout)),
         noise=noise,
         unlike=unlike,

@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 from test_posterior import EFFECTS, NOISE, START, experiment
 
+from discovery.errors import SimulationFailure
 from discovery.fit import fit
 from discovery.model import Model
 from discovery.posterior import sample
@@ -74,6 +75,23 @@ def test_a_recording_whose_end_was_held_out_has_two_parts(sampled) -> None:
     problem = dataclasses.replace(fitted.problem, bench=bench)
     found = study_posterior(posterior, dataclasses.replace(fitted, problem=problem), rng=np.random.default_rng(3))
     assert [(c.part, c.readings) for c in found.coverage] == [("fitted", 100), ("held out", 51)]
+
+
+def test_a_recording_in_which_the_motion_blows_up_has_no_band(sampled, held, monkeypatch) -> None:
+    def blowing(posterior, experiments, *rest, **more):  # type: ignore[no-untyped-def]
+        if any(e.recording.name == "louder" for e in experiments):
+            raise SimulationFailure({}, 1.0, "the motion is not finite any more.")
+        return predictive(posterior, experiments, *rest, **more)
+
+    monkeypatch.setattr("discovery.posterior_study.predictive", blowing)
+    _, fitted, posterior = sampled
+    found = study_posterior(posterior, fitted, held, rng=np.random.default_rng(3))
+    assert [band.name for band in found.bands] == ["train", "like"]
+    assert {c.recording for c in found.coverage} == {"train", "like"}
+    # What was fitted must not.
+    monkeypatch.setattr("discovery.posterior_study.predictive", lambda *_, **__: blowing(posterior, held))
+    with pytest.raises(SimulationFailure):
+        study_posterior(posterior, fitted, rng=np.random.default_rng(3))
 
 
 def test_starts_of_what_was_not_fitted_are_found(sampled, held) -> None:
