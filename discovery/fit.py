@@ -342,8 +342,8 @@ def refined(found: Fit, largest: float = SHIFT, *, rough: bool = False) -> Fit:
     """Return a fit on steps so fine that the solver shifts no estimate by more than `largest` standard deviations.
 
     Each round refits from the minimum of the last one. Where finer steps do not help, as for dry friction, or would be
-    too many, the best round is returned; its `solver_shift` and `status` tell. `rough` as in
-    `discovery.least_squares.levenberg_marquardt`.
+    too many, the best round is returned; its `solver_shift` and `status` tell. `rough`, with differences to one side,
+    as in `discovery.least_squares.levenberg_marquardt`.
     """
     best = found
     for _ in range(_REFINEMENTS):

@@ -44,6 +44,7 @@ class HoldOut:
         self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
         self._benches: dict[tuple[str, tuple[str, ...], float], Bench] = {}
         self._shares: dict[tuple[str, tuple[str, ...]], float] = {}
+        self._wild: set[object] = set()
 
     @property
     def kind(self) -> str:
@@ -57,26 +58,30 @@ class HoldOut:
         if self.continued:
             return [on_train for _, _, on_train in models]
         kernel = (bench.base, bench.effects)
-        step = self._share(bench, *models[0][:2]) * bench.step
+        step = self._share(bench, [(m, v) for m, v, _ in models]) * bench.step
         key = (*kernel, step)
         if key not in self._benches:
             self._benches[key] = Bench(*kernel, self.separate, step)
         return held_out([(m, v) for m, v, _ in models], self.separate, self._benches[key], self.units)
 
-    def _share(self, bench: Bench, model: Model, values: Mapping[str, float]) -> float:
+    def _share(self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float]]]) -> float:
         """Return how much finer steps the held-out recordings need than the fitted ones, over these.
 
-        Later sets do not ask again, so that which of them comes first makes no difference.
+        The first set that moves through them decides: later ones do not ask again.
         """
         kernel = (bench.base, bench.effects)
-        if kernel not in self._shares:
+        for model, values in models:
+            # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
+            asked = kernel, model.effects, frozenset(values.items())
+            if kernel in self._shares or asked in self._wild:
+                break
             try:
                 step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
             except ComputationError:
-                # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
-                return 1.0
-            self._shares[kernel] = min(step / bench.step, 1.0)
-        return self._shares[kernel]
+                self._wild.add(asked)
+            else:
+                self._shares[kernel] = min(step / bench.step, 1.0)
+        return self._shares.get(kernel, 1.0)
 
     @property
     def experiments(self) -> Sequence[Experiment]:

@@ -188,8 +188,9 @@ def study_posterior(
         bands = banded([*train, *held])
     except SimulationFailure:
         # What was fitted may blow up in a motion that it has not seen: there is no band of that.
-        held = [e for e in held if _is_finite(partial(banded, [e]))]
-        bands = banded([*train, *held])
+        bands, alone = banded(train), [(e, _unless_blown(partial(banded, [e]))) for e in held]
+        held = [e for e, band in alone if band]
+        bands += [each for _, band in alone for each in band]
     shown = [*train, *held]
     seen = [*(e.fitted for e in train), *[slice(0, 0)] * len(held)]
     rows: list[Coverage] = []
@@ -207,13 +208,12 @@ def study_posterior(
     )
 
 
-def _is_finite(simulate: Callable[[], object]) -> bool:
-    """Return whether nothing blows up in a simulation."""
+def _unless_blown(banded: Callable[[], list[Band]]) -> list[Band]:
+    """Return bands, none where a motion blows up."""
     try:
-        simulate()
+        return banded()
     except SimulationFailure:
-        return False
-    return True
+        return []
 
 
 def _short(experiments: Sequence[Experiment]) -> list[Experiment]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 
 from discovery import symbols as s
-from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.compile import numpy_derivative
 from discovery.covariance import principal_spread
@@ -23,6 +22,7 @@ from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem
 from discovery.program import Program, build_program
 from discovery.simulate import check_finite
+from discovery.starts import fitted_states
 from discovery.step import choose_step
 
 __all__ = ["equilibrium", "held_out", "predict"]
@@ -239,9 +239,7 @@ def held_out(
     for model, values in candidates:
         known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
         problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}))
-    starts = [p.start({}) for p in problems]
-    if starts[0].size:
-        starts = [m.x for m in fit_problems(problems, starts, iterations=12)]
+    starts = fitted_states(problems)
     vectors = [p.expand(x[:, None]) for p, x in zip(problems, starts, strict=True)]
     parameters = np.concatenate([v[0] for v in vectors], axis=1)
     initial = np.concatenate([v[1] for v in vectors], axis=2)

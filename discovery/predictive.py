@@ -10,13 +10,13 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from discovery.batch import fit_problems
 from discovery.bench import Bench
 from discovery.errors import InputError
 from discovery.instrument import noise_names
 from discovery.model import Model
 from discovery.problem import Problem
 from discovery.simulate import check_finite
+from discovery.starts import fitted_states
 
 if TYPE_CHECKING:
     from discovery.draws import Posterior
@@ -154,8 +154,7 @@ def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> di
     medians = {name: float(np.median(x)) for name, x in posterior.flat().items() if name in model.parameters}
     held = Model(model.base, model.effects, {**model.known, **medians})
     problem = Problem(held, Bench(model.base, model.effects, experiments, posterior.step), posterior.natural, {})
-    (minimum,) = fit_problems([problem], [problem.start({})], iterations=12)
-    states = minimum.x.reshape(-1, 2).tolist()
+    states = fitted_states([problem])[0].reshape(-1, 2).tolist()
     return {e.recording.name: (d, rate) for e, (d, rate) in zip(experiments, states, strict=True)}
 
 

@@ -26,6 +26,8 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 #: Bins of the averaged residual in one period of the motion.
 BINS_PER_PERIOD = 24
+#: A prediction that errs by so many times the largest reading has blown up.
+_BLOWN = 1e6
 
 
 @dataclass(frozen=True)
@@ -243,7 +245,7 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
 def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
     """Return rms, mean and peak of the error: Euclidean distance over the channels, samples with finite output only.
 
-    They are infinite where the prediction of one of these is not finite.
+    They are infinite where the prediction of one of these is not finite, or beyond all measure.
 
     Parameters
     ----------
@@ -251,8 +253,10 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
         Free-run prediction and measurement.
     """
     taken = np.isfinite(measured).all(axis=1)
-    distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
-    distance[~np.isfinite(distance)] = np.inf
+    with np.errstate(over="ignore"):
+        distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
+    largest = float(np.abs(measured[taken]).max(initial=0.0))
+    distance[~(distance <= (_BLOWN * largest or np.inf))] = np.inf
     if distance.size == 0:
         return {"rms": float("nan"), "mean": float("nan"), "peak": float("nan")}
     return {

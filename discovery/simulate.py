@@ -17,7 +17,7 @@ from discovery.mechanics import get_base
 from discovery.runge_kutta import CLASSICAL, Method
 from discovery.workers import in_threads
 
-__all__ = ["THREADS", "Batch", "Misses", "Simulator", "check_finite", "simulated"]
+__all__ = ["THREADS", "Asked", "Batch", "Misses", "Simulator", "check_finite", "simulated"]
 
 FloatArray = NDArray[np.float64]
 

@@ -52,7 +52,7 @@ def choose_step(
     effects : sequence of str, optional
         Effects of the kernel; the model's own by default.
     shortest : float
-        No step below this is tried [s].
+        The error of no step below this is asked for [s].
 
     Raises
     ------
@@ -68,12 +68,10 @@ def choose_step(
     # An input with content up to half the sampling rate must be resolved too.
     rough = experiments[0].drive is not None and not experiments[0].is_arm
     # The method is stable up to 2.8 / fastest; damping and candidates need some of that.
-    step = min(2.0 / fastest, 0.1 * units.time, gap if rough else np.inf)
+    step = max(min(2.0 / fastest, 0.1 * units.time, gap if rough else np.inf), shortest)
     size = units.length if experiments[0].is_arm else units.coordinate
     tried: dict[float, float] = {}
     for _ in range(12):
-        if step < shortest:
-            break
         bench = Bench(model.base, effects or model.effects, experiments, step)
         problem = Problem(model, bench, units, {})
         vector = problem.start(values)[:, None]
@@ -91,10 +89,12 @@ def choose_step(
         if len(finite) > _PATIENCE and min(finite) > 0.1 * max(finite):
             break
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
-        step *= float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
-    best = min(tried, key=lambda h: tried[h], default=step)
-    if tried.get(best, np.inf) < _USABLE:
-        # Dry friction at a turn, or ringing that is all but chaotic: finer steps do not help.
+        change = float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
+        if step <= shortest:
+            break
+        step = max(step * change, shortest)
+    best = min(tried, key=lambda h: tried[h])
+    if tried[best] < _USABLE:
+        # Dry friction at a turn, or ringing that is all but chaotic: finer steps do not help, or are not to be tried.
         return best
-    last = min(tried, default=step)
-    raise ComputationError(f"No step gives a trajectory error below {tolerance:g}, not even {last:.3g} s.")
+    raise ComputationError(f"No step gives a trajectory error below {tolerance:g}, not even {min(tried):.3g} s.")

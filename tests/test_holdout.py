@@ -11,6 +11,7 @@ from discovery.fit import fit
 from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.node import Node
+from discovery.predict import held_out
 from discovery.refits import Refit
 
 HELD = recorded("held", pushes(-0.8, 1.2, 0.3, 0.0), 100)
@@ -69,6 +70,20 @@ def test_a_model_that_blows_up_beyond_the_fitted_motion_is_infinitely_wrong_and_
     (after,) = held.predictions(bench, [(found.model, found.values, [])])
     (fresh,) = judge().predictions(bench, [(found.model, found.values, [])])
     np.testing.assert_array_equal(after[0], fresh[0])
+
+
+def test_a_blow_up_in_one_recording_spoils_no_start_in_another() -> None:
+    train = [recorded("train", pushes(1.0, -1.5, 0.7, 0.0), 0)]
+    found = fit(Model("oscillator", DECLARED), train, start={"xi": 0.08, "alpha": 9.0}, units=UNITS)
+    # It softens: small motions stay, large ones run away.
+    soft = (Model("oscillator", (*DECLARED, "cubic_stiffness")), {**found.values, "beta": -60.0})
+    violent = recorded("violent", pushes(-8.0, 12.0, 3.0, 0.0), 100)
+    calm = recorded("calm", pushes(0.1, -0.1, 0.05, 0.0), 3)
+    both, alone = Bench("oscillator", EFFECTS, [violent, calm], 0.01), Bench("oscillator", EFFECTS, [calm], 0.01)
+    ((wild, small),) = held_out([soft], [violent, calm], both, UNITS)
+    ((expected,),) = held_out([soft], [calm], alone, UNITS)
+    assert not np.isfinite(wild).all()
+    np.testing.assert_allclose(small, expected, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("continued", [False, True])

@@ -257,6 +257,10 @@ def test_a_declared_model_that_blows_up_is_told_and_hides_nothing(tmp_path: Path
     held = next(r["name"] for r in results["recordings"] if r["role"] == "holdout")
     for group in before.keys() - {"train"}:
         before[group] = dict.fromkeys(before[group])
+    upgrade = next(s for s in results["loop"]["steps"] if s["action"] == "upgrade")
+    upgrade["numbers"] = {"chi2_holdout_before": None, "chi2_holdout_after": 1234.0, "n_holdout": 1000.0}
+    if results.get("clean"):
+        next(iter(results["clean"].values()))["before"] = dict.fromkeys(("rms", "mean", "peak"))
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
     with xr.open_dataset(tmp_path / "trajectories.nc", group=held) as stored:
         dataset = stored.load()

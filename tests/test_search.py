@@ -351,6 +351,18 @@ def test_an_effect_must_remove_more_than_the_laws_before_it_may_have_idealised(g
         assert verdict.accepted is accepted, verdict.reason
 
 
+def test_an_effect_without_which_the_motion_blows_up_on_the_held_out_recordings_joins() -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    larger = search.best
+    smaller = replace(changed(larger, chi2=1e6, held=0.0), added=larger.added[:1], held=np.inf)
+    root = replace(changed(larger, chi2=2e6, held=0.0), added=(), held=np.inf)
+    verdict = weigh(search.case, root, smaller, larger, larger.added[1:], None)
+    assert verdict.accepted, verdict.reason
+    assert "blows up" in verdict.reason
+    still = replace(larger, held=np.inf)
+    assert not weigh(search.case, root, smaller, still, larger.added[1:], None).accepted
+
+
 def test_a_set_that_fails_on_the_held_out_recordings_is_not_extended(monkeypatch: pytest.MonkeyPatch) -> None:
     found = searched(beta=1.0, f_c=0.02)
     search = copy(found)

@@ -218,7 +218,7 @@ def test_a_step_below_the_shortest_is_not_tried() -> None:
     assert step < 0.01
     assert choose_step(model, [experiment], units, values, 1e-3, shortest=0.5 * step) == step
     with pytest.raises(ComputationError, match="No step"):
-        choose_step(model, [experiment], units, values, 1e-3, shortest=2 * step)
+        choose_step(model, [experiment], units, values, 1e-3, shortest=4 * step)
 
 
 @pytest.mark.parametrize(("base", "first"), [("constant_radius", 0.1), ("elastica_2", 0.01)])

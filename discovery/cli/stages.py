@@ -60,6 +60,7 @@ def loop(
     rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None
 ) -> None:
     """Find what the declared model lacks."""
+    from discovery.errors import ComputationError
     from discovery.stages import loop as close
     from discovery.stages import unexplained
 
@@ -81,6 +82,7 @@ def loop(
                 err=True,
             )
     folder, why = results_folder(out), ""
+    failed: ComputationError | None = None
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, tell=tell)
         missing = unexplained(result, dataset, tell=tell)
@@ -91,7 +93,10 @@ def loop(
         write_loop(folder, result, missing=missing)
         if wanted is not None:
             tell("predicting")
-            why = save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
+            try:
+                why = save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
+            except ComputationError as failure:
+                failed = failure
     if why:
         click.echo(f"{target}: the declared model does not predict it, its columns are left empty. {why}", err=True)
     _say_loop(result)
@@ -102,8 +107,11 @@ def loop(
         patch = "a patch is offered, see missing_force in loop.json" if missing.patch else "no patch is offered"
         click.echo(f"missing force: depends on {of}; {patch}")
     files = [folder / "loop.json", *sorted(folder.glob("manoeuvre_*.csv"))]
-    files += [folder / "prediction.csv"] if wanted is not None else []
+    files += [folder / "prediction.csv"] if wanted is not None and failed is None else []
     click.echo(f"written: {', '.join(map(str, files))}")
+    if failed is not None:
+        # What was found has been said.
+        raise failed
 
 
 def _say_loop(result) -> None:

@@ -91,8 +91,10 @@ class Entry:
         total = sum(r["samples"] for r in members)
         return math.sqrt(sum(r["samples"] * r["signal"][which] ** 2 for r in members) / total)
 
-    def scaled(self, rms: float, group: str = "holdout") -> float:
-        """Return an rms error in SI units in the measure of the rig's table."""
+    def scaled(self, rms: float | None, group: str = "holdout") -> float:
+        """Return an rms error in SI units in the measure of the rig's table, infinite where a motion blew up."""
+        if rms is None:
+            return math.inf
         if self.known.measure == "relative":
             return 100.0 * rms / self._signal(group, "rms")
         if self.known.measure == "normalised":

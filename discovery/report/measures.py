@@ -91,11 +91,11 @@ def clean_table(run: Run) -> Table | None:
     clean = run.results.get("clean")
     if not clean:
         return None
-    scale = scale_for(run.loop["errors"]["unit"], next(iter(clean.values()))["before"]["mean"])
+    first = next(iter(clean.values()))
+    mean = first["before"]["mean"]
+    scale = scale_for(run.loop["errors"]["unit"], first["after"]["mean"] if mean is None else mean)
     labels = ("before", "after")
-    cells = [
-        [name, *(significant(m[w][k] * scale.factor) for w in labels for k in _MEASURES)] for name, m in clean.items()
-    ]
+    cells = [[name, *(c for w in labels for c in _spread(m[w], scale))] for name, m in clean.items()]
     raw = [[name, *(m[w][k] for w in labels for k in _MEASURES)] for name, m in clean.items()]
     head = ("recording", *(f"{w}, {k} [{scale.symbol}]" for w in labels for k in _MEASURES))
     keys = ("recording", *(f"{w}_{k}" for w in labels for k in _MEASURES))

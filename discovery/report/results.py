@@ -97,6 +97,11 @@ def blown_up(errors: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+def _finite_or_blown(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers of a step of the loop, with an infinite chi-square where a motion blew up."""
+    return {k: np.inf if v is None and "chi2" in k else v for k, v in numbers.items()}
+
+
 @dataclass(frozen=True)
 class Run:
     """The result files of a run directory.
@@ -121,7 +126,8 @@ class Run:
     def loop(self) -> Mapping[str, Any]:
         """The loop's result, as in ``loop.json``, with infinite errors where a motion blew up."""
         loop = self.results["loop"]
-        return {**loop, "errors": blown_up(loop["errors"])}
+        steps = [{**step, "numbers": _finite_or_blown(step["numbers"])} for step in loop["steps"]]
+        return {**loop, "errors": blown_up(loop["errors"]), "steps": steps}
 
     @property
     def coordinate_unit(self) -> str:
@@ -232,7 +238,8 @@ class Run:
 
 def _shown(values: FloatArray, measured: FloatArray) -> FloatArray:
     """Return a prediction without what lies so far beyond all readings that it would hide the rest: it blew up."""
-    return np.where(np.abs(values) <= _FARTHEST * np.nanmax(np.abs(measured), axis=0), values, np.nan)
+    largest = np.abs(measured[np.isfinite(measured)]).max(initial=0.0)
+    return np.where(np.abs(values) <= _FARTHEST * largest, values, np.nan) if largest else values
 
 
 def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory:

@@ -74,11 +74,14 @@ def draw(run: Run) -> list[Picture]:
 
 
 def _held(numbers: Mapping[str, float]) -> tuple[float, float] | None:
+    """Return the held-out misfits before and after a step; None without any, or where a motion blew up."""
     if "mean_chi2_holdout_after" in numbers:
-        return numbers["mean_chi2_holdout_before"], numbers["mean_chi2_holdout_after"]
-    if "chi2_holdout_after" in numbers:
-        return tuple(numbers[f"chi2_holdout_{k}"] / numbers["n_holdout"] for k in ("before", "after"))  # type: ignore[return-value]
-    return None
+        before, after = (numbers[f"mean_chi2_holdout_{k}"] for k in ("before", "after"))
+    elif "chi2_holdout_after" in numbers:
+        before, after = (numbers[f"chi2_holdout_{k}"] / numbers["n_holdout"] for k in ("before", "after"))
+    else:
+        return None
+    return (before, after) if np.isfinite([before, after]).all() else None
 
 
 def _round_limits(values: Sequence[float]) -> tuple[float, float]:
