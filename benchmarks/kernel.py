@@ -33,7 +33,7 @@ from discovery.experiment import Experiment
 from discovery.model import Model
 from discovery.recording import Recording
 from discovery.registry import catalogue
-from discovery.simulate import Misses, Simulator
+from discovery.simulate import Misses, Simulator, simulated
 from discovery.testing.states import every_effect
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
@@ -153,10 +153,9 @@ def growth(drive: Drive, times: np.ndarray, runs: int, sets: int) -> list[dict[s
 
 def sums_of(simulator: Simulator, parameters: np.ndarray) -> Callable[[], object]:
     """Return a call that sums squares over all outputs; nothing is stored."""
-    shape = simulator.time.size, len(simulator.kernel.program.reading)
     zeros = np.zeros(parameters.shape[1])
-    batch, misses = simulator.batch(parameters, zeros, zeros), Misses(0, np.zeros(shape), np.ones(shape))
-    return lambda: simulator.summed(batch, misses)
+    asked = simulator.asked(parameters, zeros, zeros)
+    return lambda: simulated([asked], stored=False)
 
 
 def compiled(folder: str) -> ctypes.CDLL | str:

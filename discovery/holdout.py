@@ -58,11 +58,12 @@ class HoldOut:
         if self.continued:
             return [on_train for _, _, on_train in models]
         kernel = (bench.base, bench.effects)
-        step = self._share(bench, [(m, v) for m, v, _ in models]) * bench.step
+        sets = [(model, values) for model, values, _ in models]
+        step = self._share(bench, sets) * bench.step
         key = (*kernel, step)
         if key not in self._benches:
             self._benches[key] = Bench(*kernel, self.separate, step)
-        return held_out([(m, v) for m, v, _ in models], self.separate, self._benches[key], self.units)
+        return held_out(sets, self.separate, self._benches[key], self.units)
 
     def _share(self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float]]]) -> float:
         """Return how much finer steps the held-out recordings need than the fitted ones, over these.
@@ -71,13 +72,15 @@ class HoldOut:
         """
         kernel = (bench.base, bench.effects)
         for model, values in models:
-            # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
             asked = kernel, model.effects, frozenset(values.items())
-            if kernel in self._shares or asked in self._wild:
+            if kernel in self._shares:
                 break
+            if asked in self._wild:
+                continue
             try:
                 step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
             except ComputationError:
+                # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
                 self._wild.add(asked)
             else:
                 self._shares[kernel] = min(step / bench.step, 1.0)

@@ -284,7 +284,7 @@ def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
     found = []
     for effect, rivals in search.rivals().items():
         case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
-        # All on the mechanics on which the search began: what tells them apart must be the effects.
+        # All on the mechanics on which the search began, where they do: what tells them apart must be the effects.
         refits = {effect: search.best.refit, **rivals}
         fitting = [partial(_quickly, r, search.bench, case) for r in refits.values()]
         fits = dict(zip(refits, at_once(fitting, threads=THREADS), strict=True))

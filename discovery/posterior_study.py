@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -188,9 +188,11 @@ def study_posterior(
         bands = banded([*train, *held])
     except SimulationFailure:
         # What was fitted may blow up in a motion that it has not seen: there is no band of that.
-        bands, alone = banded(train), [(e, _unless_blown(partial(banded, [e]))) for e in held]
-        held = [e for e, band in alone if band]
-        bands += [each for _, band in alone for each in band]
+        bands, every, held = banded(train), held, []
+        for experiment in every:
+            with suppress(SimulationFailure):
+                bands += banded([experiment])
+                held.append(experiment)
     shown = [*train, *held]
     seen = [*(e.fitted for e in train), *[slice(0, 0)] * len(held)]
     rows: list[Coverage] = []
@@ -206,14 +208,6 @@ def study_posterior(
         tuple(rows),
         {name: tuple(np.quantile(flat[name], _NEARLY_ALL).tolist()) for name in priors},
     )
-
-
-def _unless_blown(banded: Callable[[], list[Band]]) -> list[Band]:
-    """Return bands, none where a motion blows up."""
-    try:
-        return banded()
-    except SimulationFailure:
-        return []
 
 
 def _short(experiments: Sequence[Experiment]) -> list[Experiment]:

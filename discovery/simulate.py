@@ -233,13 +233,6 @@ class Simulator:
         self.run(batch, self._plain, np.empty((0, channels, 1)), np.empty((channels + 1, width)), [0], motion=motion)
         return motion
 
-    def summed(self, batch: Batch, misses: Misses) -> FloatArray:
-        """Return the sum of squared misses of every channel and the largest magnitude, shape (c + 1, k).
-
-        No trajectory is stored.
-        """
-        return simulated([(self, batch, misses, None)], stored=False)[0][1]
-
     def _order(self, parameters: FloatArray) -> NDArray[np.int64]:
         """Return the columns with the same effects present side by side, those with most first."""
         present = self.kernel.switches @ (parameters != 0.0) > 0

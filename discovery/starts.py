@@ -28,12 +28,12 @@ def fitted_states(problems: Sequence[Problem]) -> list[FloatArray]:
     if not starts[0].size:
         return starts
     minima = fit_problems(problems, starts, iterations=_ITERATIONS)
-    return [m.x if np.isfinite(m.cost) else _apart(p) for p, m in zip(problems, minima, strict=True)]
+    alone = len(problems[0].bench.experiments) == 1
+    return [m.x if alone or np.isfinite(m.cost) else _apart(p) for p, m in zip(problems, minima, strict=True)]
 
 
 def _apart(problem: Problem) -> FloatArray:
+    """Return the same of one problem, each recording fitted by itself."""
     bench = problem.bench
-    if len(bench.experiments) == 1:
-        return problem.start({})
     alone = [replace(problem, bench=Bench(bench.base, bench.effects, [e], bench.step)) for e in bench.experiments]
     return np.concatenate([fitted_states([p])[0] for p in alone])

@@ -52,7 +52,7 @@ def choose_step(
     effects : sequence of str, optional
         Effects of the kernel; the model's own by default.
     shortest : float
-        The error of no step below this is asked for [s].
+        Shortest step that is tried, against half of it [s].
 
     Raises
     ------

@@ -69,18 +69,20 @@ def weigh(
     if strict and not company and larger.held_rough > s.limit(root.held_rough):
         # Where something unknown is left, nothing explains most of what the others leave.
         share = s.kept_share
-    if strict and (held_gain > share * held_excess > 0 or (np.isfinite(larger.held) and not np.isfinite(smaller.held))):
+    blows_up = not np.isfinite(smaller.held)
+    cured = blows_up and bool(np.isfinite(larger.held))
+    if strict and (cured or held_gain > share * held_excess > 0):
         # It is needed to predict, however little it shows in training.
         share = s.least_share
     passes = {
         f"it removes {gain:.0f} of {excess:.0f} excess chi-square in training (required: at least {least:.0f})": gain
         > max(least, share * excess),
     }
-    if np.isfinite(smaller.held):
+    if blows_up:
+        passes["without it the motion blows up on the held-out ones"] = cured
+    else:
         told = f"it removes {held_gain:.0f} of {held_excess:.0f} on the held-out ones"
         passes[told] = held_gain > max(0.25 * s.least_gain, 0.5 * share * held_excess)
-    else:
-        passes["without it the motion blows up on the held-out ones"] = bool(np.isfinite(larger.held))
     # What has joined is judged by what its removal costs, however its amplitudes trade with what joined later.
     vague = [name for name in new if not strict and not determined(larger, name)]
     if vague:

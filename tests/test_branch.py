@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -69,16 +70,9 @@ def test_what_blows_up_on_the_quick_steps_is_compared_on_finer_ones() -> None:
 
 
 def test_finer_mechanics_that_would_take_too_many_steps_are_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, quick, _ = on_both_mechanics()
-    train = quick.refit.problem.bench.experiments
-    settings = LoopSettings()
-    case = Case(
-        train,
-        HoldOut(train, [], quick.refit.problem.units, settings.tolerance),
-        settings,
-        quick.refit.problem.units,
-        lambda _: None,
-    )
+    known, quick, _ = on_both_mechanics()
+    # The same case, which has not made any mechanics yet.
+    case = replace(known)
     monkeypatch.setattr("discovery.case.MOST_STEPS", 100)
     assert list(case._on_finer(quick.refit)) == []
     assert case.finer(quick.refit, 0.0) is quick.refit

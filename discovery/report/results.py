@@ -19,7 +19,7 @@ from discovery.kinds import KINDS
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MODELS", "Run", "Trajectory", "read_run"]
+__all__ = ["MODELS", "Run", "Trajectory", "blown_up", "read_run"]
 
 FloatArray = NDArray[np.float64]
 #: Models whose predictions are stored beside the measurement.
@@ -86,7 +86,7 @@ class Trajectory:
 def blown_up(errors: Mapping[str, Any]) -> dict[str, Any]:
     """Return errors with infinite ones, which a file cannot hold, where one model has them and the other does not.
 
-    Where neither has, there are no samples.
+    Where neither has, there may be no samples.
     """
     found = dict(errors)
     for when, other in (("before", "after"), ("after", "before")):
