@@ -221,8 +221,8 @@ class Case:
             except SimulationFailure:
                 continue
             if self._is_as_good(fitted.chi2, found):
-                return self.polish(fitted)
-        return self.polish(self.finished(found))
+                return fitted
+        return self.finished(found)
 
     def _unfixed(self, problem: Problem) -> Problem:
         return replace(problem, gaussian={**problem.gaussian, **self.conventions(problem.model)})
@@ -249,7 +249,7 @@ class Case:
         self.tell(f"looking for other shapes of {' and '.join(effects)}")
         found = shaken(Refit(effects[-1], fitted.problem, fitted.minimum), effects)
         better = found.chi2 < 2 * fitted.minimum.cost - self.settings.price
-        return self.polish(self.finished(found)) if better else fitted
+        return self.finished(found) if better else fitted
 
     def polish(self, fitted: Fit) -> Fit:
         """Return the fit on steps so fine that the solver shifts no estimate; see `discovery.fit.refined`."""

@@ -37,7 +37,7 @@ UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
-_DESIGNS, _LONG, _FEWEST = 100, 30_000, 20
+_DESIGNS, _LONG, _FEWEST = 100, 15_000, 20
 
 
 @dataclass(frozen=True, repr=False)
@@ -313,12 +313,12 @@ def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]
 
 def _final(search: Search, case: Case) -> tuple[Fit, list[FloatArray]]:
     """Return the final fit of what was found, and its predictions of the held-out recordings."""
-    found, held = search.finest()
+    found, _ = search.finest()
     if search.added and not search.settled:
-        other = case.reshaped(found, search.added)
-        if other is not found:
-            return other, case.held(other)
-    return found, held
+        found = case.reshaped(found, search.added)
+    # On steps that are finer than a search needs any fit takes several times as long: only the answer is worth it.
+    found = case.polish(found)
+    return found, case.held(found)
 
 
 def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]:
