@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from discovery.errors import InputError
 from discovery.io import atomic_write
-from discovery.provenance import plain, write_json
+from discovery.provenance import plain, read_json, write_json
 from discovery.spread import Outcome, Work, spread
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def _write(out: Path, found: Callable[[], Iterator[dict[str, Any]]]) -> None:
         lines = csv.DictWriter(file, schema.names)
         lines.writeheader()
         for row in found():
-            lines.writerow({k: json.dumps(v) if isinstance(v, (dict, list)) else v for k, v in row.items()})
+            lines.writerow({k: json.dumps(plain(v)) if isinstance(v, (dict, list)) else v for k, v in row.items()})
 
 
 def rows(folder: str | os.PathLike[str], names: Iterable[str] | None = None) -> Iterator[dict[str, Any]]:
@@ -195,7 +195,7 @@ def rows(folder: str | os.PathLike[str], names: Iterable[str] | None = None) -> 
     chosen = None if names is None else {_file(Path(folder), name) for name in names}
     for path in sorted((Path(folder) / "cases").glob("*.json")):
         if chosen is None or path in chosen:
-            outcome = json.loads(path.read_text(encoding="utf-8"))
+            outcome = read_json(path)
             yield {**{k: outcome[k] for k in ("name", "seconds", "error")}, **(outcome["result"] or {})}
 
 

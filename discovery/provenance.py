@@ -19,8 +19,10 @@ import numpy as np
 from discovery.dataset import Dataset
 from discovery.io import atomic_write
 
-__all__ = ["plain", "provenance", "surroundings", "write_json"]
+__all__ = ["plain", "provenance", "read_json", "restored", "surroundings", "write_json"]
 
+#: What JSON has no numbers for, in the words of ECMAScript: a motion that blew up errs infinitely.
+_INFINITE = {math.inf: "Infinity", -math.inf: "-Infinity"}
 _PACKAGES = ("discovery", "numpy", "scipy", "sympy", "numba", "pysindy", "emcee", "pandas", "xarray", "matplotlib")
 
 
@@ -75,7 +77,7 @@ def surroundings(command: Sequence[str] | None = None) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Return nested data as JSON knows it; numbers that are not finite become null."""
+    """Return nested data as JSON knows it: what is no number becomes null, what is infinite one of two words."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
@@ -85,8 +87,22 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
-        return None
+        return None if math.isnan(value) else _INFINITE[value]
     return value
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a file from `write_json`, infinite numbers included."""
+    return restored(json.loads(path.read_text(encoding="utf-8")))
+
+
+def restored(content: Any) -> Any:
+    """Return what `plain` returned with numbers in the place of the words for infinite ones."""
+    if isinstance(content, dict):
+        return {k: restored(v) for k, v in content.items()}
+    if isinstance(content, list):
+        return [restored(v) for v in content]
+    return next((number for number, word in _INFINITE.items() if word == content), content)
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from discovery.errors import InputError
-from discovery.provenance import plain
+from discovery.provenance import plain, restored
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -106,7 +106,7 @@ def _attempt(work: Work, name: str, case: Any, seed: SeedSequence, limit: float 
     start = time.perf_counter()
     try:
         with _limited(limit, alone=alone):
-            result = plain(dict(work(case, seed)))
+            result = restored(plain(dict(work(case, seed))))
             json.dumps(result)
     except TooLong:
         said = f"TooLong: the case took longer than its limit of {limit:g} s"

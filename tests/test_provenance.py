@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from discovery import provenance as module
 from discovery.dataset import Dataset, load_dataset
-from discovery.provenance import plain, provenance, write_json
+from discovery.provenance import plain, provenance, read_json, write_json
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 
@@ -72,7 +72,7 @@ def test_outside_a_repository_there_is_no_revision(dataset: Dataset, monkeypatch
 
 def test_arrays_and_numbers_become_what_json_knows() -> None:
     found = plain({1: np.float64(2.5), "a": np.array([1, 2]), "b": (np.bool_(True), np.nan), "c": {"d": -math.inf}})
-    assert found == {"1": 2.5, "a": [1, 2], "b": [True, None], "c": {"d": None}}
+    assert found == {"1": 2.5, "a": [1, 2], "b": [True, None], "c": {"d": "-Infinity"}}
     assert type(found["b"][0]) is bool
     assert type(found["a"][0]) is int
 
@@ -92,6 +92,16 @@ def test_everything_plain_survives_json(value: object) -> None:
 
 
 # Writing.
+
+
+@given(st.lists(st.floats(), max_size=5))
+def test_infinite_numbers_are_read_as_they_were_written(
+    tmp_path_factory: pytest.TempPathFactory, numbers: list[float]
+) -> None:
+    path = tmp_path_factory.mktemp("x") / "x.json"
+    write_json(path, {"deep": [{"numbers": numbers}]})
+    assert read_json(path) == {"deep": [{"numbers": [None if math.isnan(x) else x for x in numbers]}]}
+    json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail)
 
 
 def test_numbers_are_written_in_full(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 
 from discovery.errors import InputError
 from discovery.mechanics import base_names, get_base
+from discovery.provenance import write_json
 from discovery.registry import catalogue, get_effect
 from discovery.report import build_report, posterior, story
 from discovery.report.convergence import convergence_sentence
@@ -256,12 +258,12 @@ def test_a_declared_model_that_blows_up_is_told_and_hides_nothing(tmp_path: Path
     before = results["loop"]["errors"]["before"]
     held = next(r["name"] for r in results["recordings"] if r["role"] == "holdout")
     for group in before.keys() - {"train"}:
-        before[group] = dict.fromkeys(before[group])
+        before[group] = dict.fromkeys(before[group], math.inf)
     upgrade = next(s for s in results["loop"]["steps"] if s["action"] == "upgrade")
-    upgrade["numbers"] = {"chi2_holdout_before": None, "chi2_holdout_after": 1234.0, "n_holdout": 1000.0}
+    upgrade["numbers"] = {"chi2_holdout_before": math.inf, "chi2_holdout_after": 1234.0, "n_holdout": 1000.0}
     if results.get("clean"):
-        next(iter(results["clean"].values()))["before"] = dict.fromkeys(("rms", "mean", "peak"))
-    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+        next(iter(results["clean"].values()))["before"] = dict.fromkeys(("rms", "mean", "peak"), math.inf)
+    write_json(tmp_path / "results.json", results)
     with xr.open_dataset(tmp_path / "trajectories.nc", group=held) as stored:
         dataset = stored.load()
     dataset["before"][100:] = 1e190

@@ -18,6 +18,7 @@ from discovery_datasets.hidden import FAMILIES
 from scipy import stats
 
 from benchmarks.blind.truth import catalogue_values
+from discovery.provenance import read_json
 
 #: The arm's own mechanics: a clean case is one where nothing else is added.
 GEOMETRY = frozenset(
@@ -103,7 +104,7 @@ def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], 
     done = json.loads((results / "done.json").read_text())
     if "error" in done:
         return {**row, "error": done["error"]}, []
-    loop = json.loads((results / "loop.json").read_text())
+    loop = read_json(results / "loop.json")
     effects = [e for e in loop["effects"] if e["id"] not in GEOMETRY]
     groups = {e["id"]: {e["id"], *e["ambiguous_with"]} for e in effects}
     verdict = judge([e["id"] for e in effects], groups, truth["effects"])

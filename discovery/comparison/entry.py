@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 from discovery.comparison.derived import gravity_over_length
 from discovery.comparison.known import Known
+from discovery.provenance import read_json
 from discovery.report.numbers import scale_for, significant, unit_text
 from discovery.report.results import Run, read_run
 from discovery.report.words import effect_name, listed
@@ -91,10 +91,8 @@ class Entry:
         total = sum(r["samples"] for r in members)
         return math.sqrt(sum(r["samples"] * r["signal"][which] ** 2 for r in members) / total)
 
-    def scaled(self, rms: float | None, group: str = "holdout") -> float:
-        """Return an rms error in SI units in the measure of the rig's table, infinite where a motion blew up."""
-        if rms is None:
-            return math.inf
+    def scaled(self, rms: float, group: str = "holdout") -> float:
+        """Return an rms error in SI units in the measure of the rig's table."""
         if self.known.measure == "relative":
             return 100.0 * rms / self._signal(group, "rms")
         if self.known.measure == "normalised":
@@ -236,5 +234,5 @@ def read_entry(name: str, folder: Path, known: Known) -> Entry:
         If the folder does not hold the results of a run.
     """
     scored = folder / "reference.json"
-    reference = json.loads(scored.read_text(encoding="utf-8")) if scored.exists() else None
+    reference = read_json(scored) if scored.exists() else None
     return Entry(name, read_run(folder), known, reference)

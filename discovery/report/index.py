@@ -6,7 +6,6 @@ Run it as ``python -m discovery.report.index FOLDER``, where each run has a fold
 from __future__ import annotations
 
 import base64
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,12 @@ from markupsafe import Markup
 
 from discovery.errors import InputError
 from discovery.io import atomic_write
+from discovery.provenance import read_json
 from discovery.report.estimates import posterior_table
 from discovery.report.formula import formula
 from discovery.report.numbers import scale_for, significant, uncertain, unit_text
 from discovery.report.page import added_effects, environment, found_terms, regression_equation, three_terms
-from discovery.report.results import Run, blown_up, read_run
+from discovery.report.results import Run, read_run
 from discovery.report.words import effect_name, headline, held_group, origin
 
 __all__ = ["build_index"]
@@ -113,8 +113,8 @@ def _figure(path: Path) -> dict[str, str]:
 
 def _row(folder: Path) -> dict[str, Any]:
     """Return what the page says of a closed loop."""
-    loop = json.loads((folder / "loop.json").read_text(encoding="utf-8"))
-    errors = blown_up(loop["errors"])
+    loop = read_json(folder / "loop.json")
+    errors = loop["errors"]
     group = held_group(errors)
     scale = scale_for(errors["unit"], errors["after"][group]["rms"])
     found = []

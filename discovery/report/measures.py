@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -92,8 +93,8 @@ def clean_table(run: Run) -> Table | None:
     if not clean:
         return None
     first = next(iter(clean.values()))
-    mean = first["before"]["mean"]
-    scale = scale_for(run.loop["errors"]["unit"], first["after"]["mean"] if mean is None else mean)
+    before, after = (first[w]["mean"] for w in ("before", "after"))
+    scale = scale_for(run.loop["errors"]["unit"], before if math.isfinite(before) else after)
     labels = ("before", "after")
     cells = [[name, *(c for w in labels for c in _spread(m[w], scale))] for name, m in clean.items()]
     raw = [[name, *(m[w][k] for w in labels for k in _MEASURES)] for name, m in clean.items()]

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from discovery.angles import within_half_a_turn
 from discovery.errors import InputError
 from discovery.kinds import KINDS
+from discovery.provenance import read_json
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MODELS", "Run", "Trajectory", "blown_up", "read_run"]
+__all__ = ["MODELS", "Run", "Trajectory", "read_run"]
 
 FloatArray = NDArray[np.float64]
 #: Models whose predictions are stored beside the measurement.
@@ -83,25 +84,6 @@ class Trajectory:
         return np.sqrt(np.sum((self.models[model] - self.measured) ** 2, axis=1))
 
 
-def blown_up(errors: Mapping[str, Any]) -> dict[str, Any]:
-    """Return errors with infinite ones, which a file cannot hold, where one model has them and the other does not.
-
-    Where neither has, there may be no samples.
-    """
-    found = dict(errors)
-    for when, other in (("before", "after"), ("after", "before")):
-        found[when] = {
-            group: {k: np.inf if v is None and errors[other][group][k] is not None else v for k, v in measures.items()}
-            for group, measures in errors[when].items()
-        }
-    return found
-
-
-def _finite_or_blown(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the numbers of a step of the loop, with an infinite chi-square where a motion blew up."""
-    return {k: np.inf if v is None and "chi2" in k else v for k, v in numbers.items()}
-
-
 @dataclass(frozen=True)
 class Run:
     """The result files of a run directory.
@@ -124,10 +106,8 @@ class Run:
 
     @cached_property
     def loop(self) -> Mapping[str, Any]:
-        """The loop's result, as in ``loop.json``, with infinite errors where a motion blew up."""
-        loop = self.results["loop"]
-        steps = [{**step, "numbers": _finite_or_blown(step["numbers"])} for step in loop["steps"]]
-        return {**loop, "errors": blown_up(loop["errors"]), "steps": steps}
+        """The loop's result, as in ``loop.json``."""
+        return self.results["loop"]
 
     @property
     def coordinate_unit(self) -> str:
@@ -287,7 +267,7 @@ def read_run(folder: Path) -> Run:
     """
     path = Path(folder) / "results.json"
     try:
-        results = json.loads(path.read_text(encoding="utf-8"))
+        results = read_json(path)
     except FileNotFoundError:
         raise InputError(
             f"{path} does not exist: {folder} is not the folder of a finished run. Run the pipeline first."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from discovery.errors import InputError
 from discovery.io import atomic_write
+from discovery.provenance import read_json
 from discovery.report.numbers import significant
 from discovery.report.page import embed, environment
 from discovery.report.paper import paper_numbers
@@ -51,7 +51,7 @@ def build_page(folder: Path) -> Path:
     path = folder / "studies.json"
     if not path.exists():
         raise InputError(f"{folder} holds no results; run `python -m discovery.reproduction {folder}` first.")
-    results = json.loads(path.read_text(encoding="utf-8"))
+    results = read_json(path)
     missing = ", ".join(study for study in STUDIES if study not in results)
     if missing:
         raise InputError(f"{path} lacks {missing}; run `python -m discovery.reproduction {folder}` again.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 import discovery
 from discovery.curves import save_groups
-from discovery.provenance import surroundings, write_json
+from discovery.provenance import read_json, surroundings, write_json
 
 __all__ = ["STUDIES", "run_studies", "written_by"]
 
@@ -67,7 +66,7 @@ def run_studies(folder: Path, tell: Callable[[str], None]) -> None:
     results: dict[str, Any] = {}
     for number, (name, about) in enumerate(STUDIES.items(), 1):
         path = folder / "studies" / f"{name}.json"
-        done = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        done = read_json(path) if path.exists() else {}
         if done.get("code") != code:
             tell(f"{number} of {len(STUDIES)}: {about}")
             numbers, curves = _run(name)
@@ -75,7 +74,7 @@ def run_studies(folder: Path, tell: Callable[[str], None]) -> None:
             if curves:
                 save_groups(path.with_suffix(".nc"), {k: _dataset(v) for k, v in curves.items()})
             write_json(path, {"code": code, "numbers": numbers})
-            done = json.loads(path.read_text(encoding="utf-8"))
+            done = read_json(path)
         results[name] = done["numbers"]
     write_json(
         folder / "studies.json",
