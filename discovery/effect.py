@@ -60,6 +60,8 @@ class Effect(ABC):
     pliable: ClassVar[bool] = False
     #: Ids of simpler effects that it is where one of its amplitudes vanishes.
     reduces_to: ClassVar[frozenset[str]] = frozenset()
+    #: Quantity of an arm's rig file of which a relative error reads as the effect's only parameter does, if any.
+    stands_for: ClassVar[str] = ""
     #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.

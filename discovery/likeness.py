@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import orth
 
 from discovery.attribution import Candidate
 
@@ -41,7 +42,9 @@ def likely_pairs(scored: Sequence[Candidate], target: FloatArray, keep: int) -> 
 
 
 def similarity(first: FloatArray, second: FloatArray) -> float:
-    """Return the largest principal cosine between two projected sensitivities: 1 when they cannot be told apart."""
-    a, _ = np.linalg.qr(first)
-    b, _ = np.linalg.qr(second)
-    return float(np.linalg.svd(a.T @ b, compute_uv=False)[0])
+    """Return the largest principal cosine between two projected sensitivities: 1 when they cannot be told apart.
+
+    What moves nothing is like nothing: 0.
+    """
+    a, b = (orth(columns) for columns in (first, second))
+    return float(np.linalg.svd(a.T @ b, compute_uv=False).max(initial=0.0))

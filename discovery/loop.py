@@ -25,6 +25,7 @@ from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
 from discovery.separation import Separation, separate
 from discovery.simulate import THREADS
+from discovery.stand_in import StandIn, stand_in
 from discovery.workers import at_once, single_algebra
 
 __all__ = ["UPGRADES", "LoopResult", "close_loop"]
@@ -103,15 +104,24 @@ class LoopResult:
         change = f"holdout rms {before:.4g} -> {after:.4g} {self.errors['unit']}"
         return f"<LoopResult {self.verdict}, added {', '.join(self.added) or 'nothing'}, {change}>"
 
+    @property
+    def stand_ins(self) -> dict[str, StandIn]:
+        """What added effects may stand for, by effect: an error of the rig file would do the same."""
+        found = {effect: stand_in(self.after, effect) for effect in self.added}
+        return {effect: other for effect, other in found.items() if other is not None}
+
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
         return widened(prolonged(self.after), self.unlike)
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
-        sd, values = self.after.sd, self.after.values
+        sd, values, others = dict(self.after.sd), self.after.values, self.stand_ins
         effects = []
         for effect in self.added:
+            if other := others.get(effect):
+                # No reading is surer than the ruler.
+                sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
             names = [p.name for p in catalogue()[effect].parameters()] if effect in catalogue() else []
             effects.append(
                 {
@@ -127,6 +137,7 @@ class LoopResult:
                     },
                     "evidence": dict(self.evidence.get(effect, {})),
                     "ambiguous_with": list(self.ambiguous.get(effect, ())),
+                    **({"stands_for": other.summary()} if other else {}),
                 }
             )
         return {

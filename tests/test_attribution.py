@@ -318,6 +318,9 @@ def test_parallel_sensitivities_are_the_same_and_orthogonal_ones_are_not() -> No
     q, _ = np.linalg.qr(np.column_stack([a, b]))
     assert similarity(q[:, :2], q[:, 2:]) == pytest.approx(0.0, abs=1e-12)
     assert similarity(a, b) == pytest.approx(similarity(b, a), rel=1e-12)
+    # What moves nothing is like nothing, and so are its columns.
+    assert similarity(a, np.zeros((50, 2))) == 0
+    assert similarity(q[:, :2], np.column_stack([q[:, 2], np.zeros(50)])) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_shifted_instrument_and_a_shifted_spring_are_the_same_to_a_linear_system() -> None:

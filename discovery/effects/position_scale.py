@@ -11,6 +11,7 @@ class PositionScale(Sensor):
     """
 
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"
+    stands_for = "length"
     s = Parameter("1", "relative scale error", (-0.3, 0.3), Normal(0.0, 0.01), starts=(0.002, -0.002), latex="s")
 
     def arm_reading(self, tip_x, tip_y):

@@ -20,9 +20,11 @@ __all__ = [
 
 
 def undecided(run: Run) -> list[str]:
-    """Return for each added effect that others explain as well, one sentence."""
+    """Return for each added effect that others explain as well, or an error of the rig file, one sentence."""
     found = []
     for e in run.loop["effects"]:
+        if (other := e.get("stands_for")) and other["doubtful"]:
+            found.append(f"{other['sentence'][0].upper()}{other['sentence'][1:]}.")
         rivals = e["ambiguous_with"]
         if rivals:
             alike = [e["evidence"].get(f"similarity_{r}") for r in rivals]

@@ -1,0 +1,96 @@
+"""Where an added effect may stand for an error of the rig file: the recordings cannot tell which of them is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from discovery.fit import Fit
+from discovery.registry import catalogue
+from discovery.rig_schema import QUANTITIES
+
+__all__ = ["StandIn", "stand_in"]
+
+#: Up to so many standard deviations of the rig file an error of its own would be no surprise.
+_LIMIT = 3.0
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """An effect whose only parameter reads like a relative error of a quantity of the rig file.
+
+    Parameters
+    ----------
+    effect, parameter : str
+        Its id, and the name of its parameter.
+    quantity : str
+        Key of the rig file without its unit.
+    share : float
+        The parameter.
+    stated, sd : float
+        What the rig file says of the quantity [SI].
+    unit : str
+        Their unit.
+    """
+
+    effect: str
+    parameter: str
+    quantity: str
+    share: float
+    stated: float
+    sd: float
+    unit: str
+
+    @property
+    def value(self) -> float:
+        """What the rig file would have to state for the same motion without the effect [SI]."""
+        return self.stated * (1 + self.share)
+
+    @property
+    def relative_sd(self) -> float:
+        """Standard deviation of the parameter that comes from the rig file."""
+        return self.sd / self.stated
+
+    @property
+    def z(self) -> float:
+        """By how many of its standard deviations the rig file would have to err."""
+        return self.share / self.relative_sd
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the rig file may err by as much."""
+        return abs(self.z) <= _LIMIT
+
+    @property
+    def sentence(self) -> str:
+        """What stands against the effect, in words."""
+        return (
+            f"a {self.quantity} of {self.value:.6g} {self.unit} in place of {self.stated:.6g} ± {self.sd:.2g} "
+            f"{self.unit}, as the rig file has it, would do the same as {self.effect} ({abs(self.z):.2g} of its "
+            f"standard deviations): measure the {self.quantity} before you believe the effect"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {
+            "quantity": self.quantity,
+            "unit": self.unit,
+            "value": self.value,
+            "stated": self.stated,
+            "sd": self.sd,
+            "z": self.z,
+            "doubtful": self.doubtful,
+            "sentence": self.sentence,
+        }
+
+
+def stand_in(fitted: Fit, effect: str) -> StandIn | None:
+    """Return what an added effect may stand for; None where the rig file is surely right, or does not say."""
+    experiment = fitted.problem.bench.experiments[0]
+    quantity = catalogue()[effect].stands_for if experiment.is_arm and effect in catalogue() else ""
+    stated = getattr(experiment.rig, quantity) if quantity else None
+    if stated is None or not stated.sd:
+        return None
+    (parameter,) = catalogue()[effect].parameters()
+    share, unit = fitted.values[parameter.name], QUANTITIES[quantity][0]
+    return StandIn(effect, parameter.name, quantity, share, stated.value, stated.sd, unit)

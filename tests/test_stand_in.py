@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import synthetic_run
+
+from discovery.cli.doubts import doubts
+from discovery.dataset import load_dataset
+from discovery.loop import LoopResult, close_loop
+from discovery.provenance import plain, write_json
+from discovery.report import build_report
+
+ARM = Path(__file__).parents[1] / "datasets" / "arm"
+
+
+@cache
+def with_length(line: str, folder: Path) -> tuple[LoopResult, list[str]]:
+    """Close the loop on the clean arm, 1 m long, with a rig file that says something else; return the doubts, too."""
+    rig = folder / "rig.toml"
+    rig.write_text((ARM / "rig.toml").read_text(encoding="utf-8").replace("length_m = 1.0\n", line), encoding="utf-8")
+    data = load_dataset(rig, [ARM / "train_large.csv"])
+    result = close_loop(data.train, data.holdout)
+    return result, doubts(result, data)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("rig")
+
+
+def test_a_scale_that_the_rig_s_length_covers_is_named_with_that_doubt(folder: Path) -> None:
+    result, said = with_length("length_m = 1.001\n", folder)
+    assert result.added[-1] == "position_scale"
+    other = result.stand_ins["position_scale"]
+    assert other.value == pytest.approx(1.0, abs=5e-5)
+    assert other.z == pytest.approx(-1.0, abs=0.05)
+    assert other.doubtful
+    assert said == [other.sentence]
+    assert "in place of 1.001 ± 0.001 m" in said[0]
+    effect = result.summary()["effects"][-1]
+    # The recordings know the scale to a hundred thousandth, the rig file the length to a thousandth.
+    assert result.after.sd["s"] < 3e-5
+    assert effect["parameters"]["s"]["sd"] == pytest.approx(1e-3, rel=0.01)
+    assert plain(effect["stands_for"])["quantity"] == "length"
+
+
+def test_a_scale_beyond_the_rig_s_length_is_not_doubted(folder: Path) -> None:
+    result, said = with_length("length_m = { value = 1.001, sd = 0.0002 }\n", folder)
+    assert result.added[-1] == "position_scale"
+    other = result.stand_ins["position_scale"]
+    assert other.z == pytest.approx(-5.0, abs=0.3)
+    assert not other.doubtful
+    assert said == []
+    assert result.summary()["effects"][-1]["parameters"]["s"]["sd"] == pytest.approx(2e-4, rel=0.05)
+
+
+def test_a_length_without_error_leaves_the_scale_as_it_was_found(folder: Path) -> None:
+    result, said = with_length("length_m = { value = 1.001, sd = 0.0 }\n", folder)
+    assert result.stand_ins == {}
+    assert said == []
+    effect = result.summary()["effects"][-1]
+    assert "stands_for" not in effect
+    assert effect["parameters"]["s"]["sd"] == result.after.sd["s"]
+
+
+def test_the_report_says_what_an_effect_may_stand_for(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    other = {"doubtful": True, "sentence": "a length of 1 m would do the same"}
+    results["loop"]["effects"][-1]["stands_for"] = other
+    write_json(tmp_path / "results.json", results)
+    assert "A length of 1 m would do the same." in build_report(tmp_path).read_text(encoding="utf-8")
+    other["doubtful"] = np.False_
+    write_json(tmp_path / "results.json", results)
+    assert "would do the same" not in build_report(tmp_path).read_text(encoding="utf-8")
