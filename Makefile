@@ -115,7 +115,7 @@ calibration: $(READY) ## Calibrate the posteriors: ranks of truths, coverage ove
 
 # Finished cases are kept, so an interrupted benchmark goes on where it was; `make blind CASES=60` is a short one.
 blind: $(READY) ## Generate blind cases with sealed truth, run the loop and its peers on them, and score (hours)
-	$(BIN)/python -m benchmarks.blind.base reports/blind --workers $(WORKERS)
+	$(BIN)/python -m benchmarks.blind.base reports/blind --seed $(SEED) --workers $(WORKERS)
 	$(BIN)/python -m benchmarks.blind.generate reports/blind --cases $(CASES) --seed $(SEED) --workers $(WORKERS)
 	$(BIN)/python -m benchmarks.blind.run reports/blind --workers $(WORKERS) --peers
 	$(BIN)/python -m benchmarks.blind.score reports/blind

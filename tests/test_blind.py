@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,8 +22,7 @@ from discovery_datasets.quick import readings
 from discovery_datasets.twin import simulate
 from scipy.optimize import brentq
 
-from benchmarks.blind import generate, run, score
-from benchmarks.blind.spread import spread
+from benchmarks.blind import base, generate, peers, run, score
 from benchmarks.blind.truth import catalogue_values
 
 TIME = np.linspace(0, 3, 61)
@@ -296,9 +298,24 @@ def test_a_case_is_written_sealed_and_kept(tmp_path, monkeypatch):
     assert generate.write_case(tmp_path, 7, index) == truth
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_jobs_are_done_once_each_on_any_number_of_processes(workers):
-    assert sorted(spread(abs, [-1, 3, -2], workers)) == [1, 2, 3]
+def test_a_case_that_cannot_be_written_is_replaced_and_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(generate, "limit_memory", lambda: None)
+
+    def write(out, seed, index):
+        if index in {1, 4}:
+            raise ArithmeticError("no such luck")
+        return {"effects": []}
+
+    monkeypatch.setattr(generate, "write_case", write)
+    outcomes = list(generate.generate(tmp_path, 7, range(4), 1))
+    assert [o.name for o in outcomes if not o.error] == [f"case_007_000{i}" for i in (0, 2, 3)]
+    monkeypatch.setattr(generate, "write_case", lambda out, seed, index: write(out, seed, min(index, 3)))
+    outcomes = list(generate.generate(tmp_path, 7, range(4), 1))
+    assert [o.name for o in outcomes if not o.error] == [f"case_007_000{i}" for i in (0, 2, 3, 4)]
+    said = generate.tally(outcomes, 4)
+    assert "4 cases are written, 0 are missing; 1 could not be written" in said
+    assert "case_007_0001: ArithmeticError: no such luck" in said
+    assert "3 cases are written, 2 are missing" in generate.tally(outcomes[:4], 5)
 
 
 def test_a_failed_case_is_a_result_and_is_tried_again(tmp_path, monkeypatch):
@@ -317,6 +334,80 @@ def test_a_failed_case_is_a_result_and_is_tried_again(tmp_path, monkeypatch):
     ((_, done),) = run.run(tmp_path, cases, workers=1)
     assert "error" not in done
     assert list(run.run(tmp_path, cases, workers=1)) == []
+
+
+# --- clean arms
+
+
+def _arm(seed, index):
+    return {"case": index, "rod_over_tip": 0.1, "deflection": 0.5, "deflection_holdout": 0.6, "rms_m": 1e-4 * seed}
+
+
+def test_clean_arms_go_on_where_they_were_and_one_without_a_fit_is_missed(tmp_path, monkeypatch, capsys):
+    tried = []
+
+    def fit(seed, index):
+        tried.append((seed, index))
+        if index == 1:
+            raise ArithmeticError("no such luck")
+        if index == 2 and len(tried) == 3:
+            raise KeyboardInterrupt
+        return _arm(seed, index)
+
+    monkeypatch.setattr(base, "limit_memory", lambda: None)
+    monkeypatch.setattr(base, "error", fit)
+    with pytest.raises(KeyboardInterrupt):
+        base.study(tmp_path, 2, 4, 1)
+    monkeypatch.setattr("sys.argv", ["base", str(tmp_path), "--cases", "4", "--seed", "2", "--workers", "1"])
+    base.main()
+    # What was done stays, what failed is tried again.
+    assert tried == [(2, 0), (2, 1), (2, 2), (2, 1), (2, 2), (2, 3)]
+    said = capsys.readouterr().out
+    assert "missed: ArithmeticError: no such luck" in said
+    assert "at most 0.3 mm: 3 of 4" in said
+    found = json.loads((tmp_path / "base.json").read_text())
+    assert (found["within the noise"]["k"], found["within the noise"]["n"], found["failed"]) == (3, 4, 1)
+    # Arms of another seed are others.
+    arms = base.study(tmp_path, 5, 1, 1)
+    assert [arm["rms_m"] for arm in arms] == [5e-4]
+
+
+def test_all_steps_of_the_benchmark_take_one_seed():
+    root = Path(__file__).parents[1]
+    plan = subprocess.run(["make", "-n", "blind", "SEED=71"], cwd=root, capture_output=True, text=True, check=True)
+    steps = [line for line in plan.stdout.splitlines() if "blind.base" in line or "blind.generate" in line]
+    assert len(steps) == 2
+    assert all("--seed 71" in step for step in steps)
+
+
+# --- peers
+
+
+def test_every_effect_has_a_column_or_a_reason_why_not(draws):
+    rng = np.random.default_rng(0)
+    excused = {
+        name for line in re.findall(r"^- ([a-z_, ]+):", peers.__doc__, re.MULTILINE) for name in line.split(", ")
+    }
+    inside = {name for family, names in FAMILIES.items() if family != "outside" for name in names}
+    assert excused == {n for n in inside if not peers.nameable(draw_hidden(n, draws[0].scene, rng).accepted)}
+
+
+def test_peers_name_a_strong_effect_that_has_a_column(tmp_path):
+    time = np.arange(0, 12, 0.01)
+    gentle = sequence(trapezoid(0.8, 0.9), trapezoid(-0.4, 0.6, start=4.0))
+    (tmp_path / "rig.toml").write_text(generate.rig_file("arm", DAMPED, 1e-4))
+    motion = readings(DAMPED, gentle, time, disturbances=[quick_effects.QuadraticStiffness(0.05)])
+    frame = generate.record(motion, rng=np.random.default_rng(0), position_noise=1e-4, angle_noise=1e-6)
+    generate.write_csv(frame, tmp_path / "train.csv")
+    target, known, candidates, names = peers.columns(tmp_path)
+    assert candidates.shape == (target.size, len(names))
+    assert known.shape == (target.size, 2)
+    assert list(dict.fromkeys(names)) == list(peers.COLUMNS)
+    assert np.isfinite(candidates).all()
+    found = peers.peers(tmp_path)
+    assert {peer: names[0] for peer, names in found.items()} == dict.fromkeys(
+        ("pysindy", "lasso"), "quadratic_stiffness"
+    )
 
 
 # --- scores
@@ -348,7 +439,7 @@ def test_a_group_saves_a_name_and_an_extra_is_invented():
     assert found["first"]
 
 
-def _write_result(folder, truth, loop, error_mm):
+def _write_result(folder, truth, loop, error_mm, before=9):
     case = truth["case"]
     results = folder / "results" / case
     results.mkdir(parents=True)
@@ -357,16 +448,48 @@ def _write_result(folder, truth, loop, error_mm):
     clean = pd.DataFrame({"time_s": TIME, "tip_x_m": np.cos(TIME), "tip_y_m": np.sin(TIME)})
     clean.to_csv(folder / "truth" / f"{case}_holdout_clean.csv", index=False)
     shifted = {
-        f"tip_{axis}_{when}_m": clean[f"tip_{axis}_m"] + (1e-3 * error_mm if axis == "x" else 0)
+        f"tip_{axis}_{when}_m": clean[f"tip_{axis}_m"] + (1e-3 * worse * error_mm if axis == "x" else 0)
         for axis in "xy"
-        for when in ("before", "bare", "after")
+        for when, worse in (("before", before), ("bare", 1), ("after", 1))
     }
     pd.DataFrame({"time_s": TIME, **shifted}).to_csv(results / "prediction.csv", index=False)
     (results / "loop.json").write_text(json.dumps(loop))
     (results / "done.json").write_text(json.dumps({"seconds": 1.0, "verdict": loop["verdict"], "effects": []}))
 
 
-def test_scores_are_those_of_a_small_table(tmp_path):
+def test_a_size_is_in_the_bin_that_it_begins():
+    assert score.binned(pd.Series([0.0, 0.99, 1.0, 4.0, 99.0])).tolist() == [
+        "0 to 1", "0 to 1", "1 to 2", "4 to 8", "16 to inf",
+    ]  # fmt: skip
+
+
+def test_peers_are_scored_also_on_what_they_have_columns_for(tmp_path):
+    named = {"sensor_delay": ["sensor_delay"], "angle_offset": ["table_tilt"], "hysteresis": ["coulomb_friction"]}
+    same = {"angle_offset": ["angle_offset", "equilibrium_offset"]}
+    for name, found in named.items():
+        effect = {
+            "id": name, "family": "rod", "accepted": same.get(name, [name]), "parameters": {},
+            "unabsorbed_over_noise": 9.0,
+        }  # fmt: skip
+        truth = {
+            "case": f"case_{name}", "kind": "single", "effects": [effect], "noise": 3e-4, "rig": {},
+            "deflection": {"train": 0.8, "holdout": 0.7},
+        }  # fmt: skip
+        loop = {"verdict": "explained", "effects": [], "model": {"after": {"model": {"base": "elastica"}}}}
+        _write_result(tmp_path, truth, loop, 0.1)
+        (tmp_path / "results" / f"case_{name}" / "peers.json").write_text(json.dumps({"pysindy": found}))
+    goals = score.headline(*score.collect(tmp_path))["0.3 mm"]
+    counts = {name: (p["k"], p["n"]) for name, p in goals.items() if name.startswith("pysindy")}
+    assert counts == {
+        "pysindy: single effect in the set": (1, 3),
+        "pysindy: in the set, of those with a column": (1, 2),
+        "pysindy: single effect first": (1, 3),
+        "pysindy: first, of those with a column": (1, 2),
+        "pysindy: nothing invented": (1, 3),
+    }
+
+
+def test_scores_are_those_of_a_small_table(tmp_path, monkeypatch, capsys):
     rig = asdict(PAPER_RIG)
     delay = {
         "id": "sensor_delay", "family": "instrument", "accepted": ["sensor_delay"], "parameters": {"delay": 0.01},
@@ -396,7 +519,8 @@ def test_scores_are_those_of_a_small_table(tmp_path):
             "case": f"case_{i}", "kind": kind, "effects": effects, "noise": 3e-4, "rig": rig,
             "deflection": {"train": 0.8, "holdout": 0.7},
         }  # fmt: skip
-        _write_result(tmp_path, truth, {"verdict": verdict, "effects": found, "model": model}, error)
+        loop = {"verdict": verdict, "effects": found, "model": model}
+        _write_result(tmp_path, truth, loop, error, before=np.nan if i == 1 else 9)
     table, intervals = score.collect(tmp_path)
     goals = score.headline(table, intervals)["0.3 mm"]
     counts = {name: (p["k"], p["n"]) for name, p in goals.items()}
@@ -409,12 +533,34 @@ def test_scores_are_those_of_a_small_table(tmp_path):
     assert counts["explained: hold-out within twice the noise"] == (3, 3)
     assert intervals["z"].tolist() == pytest.approx([1.0])
     assert score.missed(table)["case"].tolist() == ["case_1"]
-    assert "1 of    2" in score.report(score.headline(table, intervals), score.by_size(table), table)
-    from benchmarks.blind.figures import draw
-
-    draw(tmp_path, table, intervals, score.by_size(table))
+    monkeypatch.setattr("sys.argv", ["score", str(tmp_path)])
+    score.main()
+    said = capsys.readouterr().out
+    assert "1 of    2" in said
+    assert "1/2 (1 to 99)" in said
+    found = json.loads((tmp_path / "scores.json").read_text(), parse_constant=pytest.fail)
+    assert list(found["by_size"]) == ["clean", "8 to 16"]
+    plain_to_see = found["by_size"]["8 to 16"]
+    assert {name: (p["k"], p["n"]) for name, p in plain_to_see["shares"].items()} == {
+        "named first": (1, 2),
+        "in the set or its group": (1, 2),
+        "nothing invented": (1, 2),
+        "90 % intervals cover": (1, 1),
+        "hold-out within the noise": (1, 2),
+        "within twice the noise": (2, 2),
+    }
+    errors = plain_to_see["hold-out over noise"]
+    assert (errors["after"]["low"], errors["after"]["high"]) == pytest.approx((0.2 / 0.3, 0.5 / 0.3))
+    # The declared model blew up in one of the two.
+    assert errors["before"]["median"] == pytest.approx(9 * 0.2 / 0.3)
+    assert errors["before"]["high"] == "Infinity"
+    assert {"kind": "outside", "size": "8 to 16", "explained": 0, "unexplained": 1, "nothing_missing": 0} in found[
+        "verdicts"
+    ]
     assert {p.name for p in tmp_path.glob("*.svg")} == {
         "named_by_size.svg",
+        "holdout_by_size.svg",
+        "shares_by_size.svg",
         "holdout.svg",
         "confusion.svg",
         "coverage.svg",

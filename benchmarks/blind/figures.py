@@ -11,6 +11,12 @@ import pandas as pd
 
 from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, Picture, new_figure, render, styled
 
+#: Title, colour and marker of a prediction.
+PREDICTIONS = {
+    "before": ("declared model", RED, "s"),
+    "bare": ("exact arm, nothing added", GREY, "^"),
+    "after": ("after the loop", BLUE, "o"),
+}
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY, "black")
 MARKERS = "osD^vPX*"
 
@@ -54,6 +60,59 @@ def _by_size(table: pd.DataFrame, sizes: Mapping[str, Any]) -> Picture:
         figure,
         "Share of cases with the hidden effect in the set or its ambiguity group, with 95 % intervals, over its size.",
         "Shares rise with the size of the effect.",
+    )
+
+
+def _errors_by_size(table: pd.DataFrame, found: Mapping[str, Any]) -> Picture:
+    """Hold-out error over size: a dot a case, median and quartiles a bin."""
+    figure = new_figure(3.6, 6.0)
+    axis = figure.subplots()
+    single = table[table["error"].isna() & (table["kind"] == "single")]
+    for shift, (when, (title, colour, marker)) in zip((0.93, 1.0, 1.07), PREDICTIONS.items(), strict=True):
+        axis.plot(single["size"], single[f"{when}_mm"] / single["noise_mm"], marker, ms=2.5, color=colour, alpha=0.25)
+        bins = [own for own in found.values() if own["median size"]]
+        middle = [shift * own["median size"] for own in bins]
+        rows = [own["hold-out over noise"][when] for own in bins]
+        axis.vlines(middle, [r["low"] for r in rows], [r["high"] for r in rows], color=colour, lw=1.6)
+        medians = [r["median"] for r in rows]
+        axis.plot(middle, medians, marker + "-", ms=6.5, mec="white", mew=0.6, lw=1.0, color=colour, label=title)
+    axis.axhline(1, color="black", lw=0.8, ls=":")
+    axis.set(
+        xscale="log",
+        yscale="log",
+        xlabel="part that the exact arm cannot absorb / noise",
+        ylabel="hold-out error / noise",
+    )
+    figure.legend(loc="outside upper center", ncols=3)
+    return Picture(
+        "holdout_by_size",
+        figure,
+        "Rms distance between predicted and noise-free tip of the hold-out over the camera's noise; single effects by "
+        "their size. Large marks are medians, bars quartiles; the dotted line is the noise.",
+        "Before it is far above the noise, bare it rises with the size, after it stays below the noise.",
+    )
+
+
+def _shares_by_size(found: Mapping[str, Any]) -> Picture:
+    """Shares over size, a panel a share."""
+    titles = list(next(iter(found.values()))["shares"])
+    figure = new_figure(4.2, 6.4)
+    axes = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
+    for axis, title, colour in zip(axes, titles, COLOURS, strict=False):
+        shares = [own["shares"][title] for own in found.values()]
+        for i, p in enumerate(shares):
+            if p["n"]:
+                axis.vlines(i, p["low"], p["high"], color=colour, lw=1.6)
+                axis.plot(i, p["share"], "o", ms=4, color=colour)
+        axis.set(ylim=(-0.05, 1.05), title=title)
+        axis.set_xticks(range(len(found)), list(found), rotation=90)
+    figure.supylabel("share")
+    figure.supxlabel("part that the exact arm cannot absorb / noise")
+    return Picture(
+        "shares_by_size",
+        figure,
+        "Shares of single effects by their size, and of clean cases, with 95 % intervals.",
+        "Shares close to one but for effects below the noise.",
     )
 
 
@@ -134,9 +193,19 @@ def _coverage(intervals: pd.DataFrame) -> Picture:
     return Picture("coverage", figure, "Errors of the parameters of rightly named effects.", "Two rising curves.")
 
 
-def draw(folder: Path, table: pd.DataFrame, intervals: pd.DataFrame, sizes: Mapping[str, Any]) -> None:
+def draw(
+    folder: Path, table: pd.DataFrame, intervals: pd.DataFrame, sizes: Mapping[str, Any], found: Mapping[str, Any]
+) -> None:
     """Write the figures below `folder`."""
     with styled():
-        for picture in (_by_size(table, sizes), _distances(table), _confusion(table), _coverage(intervals)):
+        pictures = (
+            _by_size(table, sizes),
+            _errors_by_size(table, found),
+            _shares_by_size(found),
+            _distances(table),
+            _confusion(table),
+            _coverage(intervals),
+        )
+        for picture in pictures:
             suffix, content = render(picture)
             (folder / f"{picture.name}{suffix}").write_bytes(content)

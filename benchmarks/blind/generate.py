@@ -2,7 +2,8 @@
 
 ``OUT/cases/<case>`` holds what an experimenter has (rig.toml, train.csv, some also train_2.csv, holdout.csv), and
 ``OUT/truth`` what nothing but the scorer reads: the effects, their sizes, and the noise-free hold-out. A finished case
-is kept, so an interrupted run is continued by the same command.
+is kept, so an interrupted run is continued by the same command. A case that cannot be written, because its motion blows
+up, is said at the end with its reason; the next number takes its place.
 
 The size of an effect is `unabsorbed_over_noise`: the exact arm (stiffness, friction and initial states free, nothing
 else) is fitted to the noise-free readings of the training recordings; the rms of what it leaves over both axes and all
@@ -29,7 +30,8 @@ from discovery_datasets.hidden import FAMILIES, Hidden
 from discovery_datasets.instrument import record, write_csv
 from discovery_datasets.quick import readings
 
-from benchmarks.blind.spread import limit_memory, spread
+from benchmarks.blind.memory import limit_memory
+from discovery.spread import Outcome, spread
 
 #: A strength is corrected so often towards its wanted size.
 CORRECTIONS = 2
@@ -98,9 +100,14 @@ def settle(draw: CaseDraw, rig: ArmRig, hidden: Hidden, target: float, clean: fl
     return strength
 
 
+def case_name(seed: int, index: int) -> str:
+    """Name of a case."""
+    return f"case_{seed:03d}_{index:04d}"
+
+
 def write_case(out: Path, seed: int, index: int) -> dict[str, Any]:
     """Write one case and return its truth."""
-    name = f"case_{seed:03d}_{index:04d}"
+    name = case_name(seed, index)
     sealed = out / "truth" / f"{name}.json"
     if sealed.exists():
         return json.loads(sealed.read_text())
@@ -159,21 +166,31 @@ def write_case(out: Path, seed: int, index: int) -> dict[str, Any]:
     return truth
 
 
-def _attempt(job: tuple[Path, int, int]) -> tuple[str, str]:
-    """Write a case; the reason where it cannot be written."""
-    out, seed, index = job
+def attempt(job: tuple[Path, int, int], _seed: Any) -> dict[str, str]:
+    """Write a case and say what is in it."""
     limit_memory()
-    try:
-        truth = write_case(out, seed, index)
-    except Exception as error:
-        return f"case_{seed:03d}_{index:04d}", f"left out: {type(error).__name__}: {error}"
-    found = ", ".join(f"{e['id']} {e['unabsorbed_over_noise']:.2g}" for e in truth["effects"]) or "nothing"
-    return truth["case"], found
+    effects = write_case(*job)["effects"]
+    return {"found": ", ".join(f"{e['id']} {e['unabsorbed_over_noise']:.2g}" for e in effects) or "nothing"}
 
 
-def generate(out: Path, seed: int, indices: Sequence[int], workers: int) -> Iterator[tuple[str, str]]:
-    """Write cases on several processes; name and content of each as it is done."""
-    return spread(_attempt, [(out, seed, i) for i in indices], workers)
+def generate(out: Path, seed: int, indices: range, workers: int) -> Iterator[Outcome]:
+    """Write so many cases on several processes; one that fails is replaced by the next after the last."""
+    while indices:
+        failed = 0
+        jobs = ((case_name(seed, i), (out, seed, i)) for i in indices)
+        for outcome in spread(attempt, jobs, workers=workers):
+            failed += bool(outcome.error)
+            yield outcome
+        # Where all fail, so would the next.
+        indices = range(indices.stop, indices.stop + failed) if failed < len(indices) else range(0)
+
+
+def tally(outcomes: Sequence[Outcome], wanted: int) -> str:
+    """How many cases there are, and which are not and why."""
+    failed = [o for o in outcomes if o.error]
+    written = len(outcomes) - len(failed)
+    lines = [f"{written} cases are written, {max(0, wanted - written)} are missing; {len(failed)} could not be written"]
+    return "\n".join(lines + [f"  {o.name}: {o.error}" for o in failed])
 
 
 def main() -> None:
@@ -185,8 +202,12 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     indices = range(options.first, options.first + options.cases)
-    for i, (name, content) in enumerate(generate(options.out, options.seed, indices, options.workers), 1):
-        print(f"{i}/{options.cases} {name}: {content}", flush=True)
+    outcomes = []
+    for outcome in generate(options.out, options.seed, indices, options.workers):
+        outcomes.append(outcome)
+        said = outcome.result["found"] if outcome.result else f"left out: {outcome.error}"
+        print(f"{len(outcomes)}/{options.cases} {outcome.name}: {said}", flush=True)
+    print(tally(outcomes, options.cases))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.blind.spread import limit_memory
+from benchmarks.blind.memory import limit_memory
 from discovery.io import atomic_write
 from discovery.spread import spread
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ import pandas as pd
 from discovery_datasets.hidden import FAMILIES
 from scipy import stats
 
+from benchmarks.blind.peers import nameable
 from benchmarks.blind.truth import catalogue_values
-from discovery.provenance import read_json
+from discovery.provenance import read_json, write_json
 
 #: The arm's own mechanics: a clean case is one where nothing else is added.
 GEOMETRY = frozenset(
@@ -29,6 +31,8 @@ GEOMETRY = frozenset(
 )  # fmt: skip
 PAPER_NOISE, PLAIN = 3e-4, 4.0  # m; size over noise from which the goals count
 BINS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, np.inf)
+#: Predictions of the hold-out: of the declared model, of the exact arm with nothing added, of the loop's answer.
+WHEN = ("before", "bare", "after")
 #: Two-sided normal quantile of a 90 % interval.
 NINETY = float(stats.norm.ppf(0.95))
 
@@ -57,9 +61,10 @@ def detection_limit(size: Any, named: Any) -> dict[str, float | None]:
 
 
 def distance(prediction: pd.DataFrame, clean: pd.DataFrame, when: str) -> float:
-    """Rms distance between predicted and noise-free reading of the hold-out [m]."""
-    x, y = prediction[f"tip_x_{when}_m"] - clean["tip_x_m"], prediction[f"tip_y_{when}_m"] - clean["tip_y_m"]
-    return float(np.sqrt(np.mean(x**2 + y**2)))
+    """Rms distance between predicted and noise-free reading of the hold-out [m], infinite if the motion blew up."""
+    x, y = ((prediction[f"tip_{a}_{when}_m"] - clean[f"tip_{a}_m"]).to_numpy() for a in "xy")
+    rms = float(np.sqrt(np.mean(x**2 + y**2)))
+    return np.inf if np.isnan(rms) else rms
 
 
 def coverage(truth: Mapping[str, Any], found: Mapping[str, Any], rig: Mapping[str, float]) -> list[dict[str, Any]]:
@@ -110,7 +115,7 @@ def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], 
     verdict = judge([e["id"] for e in effects], groups, truth["effects"])
     clean = pd.read_csv(folder / "truth" / f"{name}_holdout_clean.csv")
     prediction = pd.read_csv(results / "prediction.csv")
-    rms = {when: distance(prediction, clean, when) for when in ("before", "bare", "after")}
+    rms = {when: distance(prediction, clean, when) for when in WHEN}
     row |= {
         "verdict": loop["verdict"],
         "named": " + ".join(e["id"] for e in effects) or "none",
@@ -124,6 +129,8 @@ def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], 
         **{f"{when}_mm": 1e3 * v for when, v in rms.items()},
         "after_over_noise": rms["after"] / truth["noise"],
     }
+    if truth["effects"]:
+        row["nameable"] = all(nameable(t["accepted"]) for t in truth["effects"])
     compared = results / "peers.json"
     for peer, names in json.loads(compared.read_text()).items() if compared.exists() else ():
         own = judge(names, {n: {n} for n in names}, truth["effects"])
@@ -173,10 +180,13 @@ def headline(table: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
         }
         for peer in ("pysindy", "lasso"):
             if f"{peer}_in_set" in part:
-                plain_peer = single[single[f"{peer}_in_set"].notna()]
+                compared = single[single[f"{peer}_in_set"].notna()]
+                known = compared[compared["nameable"].astype(bool)]
                 scores[label] |= {
-                    f"{peer}: single effect in the set": proportion(plain_peer[f"{peer}_in_set"].astype(bool)),
-                    f"{peer}: single effect first": proportion(plain_peer[f"{peer}_first"].astype(bool)),
+                    f"{peer}: single effect in the set": proportion(compared[f"{peer}_in_set"]),
+                    f"{peer}: in the set, of those with a column": proportion(known[f"{peer}_in_set"]),
+                    f"{peer}: single effect first": proportion(compared[f"{peer}_first"]),
+                    f"{peer}: first, of those with a column": proportion(known[f"{peer}_first"]),
                     f"{peer}: nothing invented": proportion(inside[f"{peer}_invented"].dropna() == ""),
                 }
     scores["coverage of 90 % intervals"] = {
@@ -184,6 +194,11 @@ def headline(table: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
         **{p: proportion(g["z"].abs() <= NINETY) for p, g in intervals.groupby("effect")},
     }
     return scores
+
+
+def binned(sizes: pd.Series) -> pd.Series:
+    """Bin of each size, by its name."""
+    return pd.cut(sizes, BINS, right=False, labels=[f"{low:g} to {high:g}" for low, high in pairwise(BINS)])
 
 
 def by_size(table: pd.DataFrame) -> dict[str, Any]:
@@ -194,14 +209,72 @@ def by_size(table: pd.DataFrame) -> dict[str, Any]:
         part = single if family == "all" else single[single["family"] == family]
         if part.empty:
             continue
-        bins = pd.cut(part["size"], BINS, right=False)
         found[family] = {
-            "bins": {
-                f"{b.left:g} to {b.right:g}": proportion(g["in_set"]) for b, g in part.groupby(bins, observed=True)
-            },
+            "bins": {b: proportion(g["in_set"]) for b, g in part.groupby(binned(part["size"]), observed=True)},
             "limit": detection_limit(part["size"].clip(lower=1e-2), part["in_set"].astype(bool)),
         }
     return found
+
+
+def quartiles(values: pd.Series) -> dict[str, float]:
+    """Median and quartiles, each one of the values: between infinite ones there is nothing."""
+    low, median, high = np.quantile(values, (0.25, 0.5, 0.75), method="inverted_cdf")
+    return {"low": float(low), "median": float(median), "high": float(high)}
+
+
+def figures_of(part: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
+    """All figures of cases that have one effect each, or none."""
+    own = intervals[intervals["case"].isin(part["case"])]
+    return {
+        "median size": float(part["size"].median()),
+        "shares": {
+            "named first": proportion(part["first"].dropna()),
+            "in the set or its group": proportion(part["in_set"].dropna()),
+            "nothing invented": proportion(part["invented"] == ""),
+            "90 % intervals cover": proportion(own["z"].abs() <= NINETY),
+            "hold-out within the noise": proportion(part["after_over_noise"] <= 1),
+            "within twice the noise": proportion(part["after_over_noise"] <= 2),
+        },
+        "hold-out over noise": {when: quartiles(part[f"{when}_mm"] / part["noise_mm"]) for when in WHEN},
+    }
+
+
+def all_by_size(table: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
+    """Figures of the clean cases, and of those with one effect by its size over noise; any camera, any verdict."""
+    ran = table[table["error"].isna()]
+    clean, single = ran[ran["kind"] == "none"], ran[ran["kind"] == "single"]
+    parts = [("clean", clean)] * (not clean.empty) + list(single.groupby(binned(single["size"]), observed=True))
+    return {label: figures_of(part, intervals) for label, part in parts}
+
+
+def verdicts_by_size(table: pd.DataFrame) -> pd.DataFrame:
+    """Cases with each verdict by kind and size over noise, of a pair that of its weaker effect."""
+    ran = table[table["error"].isna()]
+    return pd.crosstab([ran["kind"], binned(ran["size"])], ran["verdict"])
+
+
+def brief(p: Mapping[str, Any]) -> str:
+    """Cell of a table."""
+    return f"{p['k']}/{p['n']} ({100 * p['low']:.0f} to {100 * p['high']:.0f})" if p["n"] else "-"
+
+
+def size_tables(found: Mapping[str, Any]) -> list[str]:
+    """Figures by size as plain text."""
+    shares, errors = {}, {}
+    for size, own in found.items():
+        shares[size] = {name: brief(p) for name, p in own["shares"].items()}
+        errors[size] = {
+            when: f"{q['median']:.3g} ({q['low']:.3g} to {q['high']:.3g})"
+            for when, q in own["hold-out over noise"].items()
+        }
+    return [
+        "",
+        "single effects by size over noise, any camera: cases (95 % interval of the share in %)",
+        pd.DataFrame.from_dict(shares, orient="index").to_string(),
+        "",
+        "hold-out error over noise, median (quartiles): declared model, bare exact arm, after the loop",
+        pd.DataFrame.from_dict(errors, orient="index").to_string(),
+    ]
 
 
 def say(label: str, p: Mapping[str, Any]) -> str:
@@ -212,7 +285,7 @@ def say(label: str, p: Mapping[str, Any]) -> str:
     return f"  {label:50s} {p['k']:4d} of {p['n']:4d}  {share:5.1f} %  ({low:.0f} to {high:.0f})"
 
 
-def report(scores: Mapping[str, Any], sizes: Mapping[str, Any], table: pd.DataFrame) -> str:
+def report(scores: Mapping[str, Any], sizes: Mapping[str, Any], found: Mapping[str, Any], table: pd.DataFrame) -> str:
     """Everything as plain text."""
     lines = [say("failed", scores["failed"])]
     for block in ("0.3 mm", "all noise levels", "coverage of 90 % intervals"):
@@ -227,8 +300,10 @@ def report(scores: Mapping[str, Any], sizes: Mapping[str, Any], table: pd.DataFr
         )
         shares = ", ".join(f"{b}: {p['k']}/{p['n']}" for b, p in part["bins"].items())
         lines.append(f"  {family:16s} {shares}; {half}")
+    lines += size_tables(found)
     ran = table[table["error"].isna()]
     lines += ["", "verdicts", pd.crosstab(ran["kind"], ran["verdict"]).to_string()]
+    lines += ["", "verdicts by size", verdicts_by_size(table).to_string()]
     return "\n".join(lines)
 
 
@@ -255,7 +330,8 @@ def collect(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
             rows.append({"error": None, **row})
             intervals += own
     table = pd.DataFrame(rows)
-    for column in ("verdict", "in_set", "alone", "first", "invented", "after_over_noise", "after_mm", "bare_mm"):
+    judged = ("verdict", "in_set", "alone", "first", "invented", "after_over_noise", *(f"{when}_mm" for when in WHEN))
+    for column in judged:
         if column not in table:
             table[column] = None
     return table, pd.DataFrame(intervals, columns=["case", "effect", "parameter", "truth", "estimate", "z"])
@@ -266,16 +342,16 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     folder = parser.parse_args().out
     table, intervals = collect(folder)
-    scores, sizes = headline(table, intervals), by_size(table)
+    scores, sizes, found = headline(table, intervals), by_size(table), all_by_size(table, intervals)
     table.to_csv(folder / "summary.csv", index=False, float_format="%.5g")
     table.astype({c: str for c in table.columns if table[c].dtype == object}).to_parquet(folder / "summary.parquet")
     intervals.to_csv(folder / "intervals.csv", index=False, float_format="%.5g")
     misses = missed(table)
     misses.to_csv(folder / "misses.csv", index=False, float_format="%.4g")
-    (folder / "scores.json").write_text(
-        json.dumps({"goals": scores, "sizes": sizes}, indent=1) + "\n", encoding="utf-8"
-    )
-    print(report(scores, sizes, table))
+    verdicts = verdicts_by_size(table).reset_index().to_dict("records")
+    content = {"goals": scores, "sizes": sizes, "by_size": found, "verdicts": verdicts}
+    write_json(folder / "scores.json", content)
+    print(report(scores, sizes, found, table))
     shown = [
         "case",
         "true",
@@ -291,7 +367,7 @@ def main() -> None:
     print("\nto look at\n" + misses[shown].to_string(index=False, max_colwidth=44))
     from benchmarks.blind.figures import draw
 
-    draw(folder, table, intervals, sizes)
+    draw(folder, table, intervals, sizes, found)
 
 
 if __name__ == "__main__":
