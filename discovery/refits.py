@@ -26,6 +26,7 @@ __all__ = [
     "finish",
     "held_fixed",
     "quickened",
+    "reduced",
     "refit",
     "refit_pairs",
     "relaxed",
@@ -300,6 +301,30 @@ def relaxed(fitted: Refit, dropped: Sequence[str], *, carried: bool = False) -> 
     (minimum,) = fit_problems([smaller], [start], tolerance=1e-6, rough=True)
     # A falling body needs no effect at all.
     return Refit(next(reversed(smaller.model.effects), ""), smaller, minimum)
+
+
+def reduced(fitted: Refit, effect: str, simpler: str) -> Refit:
+    """Return a refit with a simpler law in the place of one that it is where one amplitude vanishes, from its values.
+
+    Parameters
+    ----------
+    fitted : Refit
+        With the effect.
+    effect, simpler : str
+        The effect, and one of those that it `reduces_to`.
+    """
+    problem = fitted.problem
+    rest = problem.model.without([effect]).with_effect(simpler)
+    smaller = Problem(rest, problem.bench, problem.units, problem.gaussian)
+    system = problem.model.mechanics.system
+    (own,) = _amplitudes(simpler, system)
+    starts = [smaller.start({**fitted.values, own: fitted.values[a]}) for a in _amplitudes(effect, system)]
+    minima = settle([smaller] * len(starts), starts)
+    return Refit(simpler, smaller, min(minima, key=lambda m: m.cost))
+
+
+def _amplitudes(effect: str, system: str) -> list[str]:
+    return [p.name for p in get_effect(effect).fitted(system) if not p.shape]
 
 
 def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], there: Sequence[FloatArray]) -> FloatArray:

@@ -21,7 +21,7 @@ from discovery.fit import Fit
 from discovery.node import Node
 from discovery.ordering import better, helps, ordered
 from discovery.race import is_far_behind
-from discovery.refits import Refit, relaxed, resettled
+from discovery.refits import Refit, reduced, relaxed, resettled
 from discovery.registry import catalogue
 from discovery.simplicity import imitates
 from discovery.simulate import THREADS
@@ -372,9 +372,12 @@ class Search:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
         for _ in range(_ROUNDS):
             before = self.best.added
-            if len(before) > 1:
-                self._foresee()
             for effect in before:
+                self._reduce(effect)
+            members = self.best.added
+            if len(members) > 1:
+                self._foresee()
+            for effect in members:
                 if len(self.best.added) > 1 and effect in self.best.added:
                     self._retry(effect)
             if self.best.added == before:
@@ -393,6 +396,21 @@ class Search:
     def _weighed(self, effect: str) -> Verdict:
         """Decide whether a member is more than idle."""
         return weigh(self.case, self.root, self._without(effect), self.best, (effect,), None, strict=True)
+
+    def _reduce(self, effect: str) -> None:
+        """Let a simpler law take the place of a member that has become it."""
+        for node in self._simpler(effect):
+            if reason := better(self.case, self.best, node):
+                numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
+                self.steps.append(Step("exchange", effect, True, reason, numbers))
+                self._take(node)
+                return
+
+    def _simpler(self, effect: str) -> list[Node]:
+        """Return sets with a simpler law in the place of a member, from its values: screening may not find them."""
+        rest = tuple(e for e in self.best.added if e != effect)
+        near = sorted(catalogue()[effect].reduces_to - {*rest})
+        return [Node.of((*rest, e), reduced(self.best.refit, effect, e), self.case) for e in near]
 
     def _retry(self, effect: str) -> None:
         smaller = self._without(effect)
@@ -437,27 +455,24 @@ class Search:
         Held, friction that turns within another speed looks like one with a peak.
         """
         for effect in self.best.added:
-            near = catalogue()[effect].reduces_to
-            if not near or not self.case.conventions(self.best.refit.problem.model):
+            if not self.case.conventions(self.best.refit.problem.model):
                 continue
-            branch = self._in_place_of(effect)
-            for added, r in branch.children(self._without(effect).added):
-                if r.effect not in near:
-                    continue
-                here, there = self._unfixed(self.best.added, self.best.refit), self._unfixed(added, r)
+            for node in self._simpler(effect):
+                here, there = self._unfixed(self.best), self._unfixed(node)
                 if is_needed(self.case, self.root, there, here):
                     continue
-                reason = f"in its place {r.effect}, its conventions free, leaves {there.chi2 - here.chi2:.0f} more only"
+                more = there.chi2 - here.chi2
+                reason = f"in its place {node.added[-1]}, its conventions free, leaves {more:.0f} more only"
                 numbers = {"chi2_before": here.chi2, "chi2_after": there.chi2}
-                self.steps.append(Step("exchange", effect, True, reason, numbers, self._ranking(branch)))
-                self._take(Node.of(added, r, self.case))
+                self.steps.append(Step("exchange", effect, True, reason, numbers))
+                self._take(node)
                 self.finest()
                 break
 
-    def _unfixed(self, added: tuple[str, ...], refit: Refit) -> Node:
+    def _unfixed(self, node: Node) -> Node:
         """Return a set with what its laws hold by convention free."""
-        fitted = self.case.finished(refit)
-        return Node.of(added, Refit(refit.effect, fitted.problem, fitted.minimum), self.case)
+        fitted = self.case.finished(node.refit)
+        return Node.of(node.added, Refit(node.refit.effect, fitted.problem, fitted.minimum), self.case)
 
     def rivals(self) -> dict[str, dict[str, Refit]]:
         """Return, for each added effect that others explain as well, the refits with those in its place."""

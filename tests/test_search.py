@@ -530,3 +530,22 @@ def test_the_same_seed_gives_the_same_answer() -> None:
     again = searched(beta=1.0, f_c=0.02)
     assert first.evidence == again.evidence
     assert first.best.refit.values == again.best.refit.values
+
+
+@pytest.mark.parametrize(("bump", "added"), [(0.0, "coulomb_friction"), (0.1, "stribeck_friction")])
+def test_a_member_that_has_become_a_simpler_law_is_called_so(bump: float, added: str) -> None:
+    search = copy(searched(beta=1.0, f_k=0.02, **({"f_b": bump, "v_s": 0.3} if bump else {})))
+    problem = search.root.refit.problem
+    model = problem.model.with_effect("cubic_stiffness", "stribeck_friction")
+    richer = Problem(model, problem.bench, problem.units, problem.gaussian)
+    values = {**search.root.refit.values, "beta": 1.0, "f_k": 0.02, "f_b": bump, "v_s": 0.3}
+    (found,) = settled([richer], [richer.start(values)])
+    search.best, search.steps = Node.of(("cubic_stiffness", "stribeck_friction"), found, search.case), []
+    # From its own values: nothing is screened, and no other effect is tried.
+    search._branches = None
+    search._reduce("cubic_stiffness")
+    search._reduce("stribeck_friction")
+    assert search.added == ("cubic_stiffness", added)
+    assert [(s.action, s.effect) for s in search.steps] == ([] if bump else [("exchange", "stribeck_friction")])
+    if not bump:
+        assert search.best.refit.values["f_c"] == pytest.approx(0.02, rel=0.1)
