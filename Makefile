@@ -126,7 +126,7 @@ datasets: $(READY) ## Simulate the twin's recordings again
 docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/arm.png ## Write the catalogue page, the pictures and the README's table again
 	$(BIN)/python docs/results_table.py reports README.md
 
-docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/catalogue_page.py | $(READY)
+docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrades.py discovery/catalogue_page.py | $(READY)
 	$(BIN)/python -m discovery.catalogue_page $@
 
 docs/images/architecture.svg: docs/draw_architecture.py | $(READY)

@@ -1,7 +1,7 @@
 """The catalogue of effects as one page of Markdown: ``python -m discovery.catalogue_page OUT.md``.
 
 Everything on the page is taken from the declarations: formula and meaning from the class docstring, parameters with
-units, bounds and priors, and the source of each law.
+units, bounds and priors, and the source of each law. The steps of the mechanics are declared alike.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from discovery.attribution import candidates
 from discovery.effect import ARM, Effect
 from discovery.io import atomic_write
 from discovery.mechanics import base_names, get_base
+from discovery.mechanics.upgrades import UPGRADES, Upgrade
 from discovery.model import Model
 from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
 from discovery.registry import catalogue
@@ -24,6 +25,7 @@ from discovery.registry import catalogue
 __all__ = ["catalogue_page", "main"]
 
 _KINDS = {
+    "mechanics": "Mechanics of the arm",
     "kinetic": "Kinetic energy",
     "potential": "Potential energy",
     "dissipation": "Dissipation",
@@ -38,7 +40,8 @@ _KINDS = {
 }
 _OPENING = """# Catalogue of effects
 
-Written by `make docs` from the declarations in `discovery/effects`; [how to add one](ADD_AN_EFFECT.md).
+Written by `make docs` from the declarations in `discovery/effects`; [how to add one](ADD_AN_EFFECT.md). The first two
+are steps to better [mechanics](MECHANICS.md#three-bases), which the loop names as it names effects.
 
 Energies are per unit of inertia, lengths in lengths of the arm, q is the unit of the coordinate (rad for an arm, the
 output's unit for an oscillator). Bounds and priors are in natural units: time in 1/omega of the small oscillation, an
@@ -88,16 +91,18 @@ def _row(parameter: Parameter) -> str:
 
 
 def _where(effect_id: str, effect: Effect) -> str:
-    """Return on what an effect acts, with its bases where that is not all of them."""
+    """Say on what an effect acts, with its bases where that is not all of them."""
+    if isinstance(effect, Upgrade):
+        return effect.switch()
     systems = "arms" if effect.systems == {ARM} else "arms and oscillators" if ARM in effect.systems else "oscillators"
     bases = [b for b in base_names() if get_base(b).system in effect.systems]
     open_to = [f"`{b}`" for b in bases if effect_id in candidates(Model(b, ()))]
-    return systems if len(open_to) == len(bases) else f"{systems} (bases: {', '.join(open_to)})"
+    return f"Acts on {systems}." if len(open_to) == len(bases) else f"Acts on {systems} (bases: {', '.join(open_to)})."
 
 
 def _section(effect_id: str, effect: Effect) -> list[str]:
     words = _formula(inspect.getdoc(type(effect)) or "")
-    lines = [f"### `{effect_id}`", "", words, "", f"Acts on {_where(effect_id, effect)}."]
+    lines = [f"### `{effect_id}`", "", words, "", _where(effect_id, effect)]
     lines += [f"Source: {effect.cite}.", ""]
     if effect.parameters():
         lines += ["| symbol | name | unit | meaning | role | bounds | prior |", "|---|---|---|---|---|---|---|"]
@@ -109,8 +114,9 @@ def _section(effect_id: str, effect: Effect) -> list[str]:
 def catalogue_page() -> str:
     """Return the page, effects by kind and then by name."""
     lines = [_OPENING]
+    shown: dict[str, Effect] = {**{u.id(): u for u in UPGRADES}, **catalogue()}
     for kind, heading in _KINDS.items():
-        members = {e: effect for e, effect in catalogue().items() if effect.kind == kind}
+        members = {e: effect for e, effect in shown.items() if effect.kind == kind}
         if members:
             lines += [f"## {heading}", ""]
         for effect_id, effect in members.items():

@@ -16,6 +16,7 @@ from discovery.contradiction import ContradictionReport, check_contradictions, g
 from discovery.experiment import Experiment
 from discovery.fit import Fit, declared_model, fit, prolonged, rig_uncertainty, widened
 from discovery.holdout import HoldOut
+from discovery.mechanics import upgrades
 from discovery.problem import natural_units
 from discovery.quantisation import resolution
 from discovery.recording import Recording
@@ -31,10 +32,10 @@ from discovery.workers import at_once, single_algebra
 __all__ = ["UPGRADES", "LoopResult", "close_loop"]
 
 FloatArray = NDArray[np.float64]
+#: Better bases, and what the step to each is called when the loop finds it.
+UPGRADES = tuple((step.base, step.id()) for step in upgrades.UPGRADES)
 #: The exact arm on which effects are searched.
-_EXACT = "elastica_calm"
-#: What a base upgrade is called when the loop finds it.
-UPGRADES = (("reduced", "radius_inertia"), (_EXACT, "elastica_geometry"))
+_EXACT = UPGRADES[-1][0]
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
@@ -291,7 +292,7 @@ def _contradiction(after: Fit, search: Search, case: Case, *, noise: bool) -> Co
 
 
 def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
-    """Design a manoeuvre for every added effect that others explain as well."""
+    """Design a manoeuvre, within the limits of the motor, for every added effect that others explain as well."""
     found = []
     for effect, rivals in search.rivals().items():
         case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")

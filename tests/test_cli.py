@@ -28,6 +28,7 @@ from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
 from discovery.cli.stages import _say_loop as say_loop
 from discovery.errors import ComputationError, InputError
+from discovery.loop import UPGRADES
 from discovery.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.provenance import surroundings
 from discovery.reading_noise import noise_note, understated
@@ -318,9 +319,8 @@ def test_an_interrupted_command_says_what_the_next_one_does(
 
 def scattered(rms: float, **more: Any) -> SimpleNamespace:
     after = {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}
-    return SimpleNamespace(
-        **{"verdict": "explained", "recordings": (), "errors": {"unit": "m", "after": after}, **more}
-    )
+    said = {"verdict": "explained", "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}}
+    return SimpleNamespace(**{**said, **more})
 
 
 def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves_noise() -> None:
@@ -566,7 +566,7 @@ def test_noise_must_be_known_and_apply(case: Case, tmp_path: Path, capsys: pytes
 
 def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "effects")
-    assert [line.split()[0] for line in listed.out.splitlines()] == list(catalogue())
+    assert [line.split()[0] for line in listed.out.splitlines()] == sorted({*catalogue(), *(n for _, n in UPGRADES)})
     card = call(capsys, "effects", "coulomb_friction")
     assert card.status == 0
     for part in ("dissipation", "f_c", "s^-2 q", "dry friction", "Coulomb (1785)"):
@@ -574,6 +574,23 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     unknown = call(capsys, "effects", "coulomb_frcition")
     assert unknown.status == 2
     assert "Did you mean coulomb_friction" in unknown.err
+
+
+@pytest.mark.parametrize(("base", "name"), UPGRADES)
+def test_effects_shows_what_the_loop_calls_a_step_of_the_mechanics(
+    base: str, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    card = call(capsys, "effects", name)
+    assert card.status == 0
+    for part in (f"{name} (mechanics;", ".. math::", f"base to `{base}`", "no free parameter", "Lagrange"):
+        assert part in card.out
+    misspelt = call(capsys, "effects", f"{name[:-2]}x")
+    assert misspelt.status == 2
+    assert f"Did you mean {name}" in misspelt.err
+
+
+def test_effects_shows_the_force_that_is_in_no_catalogue(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "in no catalogue" in call(capsys, "effects", "external_force").out
 
 
 def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

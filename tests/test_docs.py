@@ -14,6 +14,7 @@ import pytest
 
 from discovery.case import LoopSettings
 from discovery.catalogue_page import catalogue_page, main
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.registry import catalogue
 
 ROOT = Path(__file__).parents[1]
@@ -92,8 +93,9 @@ def test_the_catalogue_page_is_current() -> None:
 
 def test_the_catalogue_page_shows_every_effect_and_parameter() -> None:
     sections = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##|\Z)", catalogue_page(), re.MULTILINE | re.DOTALL))
-    assert set(sections) == set(catalogue())
-    for effect_id, effect in catalogue().items():
+    shown = {**catalogue(), **{step.id(): step for step in UPGRADES}}
+    assert set(sections) == set(shown)
+    for effect_id, effect in shown.items():
         assert "```math\n" in sections[effect_id]
         assert effect.cite in sections[effect_id]
         for parameter in effect.parameters():
@@ -103,6 +105,7 @@ def test_the_catalogue_page_shows_every_effect_and_parameter() -> None:
     assert not re.search(r"^    |::|:math:", outside, re.MULTILINE)
     bases = "`elastica`, `elastica_4`, `elastica_calm`, `elastica_2`, `elastica_1`"
     assert f"Acts on arms (bases: {bases})." in sections["base_backlash"]
+    assert "Changes the base to `elastica_calm`" in sections["elastica_geometry"]
 
 
 def test_the_catalogue_page_is_written_by_its_command(tmp_path: Path) -> None:

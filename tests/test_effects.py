@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,12 +12,17 @@ from test_bench import arm
 from discovery.bench import Bench
 from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
 from discovery.errors import InputError
-from discovery.mechanics import base_names
+from discovery.loop import UPGRADES as LOOP_UPGRADES
+from discovery.mechanics import get_base
+from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS
+from discovery.mechanics.upgrades import UPGRADES, Upgrade
 from discovery.model import Model
 from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
 from discovery.registry import catalogue, get_effect
 from discovery.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
 from discovery.testing import EffectContract
+from discovery.testing.recovery import check_recovery
+from discovery.testing.states import every_effect
 
 #: Ids that users, rig files and stored results know.
 VOCABULARY = {
@@ -28,17 +34,38 @@ VOCABULARY = {
     *("table_tilt", "gravity_torque", "periodic_disturbance", "base_backlash", "base_compliance", "encoder_ripple"),
     *("input_offset", "input_gain", "base_hysteresis", "hysteresis", "viscoelastic_relaxation"),
     *("sensor_delay", "angle_offset", "position_scale", "camera_origin_offset", "time_base_error"),
+    *("second_mode", "radius_inertia", "elastica_geometry"),
 }
+#: Effects are searched on it.
+EXACT = UPGRADES[-1].base
 
 
 class TestCatalogue(EffectContract):
-    """The contract over everything registered; the arms of one and three modes stand for those of two and four."""
-
-    bases = tuple(b for b in base_names() if b not in ("elastica_2", "elastica_4", "elastica_calm"))
+    """The contract over everything registered, on every base."""
 
 
 def test_the_promised_effects_are_there() -> None:
-    assert set(catalogue()) >= VOCABULARY
+    assert {*catalogue(), *(step.id() for step in UPGRADES)} >= VOCABULARY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", every_effect(EXACT))
+def test_recovery_on_the_exact_arm(effect: str) -> None:
+    check_recovery(effect, EXACT)
+
+
+@pytest.mark.parametrize("step", UPGRADES, ids=lambda step: step.id())
+def test_a_step_of_the_mechanics_is_declared_as_effects_are_and_has_no_free_parameter(step: Upgrade) -> None:
+    text = inspect.getdoc(type(step)) or ""
+    assert step.title()
+    assert ".. math::" in text
+    assert step.cite
+    assert step.id() not in catalogue()
+    assert (step.base, step.id()) in LOOP_UPGRADES
+    # What the better base has beyond the simplest is known or held by convention, and it makes effects superfluous.
+    assert {p.name for p in (*step.parameters(), *get_base(step.base).parameters()) if not p.fixed} == set()
+    assert get_base(step.base).provides >= {"cubic_stiffness", "distributed_mass", *RADIUS_LAWS, *SHORTENING_RADIUS}
+    assert f"`{step.base}`" in step.switch()
 
 
 def test_an_unknown_effect_names_the_nearest() -> None:

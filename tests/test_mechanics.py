@@ -17,6 +17,7 @@ from discovery.elastica.beam import perpendicular_law
 from discovery.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.reduced import rod_coupling
+from discovery.mechanics.rod import STRAIGHT, rod_of
 from discovery.mechanics.rod_shapes import (
     RICH,
     bending_matrix,
@@ -28,6 +29,7 @@ from discovery.mechanics.rod_shapes import (
 )
 from discovery.model import Model
 from discovery.program import RECORDED, Program, build_program
+from discovery.registry import get_effect
 from discovery.simulate import Simulator
 from discovery.testing.states import every_effect
 
@@ -404,6 +406,14 @@ def test_energy_over_a_swing(base: str, lossy: bool) -> None:
         assert energy[-1] < 0.95 * energy[0]
     else:
         np.testing.assert_allclose(energy, energy[0], rtol=1e-8)
+
+
+def test_what_is_kept_of_a_derivation_is_that_of_the_base_and_of_the_rod() -> None:
+    calm, soft = get_base(CALM), rod_of([get_effect("base_compliance")])
+    for rod in (STRAIGHT, soft):
+        assert calm.mechanics(rod) is calm.mechanics(rod)
+        assert calm.mechanics(rod) == calm.derive(rod)
+    assert calm.mechanics(soft) != calm.mechanics() != get_base("elastica").mechanics()
 
 
 def test_an_unknown_base_lists_the_known_ones() -> None:

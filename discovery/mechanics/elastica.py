@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -44,6 +44,12 @@ __all__ = [
     "ElasticaOneMode",
     "ElasticaTwoModes",
 ]
+
+
+@lru_cache(maxsize=64)
+def _derived(arm: Elastica, rod: Rod) -> Mechanics:
+    """Derive the mathematics of an arm once: it is the same with all effects that leave the rod as it is."""
+    return arm.derive(rod)
 
 
 def _over_three(curvature: np.ndarray, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> Strand:
@@ -119,6 +125,10 @@ class Elastica(ArmBase):
 
     def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
         """Return the mathematics."""
+        return _derived(self, rod)
+
+    def derive(self, rod: Rod) -> Mechanics:
+        """Return the mathematics, derived anew."""
         n, nodes = self.n_coordinates, self.nodes
         q, qd = self._symbols
         at, weights, cumulative = self._quadrature

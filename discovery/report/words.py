@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.registry import catalogue
 from discovery.report.mathml import GREEK
 from discovery.report.numbers import Scale, scale_for, significant
@@ -29,16 +30,10 @@ __all__ = [
     "sentence",
 ]
 
-#: Base upgrades are no entries of the catalogue: what they mean.
-_GEOMETRY = {
-    "radius_inertia": "The mass moves along the radius law (centrifugal, Coriolis, radial inertia), no free parameter",
-    "elastica_geometry": "The exact mechanics of the bending rod, whose mass may move within its stated uncertainty",
-}
-#: Where base upgrades come from.
-GEOMETRY_SOURCES = {
-    "radius_inertia": "Lagrange’s equation of a point mass on the elastica’s radius law, to third order",
-    "elastica_geometry": "Lagrange’s equations of an inextensible Euler-Bernoulli rod in curvature modes",
-}
+#: Steps of the mechanics are no entries of the catalogue.
+_STEPS = {step.id(): step for step in UPGRADES}
+#: Where they come from.
+GEOMETRY_SOURCES = {name: step.cite for name, step in _STEPS.items()}
 #: Models that are fitted side by side.
 FITS = {"linear": "linear spring", "constant_radius": "nonlinear spring, constant radius", "declared": "declared model"}
 MASSES = {"as_printed": "massless", "rod_counted": "counted"}
@@ -78,7 +73,7 @@ def listed(words: Iterable[str]) -> str:
 
 def prose(text: str) -> str:
     """Return a sentence of a result file with its symbols, effects and numbers as a reader writes them."""
-    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in _GEOMETRY or m[0] in catalogue() else m[0], text)
+    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in _STEPS or m[0] in catalogue() else m[0], text)
     text = _LONG.sub(lambda m: f"{int(m[0]):,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), text)
     for pattern, written in _WRITTEN:
         text = re.sub(pattern, written, text)
@@ -102,8 +97,8 @@ def effect_name(effect_id: str) -> str:
 
 def effect_title(effect_id: str) -> str:
     """Return one sentence on what an effect is."""
-    if effect_id in _GEOMETRY:
-        return _GEOMETRY[effect_id]
+    if effect_id in _STEPS:
+        return _STEPS[effect_id].title()
     return catalogue()[effect_id].title() if effect_id in catalogue() else effect_name(effect_id)
 
 

@@ -15,7 +15,7 @@ from discovery import symbols as s
 from discovery.compile import numpy_derivative
 from discovery.effect import ARM, Effect, Load, Memory
 from discovery.mechanics import get_base
-from discovery.program import Program, strands
+from discovery.program import RECORDED, Program, strands
 from discovery.rod_end import LoadedEnd, loaded_end
 from discovery.testing.states import Sample, whole
 
@@ -28,6 +28,7 @@ __all__ = [
     "evaluator",
     "loaded_end_of",
     "memory_states",
+    "slopes_by_sympy",
     "slopes_of",
 ]
 
@@ -53,6 +54,30 @@ def slopes_of(base_name: str, sample: Sample) -> FloatArray:
     return evaluator(whole(base_name))(sample.time, sample.recorded, sample.state, sample.parameters)
 
 
+@lru_cache(maxsize=8192)
+def _used(expression: sp.Expr) -> tuple[sp.Symbol, ...]:
+    return tuple(sorted(expression.free_symbols, key=str))
+
+
+@lru_cache(maxsize=8192)
+def _value(expression: sp.Expr, given: tuple[tuple[sp.Symbol, sp.Float], ...]) -> sp.Float:
+    return sp.Float(expression.xreplace(dict(given)).evalf())
+
+
+def slopes_by_sympy(program: Program, sample: Sample, k: int) -> list[float]:
+    """Return the slopes of one state of a sample; what is the same for another effect is not evaluated again."""
+    symbols = [s.t, *RECORDED, *program.states, *(sp.Symbol(p, real=True) for p in program.parameters)]
+    numbers = [sample.time, *sample.recorded[:, k], *sample.state[:, k], *sample.parameters[:, k]]
+    known = {symbol: sp.Float(float(number)) for symbol, number in zip(symbols, numbers, strict=True)}
+
+    def value(expression: sp.Expr) -> sp.Float:
+        return _value(expression, tuple((symbol, known[symbol]) for symbol in _used(expression)))
+
+    for symbol, expression in (*program.drive, *program.derivative):
+        known[symbol] = value(expression)
+    return [float(value(slope)) for slope in program.slopes]
+
+
 def accelerations(base_name: str, sample: Sample) -> FloatArray:
     """Return the accelerations (n, k) of the coordinates of a base with every effect."""
     n = get_base(base_name).n_coordinates
@@ -70,17 +95,13 @@ class Bare:
 
     def of(self, expression: sp.Expr) -> FloatArray:
         """Return the value (k,) of an expression in symbols of effects."""
-        value = _function(expression)(*(self.symbols[name.name] for name in _order(expression)))
+        value = _function(expression)(*(self.symbols[name.name] for name in _used(expression)))
         return np.broadcast_to(value, self.mass.shape[2:])
-
-
-def _order(expression: sp.Expr) -> list[sp.Symbol]:
-    return sorted(expression.free_symbols, key=str)
 
 
 @lru_cache(maxsize=256)
 def _function(expression: sp.Expr) -> Callable[..., FloatArray]:
-    return sp.lambdify(_order(expression), expression, ["numpy", "scipy"])
+    return sp.lambdify(_used(expression), expression, ["numpy", "scipy"])
 
 
 @lru_cache
@@ -148,12 +169,12 @@ def _components(effect: Memory, base_name: str) -> list[tuple[float, dict[sp.Sym
 
 
 def at_rest(program: Program, values: Mapping[sp.Symbol, Any]) -> tuple[Any, ...]:
-    """Return the mathematics of a program with parameters replaced, without what is zero and what nothing uses."""
+    """Return the mathematics of a program with parameters replaced, numbers put in, without what nothing uses."""
     known = dict(values)
     kept = []
     for symbol, expression in (*program.drive, *program.derivative):
         value = expression.xreplace(known)
-        if value == 0:
+        if value.is_Number:
             known[symbol] = value
         else:
             kept.append((symbol, value))

@@ -18,13 +18,15 @@ from discovery.registry import get_effect
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.testing.states import every_effect
 
-__all__ = ["recover"]
+__all__ = ["check_recovery", "recover"]
 
 FloatArray = NDArray[np.float64]
 #: Of the typical size of its prior, the part that an amplitude has.
 _AMPLITUDE = 0.25
-#: Integration step [s]; stable for the fastest memory that the bounds allow.
+#: Integration step [s]; stable for the fastest memory that the bounds allow, and for the ringing of the rod below.
 _STEP = 0.008
+#: Where a base has a rod of its own: its mass over the tip's, and the retardation time of its material [s].
+_ROD = {"mu": 0.5, "tau_r": 1e-3}
 
 
 def _experiment(base: str, drive: Drive, time: FloatArray, output: FloatArray, noise: float) -> Experiment:
@@ -47,12 +49,21 @@ def _experiment(base: str, drive: Drive, time: FloatArray, output: FloatArray, n
     return Experiment(recording, drive, rig)
 
 
-def recover(effect: str) -> tuple[Fit, dict[str, float]]:
-    """Simulate a manoeuvre with one effect, fit it, and return the fit with the true values."""
+def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
+    """Simulate a manoeuvre with one effect, fit it, and return the fit with the true values.
+
+    Parameters
+    ----------
+    effect : str
+        Id.
+    base : str, optional
+        Name of the base; the simplest one on which the effect means something by default.
+    """
     bases = ("constant_radius", "reduced", "elastica_1") if ARM in get_effect(effect).systems else ("oscillator",)
-    base = next(b for b in bases if effect in every_effect(b))
+    base = base or next(b for b in bases if effect in every_effect(b))
     context = ("viscous_damping", "linear_stiffness")
-    known = {"length": 1.2} if get_base(base).system == ARM else {"g": 1.0}
+    rod = {n: v for n, v in _ROD.items() if n in {p.name for p in get_base(base).parameters()}}
+    known = {"length": 1.2, **rod} if get_base(base).system == ARM else {"g": 1.0}
     model = Model(base, (*context, *({effect} - set(context))), known)
     units = NaturalUnits(time=1 / 3, coordinate=1.0, length=1.2)
     truth = {}
@@ -92,3 +103,28 @@ def recover(effect: str) -> tuple[Fit, dict[str, float]]:
                 trial = {**start, **first, **{n: truth[n] * shape for n in shapes}}
                 fits.append(fit(model, [experiment], start=trial, bench=bench, units=units))
     return min(fits, key=lambda f: f.chi2), truth
+
+
+def check_recovery(effect: str, base: str = "") -> None:
+    """Assert that what is recovered lies within 4 sds of the truth, and that the recording tells that from the start.
+
+    Parameters
+    ----------
+    effect : str
+        Id.
+    base : str, optional
+        Name of the base; the simplest one on which the effect means something by default.
+    """
+    fitted, truth = recover(effect, base)
+    declared = fitted.model.parameters
+    for name, value in truth.items():
+        sd = fitted.sd[name]
+        assert name not in fitted.reasons, f"{name}: {fitted.reasons.get(name)}"
+        off = fitted.values[name] - value
+        if declared[name].unit == "rad" and declared[name].shape:
+            # A phase is the same after a whole turn.
+            off = np.remainder(off + np.pi, 2 * np.pi) - np.pi
+        assert abs(off) < 4 * sd, f"{name}: {fitted.values[name]} +- {sd}, true {value}"
+        assert 4 * sd < 0.5 * abs(value), f"{name}: the recording does not tell the start from the truth"
+        low, high = np.array(declared[name].bounds) * fitted.problem.units.scale(declared[name])
+        assert low <= fitted.values[name] <= high
