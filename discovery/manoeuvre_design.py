@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.drive import Drive
 from discovery.errors import InputError
 
-__all__ = ["MotorLimits", "Move", "hub_drive", "moves_from_unit"]
+__all__ = ["NUMBERS", "MotorLimits", "Move", "hub_drive", "moves_from_unit", "reach"]
 
 FloatArray = NDArray[np.float64]
 
@@ -88,6 +88,12 @@ class Move:
     def acceleration(self) -> float:
         """Of its ramps, positive [rad/s^2]."""
         return self.speed / (self.ramp * self.duration)
+
+
+def reach(speed: float, acceleration: float, duration: float) -> float:
+    """Return how far a hub can turn from rest to rest [rad] within a duration [s]."""
+    rise = min(speed / acceleration, duration / 2)
+    return acceleration * rise * (duration - rise)
 
 
 def moves_from_unit(unit: FloatArray, limits: MotorLimits) -> tuple[Move, ...]:

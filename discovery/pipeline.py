@@ -62,7 +62,15 @@ def _describe(dataset: Dataset) -> dict[str, Any]:
         for name, unit in stated
         if (q := getattr(rig, name)) is not None
     }
-    for name, unit in (("position_noise", "m"), ("angle_noise", "rad")):
+    plain_numbers = (
+        ("position_noise", "m"),
+        ("angle_noise", "rad"),
+        ("motor_angle_limit", "rad"),
+        ("motor_speed_limit", "rad s^-1"),
+        ("motor_acceleration_limit", "rad s^-2"),
+        ("deflection_limit", "rad"),
+    )
+    for name, unit in plain_numbers:
         if getattr(rig, name) is not None:
             quantities[name] = {"value": getattr(rig, name), "sd": None, "unit": unit}
     return {

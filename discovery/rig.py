@@ -188,6 +188,11 @@ class Rig:
         Of a drive that was recorded in closed loop.
     view : ForceView or None
         Inverse dynamics in place of the motion.
+    motor_angle_limit, motor_speed_limit, motor_acceleration_limit : float or None
+        What the motor of an arm may do in a manoeuvre that is proposed: angle to either side of where the hub starts
+        [rad], speed [rad/s], acceleration [rad/s^2]. None: what the recordings show.
+    deflection_limit : float or None
+        Largest angle between tip and hub that it may cause [rad].
     path : Path or None
         The rig file.
     sha256 : str
@@ -208,6 +213,10 @@ class Rig:
     gravity: Quantity | None = None
     controller: Controller | None = None
     view: ForceView | None = None
+    motor_angle_limit: float | None = None
+    motor_speed_limit: float | None = None
+    motor_acceleration_limit: float | None = None
+    deflection_limit: float | None = None
     path: Path | None = None
     sha256: str = ""
 

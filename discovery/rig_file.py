@@ -94,6 +94,10 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         gravity=quantities.get("gravity", _GRAVITY if table.kind in ("pendulum", "falling_body") else None),
         controller=controller_of(path, text, table),
         view=view_of(path, text, table),
+        motor_angle_limit=values.get("motor_angle_limit"),
+        motor_speed_limit=values.get("motor_speed_limit"),
+        motor_acceleration_limit=values.get("motor_acceleration_limit"),
+        deflection_limit=values.get("deflection_limit"),
         path=path,
         sha256=hashlib.sha256(content).hexdigest(),
     )
@@ -124,7 +128,7 @@ def _quantities(
             factor = si_factor(unit, expected)
             given = QuantityTable.model_validate(value if isinstance(value, dict) else {"value": value})
         except InputError as error:
-            raise InputError(f"{where} key {key!r}: {error}") from error
+            raise InputError(f"{where} key {key!r}: {error} In SI units the key is {key_of(stem)!r}.") from error
         except ValidationError as error:
             raise InputError(explain(path, text, error, (key,), bare=not isinstance(value, dict))) from error
         si = given.value * factor

@@ -33,6 +33,10 @@ QUANTITIES: Mapping[str, tuple[str, float, float, float]] = {
     "flexural_rigidity": ("N m^2", 0.05, 0.0, 1e7),
     "position_noise": ("m", 0.0, 0.0, 0.1),
     "angle_noise": ("rad", 0.0, 0.0, 0.2),
+    "motor_angle_limit": ("rad", 0.0, 0.0, 15.0),
+    "motor_speed_limit": ("rad / s", 0.0, 0.0, 100.0),
+    "motor_acceleration_limit": ("rad / s^2", 0.0, 0.0, 1e4),
+    "deflection_limit": ("rad", 0.0, 0.0, 3.0),
 }
 """By stem of the key: unit, relative and absolute sd where the file states none, largest plausible value."""
 
@@ -44,6 +48,10 @@ MEANT_FOR: Mapping[str, tuple[str, ...]] = {
     "flexural_rigidity": ("flexible_arm",),
     "position_noise": ("flexible_arm",),
     "angle_noise": ("flexible_arm",),
+    "motor_angle_limit": ("flexible_arm",),
+    "motor_speed_limit": ("flexible_arm",),
+    "motor_acceleration_limit": ("flexible_arm",),
+    "deflection_limit": ("flexible_arm",),
 }
 """By stem of the key: the kinds of system in which it means something."""
 
@@ -158,7 +166,7 @@ class RigTable(_Table):
 
 def key_of(stem: str) -> str:
     """Return the key of a quantity in its SI unit: ``"length"`` gives ``"length_m"``."""
-    unit = QUANTITIES[stem][0].replace(" ", "_").replace("^", "").replace("-", "")
+    unit = QUANTITIES[stem][0].replace(" ", "_").replace("/", "per").replace("^", "").replace("-", "")
     return f"{stem}_{unit}"
 
 

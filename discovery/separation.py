@@ -8,7 +8,7 @@ Reiner, Technometrics 7 (1965) 307).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,15 +20,17 @@ from discovery.errors import InputError
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit
 from discovery.likeness import similarity
-from discovery.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit
+from discovery.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit, reach
 from discovery.rival_distance import Distance, Trial, distance_on_given
 from discovery.simplicity import simplicity
 
-__all__ = ["Separation", "demonstrated_limits", "separate", "similarity_matrix"]
+__all__ = ["Separation", "allowed_limits", "demonstrated_limits", "separate", "similarity_matrix"]
 
 FloatArray = NDArray[np.float64]
 #: Share of the trials that are drawn at random; the others improve on the best of those.
 _RANDOM = 0.6
+#: Standard deviation of a random step from the best, in each direction of the unit cube.
+_STEP = 0.1
 #: Chi-square by which the right rival must be expected to win: less may be chance.
 _DECIDES = 10.0
 
@@ -50,7 +52,8 @@ class Separation:
     table : ndarray, shape (n, 2)
         Time [s] and motor angle [rad], at the rate of the given recordings.
     given, designed : Distance
-        Of the nearest pair on the given recordings, where parameters are as free as they can be, and on the manoeuvre.
+        Of the nearest pair on the given recordings, where parameters are as free as they can be, and on the manoeuvre;
+        zero there where every manoeuvre that was tried exceeds the deflection that is allowed.
     deflection : float
         Largest deflection that a rival predicts [rad].
     evaluations : int
@@ -77,12 +80,17 @@ class Separation:
         """What the manoeuvre promises, in words."""
         if not self.decides:
             most = self.limits
+            best = (
+                f"the best lets the right one win by an expected chi-square of {self.designed.chi2:.2g}, and less than "
+                f"{_DECIDES:g} may be chance"
+                if self.deflection <= most.deflection
+                else f"the gentlest deflects the tip by {self.deflection:.3g} rad"
+            )
             return (
                 f"No manoeuvre within the safe limits ({most.angle:.3g} rad, {most.speed:.3g} rad/s, "
                 f"{most.acceleration:.3g} rad/s^2, {most.duration:.3g} s, tip deflected by {most.deflection:.3g} rad) "
-                f"tells {', '.join(self.rivals)} apart: of {self.evaluations} tried, the best lets the right one win "
-                f"by an expected chi-square of {self.designed.chi2:.2g}, and less than {_DECIDES:g} may be chance. A "
-                "camera with less noise, or wider limits if they are safe, would help."
+                f"tells {', '.join(self.rivals)} apart: of {self.evaluations} tried, {best}. A camera with less noise "
+                "would help, or wider limits, stated in the rig file, if they are safe."
             )
         turns = "; ".join(
             f"at {m.start:.2f} s turn {m.angle:+.2f} rad at {m.speed:.2f} rad/s, ramps {m.ramp * m.duration:.2f} s"
@@ -91,7 +99,8 @@ class Separation:
         return (
             f"To tell {', '.join(self.rivals)} apart: {turns}. With their parameters readjusted, the predictions then "
             f"differ by {self.designed.projected:.2g} noise sds rms ({self.given.projected:.2g} on the given "
-            f"recordings), and the right one is expected to win by a chi-square of {self.designed.chi2:.3g}."
+            f"recordings), and the right one is expected to win by a chi-square of {self.designed.chi2:.3g}, the best "
+            f"of {self.evaluations} manoeuvres tried."
         )
 
     def csv(self) -> str:
@@ -134,6 +143,44 @@ def demonstrated_limits(experiments: Sequence[Experiment], *, moves: int = 3) ->
     return MotorLimits(angle, speed, acceleration, duration, 1.1 * largest_deflection(experiments), moves)
 
 
+def allowed_limits(experiments: Sequence[Experiment]) -> MotorLimits:
+    """Return what the rig file states of the motor and the arm, and for the rest what they have done in recordings.
+
+    Raises
+    ------
+    InputError
+        If the recordings are not those of an arm whose motor moves.
+    """
+    shown, rig = demonstrated_limits(experiments), experiments[0].rig
+    given: dict[str, Any] = {
+        "angle": rig.motor_angle_limit,
+        "speed": rig.motor_speed_limit,
+        "acceleration": rig.motor_acceleration_limit,
+        "deflection": rig.deflection_limit,
+    }
+    stated = {name: value for name, value in given.items() if value is not None}
+    return _in_time(replace(shown, **stated)) if stated else shown
+
+
+def _in_time(limits: MotorLimits) -> MotorLimits:
+    """Return limits whose angle can be reached in half the time: a longer turn leaves none for what follows from it."""
+    return replace(limits, angle=min(limits.angle, reach(limits.speed, limits.acceleration, limits.duration / 2)))
+
+
+def _known(limits: MotorLimits, shown: MotorLimits) -> MotorLimits:
+    """Return the part of limits in which the recordings show that the tip is deflected by no more than is allowed."""
+    # In proportion to the speed after a short ramp, to the acceleration on a long one.
+    mild = min(1.0, limits.deflection / shown.deflection)
+    part = replace(
+        limits,
+        angle=min(limits.angle, shown.angle),
+        speed=min(limits.speed, mild * shown.speed),
+        acceleration=min(limits.acceleration, mild * shown.acceleration),
+        deflection=min(limits.deflection, shown.deflection),
+    )
+    return part if mild == 1.0 else _in_time(part)
+
+
 def similarity_matrix(fits: Sequence[Fit]) -> FloatArray:
     """Return how alike the rivals' own effects act on the recordings that they were fitted to.
 
@@ -169,6 +216,59 @@ def similarity_matrix(fits: Sequence[Fit]) -> FloatArray:
     return matrix
 
 
+class _Search:
+    """The best of the manoeuvres tried within limits, as a point of the unit cube."""
+
+    def __init__(self, trial: Trial, limits: MotorLimits, tell: Callable[[], None]) -> None:
+        self._trial, self._limits, self._tell = trial, limits, tell
+        self._best: FloatArray = np.empty(0)
+        self.merit, self.count = -np.inf, 0
+
+    @property
+    def moves(self) -> tuple[Move, ...]:
+        """The best manoeuvre; where none keeps the deflection, that which exceeds it least."""
+        return moves_from_unit(self._best, self._limits)
+
+    def run(self, evaluations: int, rng: np.random.Generator) -> None:
+        """Try so many manoeuvres, the first of them at random, the others from the best of those."""
+        for i in range(max(1, int(_RANDOM * evaluations))):
+            self._loss(rng.random(NUMBERS * (1 + i % self._limits.moves)))
+        left = evaluations - self.count
+        # With fewer steps than corners a simplex finds less than single steps do.
+        if left >= 2 * (self._best.size + 1):
+            self._simplex(left)
+        else:
+            self._steps(left, rng)
+
+    def _loss(self, unit: FloatArray) -> float:
+        """Try a manoeuvre: return a number that is the smaller, the better it is."""
+        self.count += 1
+        moves, merit, most = moves_from_unit(unit, self._limits), -1.0, self._limits.deflection
+        if moves:
+            distance, deflection = self._trial.compare(moves)
+            # Beyond the allowed deflection, the less the better.
+            merit = float(np.log1p(distance.chi2)) if deflection <= most else most / deflection - 1
+        if merit > self.merit:
+            self.merit, self._best = merit, unit.copy()
+        self._tell()
+        return -merit
+
+    def _simplex(self, count: int) -> None:
+        centre = self._best
+        corners = np.concatenate([centre[None], np.where(np.eye(centre.size) > 0, (centre + 0.15) % 1.0, centre)])
+        minimize(
+            self._loss,
+            centre,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * centre.size,
+            options={"maxfev": count, "initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-3},
+        )
+
+    def _steps(self, count: int, rng: np.random.Generator) -> None:
+        for _ in range(count):
+            self._loss(np.clip(self._best + _STEP * rng.standard_normal(self._best.size), 0.0, 1.0))
+
+
 def separate(
     rivals: Mapping[str, Fit],
     rng: np.random.Generator,
@@ -186,10 +286,11 @@ def separate(
     rng : numpy.random.Generator
         Source of the manoeuvres that are tried at random: the same state gives the same design.
     limits : MotorLimits, optional
-        What the motor allows; by default what it has shown, see `demonstrated_limits`.
+        What the motor allows; by default what the rig file states and the recordings show, see `allowed_limits`.
     evaluations : int
-        Manoeuvres to try: the first ones at random, the others by the simplex of Nelder and Mead (Computer Journal 7
-        (1965) 308) from the best.
+        Manoeuvres to try: the first ones at random, the others from the best of those, by the simplex of Nelder and
+        Mead (Computer Journal 7 (1965) 308) or, where its corners would take most of them, by random steps. So many
+        within what the recordings show to be safe, and as many more where the limits are wider than that.
     on_progress : callable, optional
         Called after every trial with their number and the best chi-square difference so far.
 
@@ -200,8 +301,7 @@ def separate(
     Raises
     ------
     InputError
-        If there are fewer than two rivals, on different recordings or of another system than an arm with a motor, or if
-        no manoeuvre within the limits keeps the deflection.
+        If there are fewer than two rivals, on different recordings or of another system than an arm with a motor.
     ComputationError
         If a model has no rest position where the hub starts.
     """
@@ -211,59 +311,32 @@ def separate(
         raise InputError("Rivals to be separated are at least two fits to the same recordings.")
     experiments = fits[0].problem.bench.experiments
     shown = demonstrated_limits(experiments)
-    limits = limits or shown
+    limits = limits or allowed_limits(experiments)
     trial = Trial(fits, limits.duration)
-    best: tuple[float, FloatArray] = (-np.inf, np.empty(0))
-    tried = 0
+    searches: list[_Search] = []
 
-    def loss(unit: FloatArray) -> float:
-        nonlocal best, tried
-        tried += 1
-        moves = moves_from_unit(unit, limits)
-        merit = -1.0
-        if moves:
-            distance, deflection = trial.compare(moves)
-            # Beyond the allowed deflection, the less the better.
-            merit = (
-                float(np.log1p(distance.chi2))
-                if deflection <= limits.deflection
-                else limits.deflection / deflection - 1
-            )
-        if merit > best[0]:
-            best = (merit, unit.copy())
+    def tell() -> None:
         if on_progress is not None:
-            on_progress(tried, float(np.expm1(max(best[0], 0.0))))
-        return -merit
+            on_progress(sum(s.count for s in searches), float(np.expm1(max(0.0, *(s.merit for s in searches)))))
 
-    for i in range(int(_RANDOM * evaluations)):
-        loss(rng.random(NUMBERS * (1 + i % limits.moves)))
-    if tried < evaluations:
-        centre = best[1]
-        corners = np.concatenate([centre[None], np.where(np.eye(centre.size) > 0, (centre + 0.15) % 1.0, centre)])
-        minimize(
-            loss,
-            centre,
-            method="Nelder-Mead",
-            bounds=[(0.0, 1.0)] * centre.size,
-            options={"maxfev": evaluations - tried, "initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-3},
-        )
-    moves = moves_from_unit(best[1], limits)
-    if best[0] < 0:
-        raise InputError(
-            f"No manoeuvre within {limits.angle:.3g} rad, {limits.speed:.3g} rad/s and {limits.acceleration:.3g} "
-            f"rad/s^2 keeps the deflection below {limits.deflection:.3g} rad; lower the limits of the motor."
-        )
-    distance, deflection = trial.compare(moves)
+    # Wider limits are no reason to find less than without them.
+    for within in dict.fromkeys((_known(limits, shown), limits)):
+        searches.append(_Search(trial, within, tell))
+        searches[-1].run(evaluations, rng)
+    best = max(searches, key=lambda s: s.merit)
+    distance, deflection = trial.compare(best.moves)
+    if deflection > limits.deflection:
+        distance = Distance(0.0, 0.0, 0.0)
     time = trial.gap * np.arange(trial.count)
-    table = np.column_stack([time, hub_drive(moves, trial.angle).evaluate(time)[0]])
+    table = np.column_stack([time, hub_drive(best.moves, trial.angle).evaluate(time)[0]])
     return Separation(
         rivals=names,
         similarities=similarity_matrix(fits),
         limits=limits,
-        moves=moves,
+        moves=best.moves,
         table=table,
         given=distance_on_given(fits),
         designed=distance,
         deflection=deflection,
-        evaluations=tried,
+        evaluations=sum(s.count for s in searches),
     )

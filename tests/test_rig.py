@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
+import numpy as np
 import pytest
 
 from discovery.errors import InputError
@@ -72,6 +73,62 @@ def test_units_and_deviations_of_quantities(write):
     assert rig.position_noise == pytest.approx(3e-4)
     assert rig.angle_noise == pytest.approx(6.98e-5, rel=1e-3)
     assert rig.flexural_rigidity is None
+
+
+LIMITS = (
+    "motor_angle_limit_deg = 90\nmotor_speed_limit_rad_per_s = 2.0\n"
+    "motor_acceleration_limit_rad_per_s2 = 12\ndeflection_limit_rad = 0.9\n"
+)
+
+
+def test_limits_of_the_motor(write):
+    rig = read_rig(write(ARM))
+    bare = (rig.motor_angle_limit, rig.motor_speed_limit, rig.motor_acceleration_limit, rig.deflection_limit)
+    assert bare == (None,) * 4
+    rig = read_rig(write(ARM + LIMITS))
+    assert rig.motor_angle_limit == pytest.approx(np.pi / 2)
+    assert (rig.motor_speed_limit, rig.motor_acceleration_limit, rig.deflection_limit) == (2.0, 12.0, 0.9)
+    # Each for itself, in any unit of its kind.
+    rig = read_rig(write(f"{ARM}motor_speed_limit_rpm = 30\nmotor_acceleration_limit_deg_per_s2 = 720\n"))
+    assert rig.motor_speed_limit == pytest.approx(np.pi)
+    assert rig.motor_acceleration_limit == pytest.approx(4 * np.pi)
+    assert (rig.motor_angle_limit, rig.deflection_limit) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("= 2.0", "= 0", "line 10: the key 'motor_speed_limit_rad_per_s' is 0.*greater than 0. Correct the value"),
+        ("= 12", "= -12", "line 11: the key 'motor_acceleration_limit_rad_per_s2' is -12.*greater than 0"),
+        ("= 90", "= inf", "line 9: the key 'motor_angle_limit_deg' is inf.*finite number"),
+        ("= 0.9", "= nan", "line 12: the key 'deflection_limit_rad' is nan.*finite number"),
+        ("= 0.9", '= "1 rad"', "line 12: the key 'deflection_limit_rad' is '1 rad', but.*number"),
+        (
+            "limit_deg = 90",
+            "limit = 1.5",
+            "line 9: the key 'motor_angle_limit' lacks its unit.*'motor_angle_limit_rad'",
+        ),
+        ("_rad_per_s =", " =", "line 10.*lacks its unit. Write it as a suffix, 'motor_speed_limit_rad_per_s'"),
+        ("_rad_per_s =", "_rad_s =", "line 10.*'rad s' cannot be conv.*the key is 'motor_speed_limit_rad_per_s'"),
+        ("_rad_per_s2 =", "_m_per_s2 =", "line 11.*another kind.*the key is 'motor_acceleration_limit_rad_per_s2'"),
+        ("limit_deg", "limit_rad", "line 9: 'motor_angle_limit_rad' is 90 rad, which is not plausible.*suffix"),
+        ("motor_speed", "motor_sped", r"line 10: .*not known\. Did you mean 'motor_speed_limit_rad_per_s'\?"),
+    ],
+)
+def test_errors_of_the_limits(write, old, new, message):
+    path = write(ARM + LIMITS.replace(old, new, 1))
+    with pytest.raises(InputError, match=message) as error:
+        read_rig(path)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_only_an_arm_has_limits_of_a_motor(write):
+    for line in LIMITS.splitlines():
+        text = OSCILLATOR.replace("[columns]", f"{line}\n[columns]", 1)
+        key = line.partition(" ")[0]
+        with pytest.raises(InputError, match=f"line 4: the key '{key}' belongs to flexible_arm; .*Remove it"):
+            read_rig(write(text))
 
 
 def test_oscillator(write, tmp_path, monkeypatch):

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import replace
+from copy import copy
+from dataclasses import asdict, replace
 from functools import cache, reduce
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,15 +23,23 @@ from twin_arm import fitted, recorded, rig_file
 from discovery.errors import InputError
 from discovery.experiment import Experiment
 from discovery.fit import Fit
-from discovery.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit
+from discovery.loop import _separations
+from discovery.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
 from discovery.pipeline import write_loop
 from discovery.report import build_report
 from discovery.rig import Rig
-from discovery.rival_distance import _absorbed
-from discovery.separation import Separation, demonstrated_limits, separate, similarity_matrix
+from discovery.rival_distance import Distance, _absorbed
+from discovery.separation import Separation, _Search, allowed_limits, demonstrated_limits, separate, similarity_matrix
 from discovery.simplicity import simplicity
 
 LIMITS = MotorLimits(angle=1.5, speed=2.0, acceleration=12.0, duration=6.0, deflection=0.95)
+#: The same in a rig file; but for the duration, which is that of the recordings.
+STATED = {
+    "motor_angle_limit": LIMITS.angle,
+    "motor_speed_limit": LIMITS.speed,
+    "motor_acceleration_limit": LIMITS.acceleration,
+    "deflection_limit": LIMITS.deflection,
+}
 #: Two explanations, the first of which is true: they fit one short recording of a poor camera equally well.
 CASES: dict[tuple[str, str], Disturbance] = {
     ("encoder_ripple", "table_tilt"): EncoderRipple(2e-3, 3.0, 0.3),
@@ -56,9 +65,19 @@ def rivals(pair: tuple[str, str]) -> dict[str, Fit]:
     return {name: fitted([old(pair)], name) for name in pair}
 
 
+def stating(pair: tuple[str, str], **limits: float) -> dict[str, Fit]:
+    """Return the rivals with limits of the motor in their rig file: no fit depends on these."""
+    stated = {}
+    for name, found in rivals(pair).items():
+        bench = copy(found.problem.bench)
+        bench.experiments = tuple(replace(e, rig=replace(e.rig, **limits)) for e in bench.experiments)
+        stated[name] = replace(found, problem=replace(found.problem, bench=bench))
+    return stated
+
+
 @cache
 def designed(pair: tuple[str, str]) -> Separation:
-    return separate(rivals(pair), np.random.default_rng(1), limits=LIMITS, evaluations=150)
+    return separate(stating(pair, **STATED), np.random.default_rng(1), evaluations=150)
 
 
 # Moves of the hub.
@@ -187,6 +206,7 @@ def test_the_designed_manoeuvre_separates_what_one_move_could_not(pair: tuple[st
 
 def test_the_manoeuvre_keeps_the_stated_limits() -> None:
     found = designed(("table_tilt", "encoder_ripple"))
+    assert found.limits == LIMITS
     time, angle = found.table.T
     assert time[0] == 0
     assert time[-1] == pytest.approx(LIMITS.duration)
@@ -239,6 +259,159 @@ def test_the_same_seed_gives_the_same_manoeuvre_and_progress_is_told() -> None:
     assert first.limits == demonstrated_limits([old(pair)])
 
 
+# What the rig file states.
+
+
+def test_the_hub_reaches_no_farther_than_time_allows() -> None:
+    # From rest to rest, without a plateau and with one, by the integral of the trapezoid of speeds.
+    for speed, acceleration, duration in ((5.0, 2.0, 3.0), (0.5, 2.0, 3.0)):
+        time = np.linspace(0.0, duration, 20001)
+        rate = np.minimum(speed, acceleration * np.minimum(time, duration - time))
+        assert reach(speed, acceleration, duration) == pytest.approx(np.trapezoid(rate, time), rel=1e-6)
+
+
+def test_limits_are_those_of_the_rig_file_and_else_those_shown() -> None:
+    recording = old(("table_tilt", "encoder_ripple"))
+    shown = demonstrated_limits([recording])
+
+    def allowed(**stated: float) -> MotorLimits:
+        return allowed_limits([replace(recording, rig=replace(recording.rig, **stated))])
+
+    assert allowed() == shown
+    assert allowed(motor_speed_limit=5.0) == replace(shown, speed=5.0)
+    assert allowed(motor_angle_limit=0.4, deflection_limit=0.2) == replace(shown, angle=0.4, deflection=0.2)
+    assert allowed(motor_acceleration_limit=3.0) == replace(shown, acceleration=3.0)
+    # A slow motor does not get there in time.
+    assert allowed(motor_speed_limit=0.1).angle == pytest.approx(0.3, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"motor_angle_limit": 0.5, "motor_speed_limit": 0.6, "motor_acceleration_limit": 4.0},
+        {"motor_angle_limit": 1.8, "motor_speed_limit": 2.5, "motor_acceleration_limit": 30.0, "deflection_limit": 1.2},
+        {"deflection_limit": 0.1},
+    ],
+    ids=["smaller", "larger", "deflection"],
+)
+def test_the_course_that_is_written_keeps_what_the_rig_file_states(stated: dict[str, float]) -> None:
+    pair = ("structural_damping", "sensor_delay")
+    found = separate(stating(pair, **stated), np.random.default_rng(3), evaluations=40)
+    time, angle = pd.read_csv(io.StringIO(found.csv())).to_numpy().T
+    gap = time[1] - time[0]
+    shown = demonstrated_limits([old(pair)])
+    most = {
+        name: stated.get(f"motor_{name}_limit", getattr(shown, name)) for name in ("angle", "speed", "acceleration")
+    }
+    # Nine digits of an angle are so many of its second difference.
+    assert np.abs(angle - angle[0]).max() <= most["angle"] + 1e-8
+    assert np.abs(np.diff(angle)).max() / gap <= most["speed"] + 1e-6
+    assert np.abs(np.diff(angle, 2)).max() / gap**2 <= most["acceleration"] + 1e-4
+    assert found.deflection <= stated.get("deflection_limit", shown.deflection)
+    # It is the deflection that the twin shows.
+    new = recorded(on_the_twin(found.moves), CASES[pair], duration=6.0)
+    assert np.nanmax(np.abs(new.deflection)) == pytest.approx(found.deflection, rel=0.05, abs=3e-3)
+
+
+@pytest.mark.parametrize("pair", CASES)
+def test_limits_that_are_wider_than_what_is_shown_gain_no_less(pair: tuple[str, str]) -> None:
+    shown = demonstrated_limits([old(pair)])
+    plain = separate(rivals(pair), np.random.default_rng(5), evaluations=30)
+    wide = {"motor_speed_limit": 2.5 * shown.speed, "motor_acceleration_limit": 2.5 * shown.acceleration}
+    wider = separate(stating(pair, **wide, deflection_limit=1.2), np.random.default_rng(5), evaluations=30)
+    assert wider.designed.chi2 >= plain.designed.chi2
+    assert (plain.evaluations, wider.evaluations) == (30, 60)
+    if pair[0] == "structural_damping":
+        # What tells them apart is beyond what the recording shows, and is used.
+        assert wider.designed.chi2 > 3 * plain.designed.chi2
+        assert max(m.speed for m in wider.moves) > shown.speed
+
+
+def test_limits_as_shown_change_nothing() -> None:
+    pair = ("table_tilt", "encoder_ripple")
+    shown = asdict(demonstrated_limits([old(pair)]))
+    names = {"angle": "motor_angle_limit", "speed": "motor_speed_limit", "acceleration": "motor_acceleration_limit"}
+    same = stating(pair, **{key: shown[name] for name, key in names.items()}, deflection_limit=shown["deflection"])
+    first, second = (separate(fits, np.random.default_rng(7), evaluations=20) for fits in (rivals(pair), same))
+    assert first.csv() == second.csv()
+    assert first.designed == second.designed
+
+
+def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = ("table_tilt", "encoder_ripple")
+    fits = stating(pair, motor_speed_limit=0.7)
+    monkeypatch.setattr("discovery.loop._quickly", lambda refit, bench, case: refit)
+    search: Any = SimpleNamespace(
+        rivals=lambda: {pair[0]: {pair[1]: fits[pair[1]]}}, best=SimpleNamespace(refit=fits[pair[0]]), bench=None
+    )
+    case: Any = SimpleNamespace(tell=lambda text: None, settings=SimpleNamespace(seed=1))
+    (found,) = _separations(search, case)
+    assert found.limits.speed == 0.7
+    assert 0 < max(m.speed for m in found.moves) <= 0.7
+
+
+def test_where_no_manoeuvre_keeps_the_deflection_that_is_the_result() -> None:
+    pair = ("table_tilt", "encoder_ripple")
+    # Less than any move deflects the arm.
+    found = separate(stating(pair, deflection_limit=1e-4), np.random.default_rng(0), evaluations=4)
+    assert found.deflection > 1e-4
+    assert not found.decides
+    assert found.designed == Distance(0.0, 0.0, 0.0)
+    assert (
+        "tip deflected by 0.0001 rad) tells table_tilt, encoder_ripple apart: of 8 tried, the gentlest"
+        in found.sentence
+    )
+    assert "wider limits, stated in the rig file" in found.sentence
+
+
+class Bowl:
+    """A trial whose rivals lie apart by how near a manoeuvre is to one: cheap, and its best is known."""
+
+    angle = 0.0
+
+    def compare(self, moves: tuple[Move, ...]) -> tuple[Distance, float]:
+        first = moves[0]
+        miss = ((first.angle - 1.0) / 0.5) ** 2 + (first.speed - 1.5) ** 2 + 0.2 * (len(moves) - 2) ** 2
+        return Distance(1.0, 1.0, float(np.exp(-miss))), 0.0
+
+
+def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[tuple[int, int]] = []
+
+    def watched(loss: Any, centre: Any, **settings: Any) -> Any:
+        begun.append((settings["options"]["maxfev"], len(settings["options"]["initial_simplex"])))
+        return minimize(loss, centre, **settings)
+
+    monkeypatch.setattr("discovery.separation.minimize", watched)
+    for evaluations in (1, 2, 5, 20, 50, 100):
+        for seed in range(6):
+            search = _Search(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
+            search.run(evaluations, np.random.default_rng(seed))
+            assert search.count == evaluations
+            assert search.moves
+    assert begun
+    assert all(trials >= 2 * corners for trials, corners in begun)
+    # A hundred always suffice.
+    assert sum(trials == 40 for trials, _ in begun) == 6
+
+
+def test_few_trials_find_more_than_chance_and_than_an_unfinished_simplex(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missed() -> float:
+        merits = []
+        for seed in range(60):
+            search = _Search(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
+            search.run(20, np.random.default_rng(seed))
+            merits.append(search.merit)
+        return float(np.log(2) - np.mean(merits))
+
+    found = missed()
+    with monkeypatch.context() as changed:
+        changed.setattr("discovery.separation._RANDOM", 1.0)
+        assert found < 0.85 * missed()
+    monkeypatch.setattr(_Search, "_steps", lambda self, count, rng: self._simplex(count))
+    assert found < 0.85 * missed()
+
+
 def test_three_rivals_are_separated_at_once() -> None:
     pair = ("table_tilt", "encoder_ripple")
     three = {**rivals(pair), "structural_damping": fitted([old(pair)], "structural_damping")}
@@ -255,9 +428,6 @@ def test_what_cannot_be_separated_is_refused() -> None:
     alone = {"table_tilt": rivals(pair)["table_tilt"]}
     with pytest.raises(InputError, match="at least two fits"):
         separate(alone, np.random.default_rng(0))
-    tight = MotorLimits(1.5, 2.0, 12.0, 6.0, deflection=1e-3)
-    with pytest.raises(InputError, match="keeps the deflection below"):
-        separate(rivals(pair), np.random.default_rng(0), limits=tight, evaluations=4)
     o = old(pair)
     with pytest.raises(InputError, match="an arm with a motor"):
         demonstrated_limits([Experiment(o.recording, None, Rig("o", "oscillator"))])
