@@ -10,6 +10,7 @@ import numpy as np
 from discovery.attribution import Candidate
 from discovery.bench import Bench
 from discovery.finite import declared_starts
+from discovery.fit import MOST_STEPS
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
@@ -67,6 +68,8 @@ def unstiffened(
         leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
         least = min(r.chi2 for r in best.values())
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
+        if max(s.grid.steps.size for s in fine.simulators) > MOST_STEPS:
+            break
         unchecked = [e for e in leading if e not in checked]
         before = Refit("", replace(problem, bench=benches[finer // 2]), minimum)
         errors = _solver_errors([before, *(finest[e] for e in unchecked)], fine)
