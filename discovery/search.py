@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.attribution import candidates
 from discovery.bench import Bench
 from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
@@ -409,8 +410,11 @@ class Search:
     def _simpler(self, effect: str) -> list[Node]:
         """Return sets with a simpler law in the place of a member, from its values: screening may not find them."""
         rest = tuple(e for e in self.best.added if e != effect)
-        near = sorted(catalogue()[effect].reduces_to - {*rest})
-        return [Node.of((*rest, e), reduced(self.best.refit, effect, e), self.case) for e in near]
+        others = self.best.refit.problem.model.without([effect])
+        possible = candidates(others, self.case.train[0].coordinate_unit)
+        near = sorted(catalogue()[effect].reduces_to.intersection(possible))
+        nodes = [Node.of((*rest, e), reduced(self.best.refit, effect, e), self.case) for e in near]
+        return [node for node in nodes if np.isfinite(node.chi2)]
 
     def _retry(self, effect: str) -> None:
         smaller = self._without(effect)

@@ -85,6 +85,8 @@ class Separation:
                 f"{_DECIDES:g} may be chance"
                 if self.deflection <= most.deflection
                 else f"the gentlest deflects the tip by {self.deflection:.3g} rad"
+                if np.isfinite(self.deflection)
+                else "every motion blows up"
             )
             return (
                 f"No manoeuvre within the safe limits ({most.angle:.3g} rad, {most.speed:.3g} rad/s, "
@@ -159,7 +161,13 @@ def allowed_limits(experiments: Sequence[Experiment]) -> MotorLimits:
         "deflection": rig.deflection_limit,
     }
     stated = {name: value for name, value in given.items() if value is not None}
-    return _in_time(replace(shown, **stated)) if stated else shown
+    limits = replace(shown, **stated)
+    if stated.keys() <= {"deflection"}:
+        return limits
+    # What the motor has done it can do again.
+    again = limits.speed >= shown.speed and limits.acceleration >= shown.acceleration
+    known = min(limits.angle, shown.angle) if again else 0.0
+    return replace(limits, angle=max(known, _in_time(limits).angle))
 
 
 def _in_time(limits: MotorLimits) -> MotorLimits:
@@ -243,7 +251,7 @@ class _Search:
     def _loss(self, unit: FloatArray) -> float:
         """Try a manoeuvre: return a number that is the smaller, the better it is."""
         self.count += 1
-        moves, merit, most = moves_from_unit(unit, self._limits), -1.0, self._limits.deflection
+        moves, merit, most = moves_from_unit(unit, self._limits), -2.0, self._limits.deflection
         if moves:
             distance, deflection = self._trial.compare(moves)
             # Beyond the allowed deflection, the less the better.
@@ -290,7 +298,7 @@ def separate(
     evaluations : int
         Manoeuvres to try: the first ones at random, the others from the best of those, by the simplex of Nelder and
         Mead (Computer Journal 7 (1965) 308) or, where its corners would take most of them, by random steps. So many
-        within what the recordings show to be safe, and as many more where the limits are wider than that.
+        within what the recordings show to be safe, and as many more where the limits are others.
     on_progress : callable, optional
         Called after every trial with their number and the best chi-square difference so far.
 

@@ -5,10 +5,11 @@ The table stands between two marks and holds nothing that is typed by hand but w
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from pathlib import Path
+
+from discovery.provenance import read_json
 
 BEGIN, END = "<!-- results: written by `make docs` -->", "<!-- end of results -->"
 #: What the makers of each set of recordings hid in it; for a measurement, what is known of the system.
@@ -57,7 +58,7 @@ def table(reports: Path) -> str:
         path = reports / name / "loop.json"
         if not path.exists():
             continue
-        result = json.loads(path.read_text(encoding="utf-8"))
+        result = read_json(path)
         added = ", ".join(map(_effect, result["effects"])) or "nothing"
         inside = "holdout_inside" if "holdout_inside" in result["errors"]["after"] else "holdout"
         cells = [f"`{name}`", hidden, result["verdict"], added, _errors(result, inside)]

@@ -549,3 +549,17 @@ def test_a_member_that_has_become_a_simpler_law_is_called_so(bump: float, added:
     assert [(s.action, s.effect) for s in search.steps] == ([] if bump else [("exchange", "stribeck_friction")])
     if not bump:
         assert search.best.refit.values["f_c"] == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_member_gives_way_to_no_law_that_is_declared_or_blows_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = copy(searched(beta=1.0, f_k=0.02))
+    problem = search.root.refit.problem
+    for declared in (("coulomb_friction",), ()):
+        model = problem.model.with_effect(*declared, "stribeck_friction")
+        richer = Problem(model, problem.bench, problem.units, problem.gaussian)
+        (found,) = settled([richer], [richer.start({**search.root.refit.values, "f_k": 0.02})])
+        search.best = Node.of(("stribeck_friction",), found, search.case)
+        assert len(search._simpler("stribeck_friction")) == (not declared)
+    blown = replace(found, minimum=replace(found.minimum, cost=np.inf))
+    monkeypatch.setattr("discovery.search.reduced", lambda *asked: blown)
+    assert search._simpler("stribeck_friction") == []

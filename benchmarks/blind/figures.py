@@ -200,8 +200,7 @@ def draw(
     with styled():
         pictures = (
             _by_size(table, sizes),
-            _errors_by_size(table, found),
-            _shares_by_size(found),
+            *((_errors_by_size(table, found), _shares_by_size(found)) if found else ()),
             _distances(table),
             _confusion(table),
             _coverage(intervals),

@@ -67,11 +67,14 @@ def distance(prediction: pd.DataFrame, clean: pd.DataFrame, when: str) -> float:
     return np.inf if np.isnan(rms) else rms
 
 
-def coverage(truth: Mapping[str, Any], found: Mapping[str, Any], rig: Mapping[str, float]) -> list[dict[str, Any]]:
-    """For each parameter of a rightly named effect, how far the estimate is from the truth in standard deviations."""
+def coverage(truth: Mapping[str, Any], estimates: Mapping[str, Any], rig: Mapping[str, float]) -> list[dict[str, Any]]:
+    """For each parameter of a rightly named effect, how far the estimate is from the truth in standard deviations.
+
+    Those of the fit: what a camera's scale owes to the rig file's length is not tested here, for that is exact.
+    """
     rows = []
     for name, value in catalogue_values(truth["id"], truth["parameters"], rig).items():
-        estimate = found["parameters"].get(name)
+        estimate = estimates.get(name)
         if estimate is not None and estimate["sd"]:
             z = (estimate["value"] - value) / estimate["sd"]
             rows.append(
@@ -144,7 +147,7 @@ def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], 
         for t in truth["effects"]
         for e in effects
         if e["id"] == t["id"]
-        for r in coverage(t, e, truth["rig"])
+        for r in coverage(t, loop["model"]["after"]["parameters"], truth["rig"])
     ]
     return row, rows
 
@@ -330,7 +333,16 @@ def collect(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
             rows.append({"error": None, **row})
             intervals += own
     table = pd.DataFrame(rows)
-    judged = ("verdict", "in_set", "alone", "first", "invented", "after_over_noise", *(f"{when}_mm" for when in WHEN))
+    judged = (
+        "nameable",
+        "verdict",
+        "in_set",
+        "alone",
+        "first",
+        "invented",
+        "after_over_noise",
+        *(f"{when}_mm" for when in WHEN),
+    )
     for column in judged:
         if column not in table:
             table[column] = None
