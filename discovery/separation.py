@@ -92,7 +92,7 @@ class Separation:
                 f"No manoeuvre within the safe limits ({most.angle:.3g} rad, {most.speed:.3g} rad/s, "
                 f"{most.acceleration:.3g} rad/s^2, {most.duration:.3g} s, tip deflected by {most.deflection:.3g} rad) "
                 f"tells {', '.join(self.rivals)} apart: of {self.evaluations} tried, {best}. A camera with less noise "
-                "would help, or wider limits, stated in the rig file, if they are safe."
+                "would help, or other limits, stated in the rig file: wider ones, if they are safe, or slower ones."
             )
         turns = "; ".join(
             f"at {m.start:.2f} s turn {m.angle:+.2f} rad at {m.speed:.2f} rad/s, ramps {m.ramp * m.duration:.2f} s"

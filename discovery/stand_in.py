@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,10 +65,14 @@ class StandIn:
     @property
     def sentence(self) -> str:
         """What stands against the effect, in words."""
+        digits = max(0, 1 - math.floor(math.log10(self.sd)))
+        value, stated, sd = (f"{x:.{digits}f}" for x in (self.value, self.stated, self.sd))
+        advice = f"measure the {self.quantity} before you believe the effect"
+        if not self.doubtful:
+            advice = "is that excluded? A usual standard deviation stands for one that the rig file does not state"
         return (
-            f"a {self.quantity} of {self.value:.6g} {self.unit} in place of {self.stated:.6g} ± {self.sd:.2g} "
-            f"{self.unit}, as the rig file has it, would do the same as {self.effect} ({abs(self.z):.2g} of its "
-            f"standard deviations): measure the {self.quantity} before you believe the effect"
+            f"a {self.quantity} of {value} {self.unit} in place of {stated} ± {sd} {self.unit} would do the same as "
+            f"{self.effect}; it is {abs(self.z):.2g} standard deviations off: {advice}"
         )
 
     def summary(self) -> dict[str, Any]:

@@ -361,7 +361,7 @@ def test_where_no_manoeuvre_keeps_the_deflection_that_is_the_result() -> None:
         "tip deflected by 0.0001 rad) tells table_tilt, encoder_ripple apart: of 8 tried, the gentlest"
         in found.sentence
     )
-    assert "wider limits, stated in the rig file" in found.sentence
+    assert "other limits, stated in the rig file" in found.sentence
 
 
 class Bowl:

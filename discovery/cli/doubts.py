@@ -29,7 +29,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     return [
         *misread(notes),
         *misstated(notes),
-        *(other.sentence for other in result.stand_ins.values() if other.doubtful),
+        *(other.sentence for other in result.stand_ins.values()),
         *([] if known else _scattered(result, held)),
     ]
 

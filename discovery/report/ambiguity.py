@@ -23,7 +23,7 @@ def undecided(run: Run) -> list[str]:
     """Return for each added effect that others explain as well, or an error of the rig file, one sentence."""
     found = []
     for e in run.loop["effects"]:
-        if (other := e.get("stands_for")) and other["doubtful"]:
+        if other := e.get("stands_for"):
             found.append(f"{other['sentence'][0].upper()}{other['sentence'][1:]}.")
         rivals = e["ambiguous_with"]
         if rivals:
