@@ -502,7 +502,6 @@ def test_scores_are_those_of_a_small_table(tmp_path, monkeypatch, capsys):
         "parameters": {},
         "unabsorbed_over_noise": 9.0,
     }
-    model = {"after": {"model": {"base": "elastica"}}}
 
     def effect(name, **values):
         parameters = {n: {"value": v, "sd": 0.001, "unit": "s"} for n, v in values.items()}
@@ -519,7 +518,9 @@ def test_scores_are_those_of_a_small_table(tmp_path, monkeypatch, capsys):
             "case": f"case_{i}", "kind": kind, "effects": effects, "noise": 3e-4, "rig": rig,
             "deflection": {"train": 0.8, "holdout": 0.7},
         }  # fmt: skip
-        loop = {"verdict": verdict, "effects": found, "model": model}
+        estimates = {n: p for e in found for n, p in e["parameters"].items()}
+        after = {"model": {"base": "elastica"}, "parameters": estimates}
+        loop = {"verdict": verdict, "effects": found, "model": {"after": after}}
         _write_result(tmp_path, truth, loop, error, before=np.nan if i == 1 else 9)
     table, intervals = score.collect(tmp_path)
     goals = score.headline(table, intervals)["0.3 mm"]
