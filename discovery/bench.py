@@ -243,6 +243,11 @@ class Bench:
         largest = [float((np.abs(t) * w).max()) for t, w in zip(self._targets, self._weights, strict=True) if w.size]
         return 100 * max([1.0, *largest])
 
+    @property
+    def most_steps(self) -> int:
+        """Steps that the longest fitted recording takes."""
+        return max(s.grid.steps.size for s in self.simulators)
+
     @cached_property
     def n_rows(self) -> int:
         """Length of the residual vector, gaps included."""

@@ -114,7 +114,7 @@ def _section(effect_id: str, effect: Effect) -> list[str]:
 def catalogue_page() -> str:
     """Return the page, effects by kind and then by name."""
     lines = [_OPENING]
-    shown: dict[str, Effect] = {**{u.id(): u for u in UPGRADES}, **catalogue()}
+    shown: dict[str, Effect] = {**UPGRADES, **catalogue()}
     for kind, heading in _KINDS.items():
         members = {e: effect for e, effect in shown.items() if effect.kind == kind}
         if members:

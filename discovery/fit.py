@@ -353,7 +353,7 @@ def refined(found: Fit, largest: float = SHIFT, *, rough: bool = False) -> Fit:
         # The shift falls with the fourth power of the step.
         step = old.bench.step * max(0.25, 0.8 * (largest / shift) ** 0.25)
         problem = Problem(old.model, Bench.like(old.bench, step), old.units, old.gaussian)
-        if max(s.grid.steps.size for s in problem.bench.simulators) > MOST_STEPS:
+        if problem.bench.most_steps > MOST_STEPS:
             break
         (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR, rough=rough)
         if not np.isfinite(minimum.cost):

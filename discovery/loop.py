@@ -33,7 +33,7 @@ __all__ = ["UPGRADES", "LoopResult", "close_loop"]
 
 FloatArray = NDArray[np.float64]
 #: Better bases, and what the step to each is called when the loop finds it.
-UPGRADES = tuple((step.base, step.id()) for step in upgrades.UPGRADES)
+UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 #: The exact arm on which effects are searched.
 _EXACT = UPGRADES[-1][0]
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
@@ -300,7 +300,7 @@ def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
         refits = {effect: search.best.refit, **rivals}
         fitting = [partial(_quickly, r, search.bench, case) for r in refits.values()]
         fits = dict(zip(refits, at_once(fitting, threads=THREADS), strict=True))
-        steps = max(s.grid.steps.size for f in fits.values() for s in f.problem.bench.simulators)
+        steps = max(f.problem.bench.most_steps for f in fits.values())
         rng = np.random.default_rng([case.settings.seed, 2])
         found.append(separate(fits, rng, evaluations=_designs(steps)))
     return tuple(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import entry_points
 from types import ModuleType
@@ -46,8 +46,8 @@ def catalogue() -> dict[str, Effect]:
     return dict(sorted(found.items()))
 
 
-def get_effect(effect_id: str) -> Effect:
-    """Return one effect, or the external force that no catalogue lists.
+def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> Effect:
+    """Return one effect, the external force that no catalogue lists, or one of what is declared besides.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def get_effect(effect_id: str) -> Effect:
 
     if effect_id == ExternalForce.id():
         return ExternalForce()
-    known = catalogue()
+    known = {**catalogue(), **(besides or {})}
     if effect_id not in known:
         near = difflib.get_close_matches(effect_id, known, n=3, cutoff=0.4)
         hint = f"Did you mean {', '.join(near)}?" if near else "`discovery effects` lists the catalogue."

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from discovery.contradiction import LIMIT
 from discovery.fit import Fit
 from discovery.registry import catalogue
 from discovery.rig_schema import QUANTITIES
 
 __all__ = ["StandIn", "stand_in"]
-
-#: Up to so many standard deviations of the rig file an error of its own would be no surprise.
-_LIMIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,8 @@ class StandIn:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the rig file may err by as much."""
-        return abs(self.z) <= _LIMIT
+        """Whether the rig file may err by as much: it would contradict nothing."""
+        return abs(self.z) <= LIMIT
 
     @property
     def sentence(self) -> str:

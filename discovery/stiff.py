@@ -68,7 +68,7 @@ def unstiffened(
         leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
         least = min(r.chi2 for r in best.values())
         fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
-        if max(s.grid.steps.size for s in fine.simulators) > MOST_STEPS:
+        if fine.most_steps > MOST_STEPS:
             break
         unchecked = [e for e in leading if e not in checked]
         before = Refit("", replace(problem, bench=benches[finer // 2]), minimum)

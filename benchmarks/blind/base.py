@@ -23,7 +23,7 @@ from discovery_datasets.quick import readings
 
 from benchmarks.blind.generate import ANGLE_NOISE, rig_file, rounded
 from benchmarks.blind.memory import limit_memory
-from benchmarks.blind.score import proportion
+from benchmarks.blind.score import proportion, root_mean_square
 from discovery.campaign import campaign, rows, unfinished, watched
 from discovery.provenance import write_json
 
@@ -53,13 +53,12 @@ def error(seed: int, index: int) -> dict[str, float]:
         found = fit(model, [experiment], gaussian=rig_uncertainty(experiment), tolerance=2e-5)
         predicted = predict(found, dataset.holdout[0])[0]
     distance = np.hypot(*(predicted - np.column_stack([motion.tip.real, motion.tip.imag])).T)
-    rms = float(np.sqrt(np.mean(distance**2)))
     return {
         "case": index,
         "rod_over_tip": rig.beam_mass / rig.tip_mass,
         "deflection": draw.scene.deflection,
         "deflection_holdout": float(np.abs(motion.deflection).max()),
-        "rms_m": np.inf if np.isnan(rms) else rms,  # a motion that blew up has no numbers
+        "rms_m": root_mean_square(distance),
     }
 
 

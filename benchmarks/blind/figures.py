@@ -17,6 +17,8 @@ PREDICTIONS = {
     "bare": ("exact arm, nothing added", GREY, "^"),
     "after": ("after the loop", BLUE, "o"),
 }
+#: What a size is.
+SIZE = "part that the exact arm cannot absorb / noise"
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY, "black")
 MARKERS = "osD^vPX*"
 
@@ -52,7 +54,7 @@ def _by_size(table: pd.DataFrame, sizes: Mapping[str, Any]) -> Picture:
     # The last panel stands alone in its row.
     axes[len(sizes) - 2].tick_params(labelbottom=True)
     for axis in axes[len(sizes) - 2 : len(sizes)]:
-        axis.set_xlabel("part that the exact arm cannot absorb / noise")
+        axis.set_xlabel(SIZE)
     figure.supylabel("share named")
     axes[len(sizes) - 1].legend(loc="lower right")
     return Picture(
@@ -80,7 +82,7 @@ def _errors_by_size(table: pd.DataFrame, found: Mapping[str, Any]) -> Picture:
     axis.set(
         xscale="log",
         yscale="log",
-        xlabel="part that the exact arm cannot absorb / noise",
+        xlabel=SIZE,
         ylabel="hold-out error / noise",
     )
     figure.legend(loc="outside upper center", ncols=3)
@@ -107,7 +109,7 @@ def _shares_by_size(found: Mapping[str, Any]) -> Picture:
         axis.set(ylim=(-0.05, 1.05), title=title)
         axis.set_xticks(range(len(found)), list(found), rotation=90)
     figure.supylabel("share")
-    figure.supxlabel("part that the exact arm cannot absorb / noise")
+    figure.supxlabel(SIZE)
     return Picture(
         "shares_by_size",
         figure,

@@ -60,11 +60,16 @@ def detection_limit(size: Any, named: Any) -> dict[str, float | None]:
     return {"half": float(grid[likelihood.argmax()]), "low": float(grid[inside[0]]), "high": float(grid[inside[-1]])}
 
 
+def root_mean_square(distances: Any) -> float:
+    """Of distances, infinite if the motion blew up and they are no numbers."""
+    rms = float(np.sqrt(np.mean(np.square(distances))))
+    return np.inf if np.isnan(rms) else rms
+
+
 def distance(prediction: pd.DataFrame, clean: pd.DataFrame, when: str) -> float:
     """Rms distance between predicted and noise-free reading of the hold-out [m], infinite if the motion blew up."""
     x, y = ((prediction[f"tip_{a}_{when}_m"] - clean[f"tip_{a}_m"]).to_numpy() for a in "xy")
-    rms = float(np.sqrt(np.mean(x**2 + y**2)))
-    return np.inf if np.isnan(rms) else rms
+    return root_mean_square(np.hypot(x, y))
 
 
 def coverage(truth: Mapping[str, Any], estimates: Mapping[str, Any], rig: Mapping[str, float]) -> list[dict[str, Any]]:

@@ -12,56 +12,26 @@ from discovery.cli.options import PATH, SEED
 if TYPE_CHECKING:
     from discovery_datasets.disturbances import Disturbance
 
-    from discovery.effect import Effect
-
 __all__ = ["COMMANDS", "MANOEUVRES"]
 
 #: Manoeuvres of the twin, named here so that the help is there at once.
 MANOEUVRES = ("train_paper", "train_large", "holdout_inside", "holdout_beyond")
 
 
-def _described() -> dict[str, Effect]:
-    """Return all that a loop may name: the catalogue of effects and the steps of the mechanics, by id."""
-    from discovery.mechanics.upgrades import UPGRADES
-    from discovery.registry import catalogue
-
-    return dict(sorted({**catalogue(), **{u.id(): u for u in UPGRADES}}.items()))
-
-
-def _named(name: str) -> Effect:
-    """Return what a loop calls by a name.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, with the nearest known ones.
-    """
-    from difflib import get_close_matches
-
-    from discovery.errors import InputError
-    from discovery.external_force import ExternalForce
-
-    known = {**_described(), ExternalForce.id(): ExternalForce()}
-    if name not in known:
-        near = get_close_matches(name, known, n=3, cutoff=0.4)
-        hint = f"Did you mean {', '.join(near)}?" if near else "`discovery effects` lists all that there are."
-        raise InputError(f"There is no effect called {name!r}. {hint}")
-    return known[name]
-
-
 @click.command()
 @click.argument("name", required=False)
 def effects(name: str | None) -> None:
     """List the catalogue of effects and the steps of the mechanics, or show the card of one."""
+    from discovery.mechanics.upgrades import UPGRADES, Upgrade
+    from discovery.registry import catalogue, get_effect
+
     if name is None:
-        for effect_id, effect in _described().items():
+        for effect_id, effect in sorted({**catalogue(), **UPGRADES}.items()):
             click.echo(f"{effect_id:28} {effect.kind:12} {effect.title()}")
         return
     import inspect
 
-    from discovery.mechanics.upgrades import Upgrade
-
-    effect = _named(name)
+    effect = get_effect(name, UPGRADES)
     click.echo(f"{name} ({effect.kind}; {', '.join(sorted(effect.systems))})\n")
     click.echo(inspect.getdoc(type(effect)))
     if isinstance(effect, Upgrade):

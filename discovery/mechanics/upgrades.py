@@ -56,5 +56,5 @@ class ElasticaGeometry(Upgrade):
     cite = "Lagrange's equations of an inextensible Euler-Bernoulli rod in curvature modes; source paper, (1) and (7)"
 
 
-#: Each on top of the one before.
-UPGRADES: tuple[Upgrade, ...] = (RadiusInertia(), ElasticaGeometry())
+#: By id, each on top of the one before.
+UPGRADES: dict[str, Upgrade] = {step.id(): step for step in (RadiusInertia(), ElasticaGeometry())}

@@ -30,10 +30,8 @@ __all__ = [
     "sentence",
 ]
 
-#: Steps of the mechanics are no entries of the catalogue.
-_STEPS = {step.id(): step for step in UPGRADES}
-#: Where they come from.
-GEOMETRY_SOURCES = {name: step.cite for name, step in _STEPS.items()}
+#: Where the steps of the mechanics come from, which are no entries of the catalogue.
+GEOMETRY_SOURCES = {name: step.cite for name, step in UPGRADES.items()}
 #: Models that are fitted side by side.
 FITS = {"linear": "linear spring", "constant_radius": "nonlinear spring, constant radius", "declared": "declared model"}
 MASSES = {"as_printed": "massless", "rod_counted": "counted"}
@@ -73,7 +71,7 @@ def listed(words: Iterable[str]) -> str:
 
 def prose(text: str) -> str:
     """Return a sentence of a result file with its symbols, effects and numbers as a reader writes them."""
-    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in _STEPS or m[0] in catalogue() else m[0], text)
+    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or m[0] in catalogue() else m[0], text)
     text = _LONG.sub(lambda m: f"{int(m[0]):,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), text)
     for pattern, written in _WRITTEN:
         text = re.sub(pattern, written, text)
@@ -97,8 +95,8 @@ def effect_name(effect_id: str) -> str:
 
 def effect_title(effect_id: str) -> str:
     """Return one sentence on what an effect is."""
-    if effect_id in _STEPS:
-        return _STEPS[effect_id].title()
+    if effect_id in UPGRADES:
+        return UPGRADES[effect_id].title()
     return catalogue()[effect_id].title() if effect_id in catalogue() else effect_name(effect_id)
 
 
