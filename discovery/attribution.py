@@ -178,7 +178,13 @@ def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, 
 
 
 def screen(
-    model: Model, minimum: Minimum, problem: Problem, names: Sequence[str], *, keep: int = _STARTS
+    model: Model,
+    minimum: Minimum,
+    problem: Problem,
+    names: Sequence[str],
+    *,
+    keep: int = _STARTS,
+    left: FloatArray | None = None,
 ) -> list[Candidate]:
     """Score candidate effects by their sensitivities around a fitted model, all in one batched simulation.
 
@@ -194,6 +200,8 @@ def screen(
         Candidate effect ids.
     keep : int
         Number of starts kept for each, at most; three times as many for effects with many shapes.
+    left : ndarray, shape (n,), optional
+        The residual to explain, if it is another than that of the minimum: that of finer mechanics.
 
     Returns
     -------
@@ -204,7 +212,8 @@ def screen(
     grids, settings = _planned(tuple(catalogue()[name] for name in names), system, units)
     reference = minimum.residual[: bench.n_rows]
     known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
-    target = reference - known @ (known.T @ reference)
+    left = reference if left is None else left[: bench.n_rows]
+    target = left - known @ (known.T @ left)
     with single_algebra():
         with ThreadPoolExecutor(THREADS) as pool:
             responses = respond(pool, bench, problem.expand(minimum.x[:, None]), settings, reference, known)

@@ -174,6 +174,17 @@ class Branches:
         best, rest = _parted((r for _, found in ways for r in found), ways[0][0])
         return Branch({c.effect: c for c in scored}, best, rest, among is None, grows or not much)
 
+    def promise(self, node: Node) -> float:
+        """Return the most that a further effect would remove of chi-square to first order.
+
+        Sensitivities are those of the mechanics on which the search began, the residual is the set's own.
+        """
+        begun = self._quick(node).refit
+        problem, minimum = held_fixed(begun.problem, begun.minimum)
+        names = candidates(problem.model, self.case.train[0].coordinate_unit)
+        scored = screen(problem.model, minimum, problem, names, left=node.refit.minimum.residual)
+        return max((c.score for c in scored), default=0.0)
+
     def forget(self, effect: str) -> None:
         """Forget what was offered beside sets with an effect, for its values have changed."""
         self._made = {key: branch for key, branch in self._made.items() if effect not in key}

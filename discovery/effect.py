@@ -13,6 +13,7 @@ from __future__ import annotations
 import inspect
 import re
 from abc import ABC, abstractmethod
+from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
 from discovery.parameters import Parameter
@@ -73,6 +74,7 @@ class Effect(ABC):
         return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
 
     @classmethod
+    @cache
     def parameters(cls) -> tuple[Parameter, ...]:
         """Return the declared parameters in the order of the class body."""
         found: dict[str, Parameter] = {}

@@ -3,19 +3,21 @@
 Each minimisation is a generator that asks for residuals of a handful of parameter vectors; `minimise` answers all of
 them with one simulation call a round. Trial steps with three dampings and the central differences of the Jacobian are
 therefore as cheap as one step, and refitting every candidate of a catalogue costs little more than refitting one.
-Parameters that trade with each other make valleys that are narrow and bent: there steps follow the bend.
+Where few minimisations are left, derivatives where they may go next come along. Parameters that trade with each other
+make valleys that are narrow and bent: there steps follow the bend.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dger
 
-__all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
+__all__ = ["AT_ONCE", "Minimum", "Request", "Wanted", "levenberg_marquardt", "minimise"]
 
 FloatArray = NDArray[np.float64]
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
@@ -24,7 +26,18 @@ _KEPT = 0.8
 _BENT = 0.25
 #: that turns them by at most so many times their length, until this has helped less than straight ones so often.
 _TURN, _PATIENCE = 0.75, 2
-Request = Generator[FloatArray, FloatArray, "Minimum"]
+#: Points that are answered in the time of one: two cores simulate so many parameter sets side by side.
+AT_ONCE = 16
+
+
+class Wanted(NamedTuple):
+    """Points (p, k) whose residuals a minimisation wants, and more that it may want next, if they cost no time."""
+
+    points: FloatArray
+    next: FloatArray | None = None
+
+
+Request = Generator[Wanted, FloatArray, "Minimum"]
 
 
 @dataclass(frozen=True)
@@ -173,8 +186,8 @@ def levenberg_marquardt(
 
     Yields
     ------
-    ndarray, shape (p, k)
-        Parameter vectors whose residuals, shape (n, k), are wanted.
+    Wanted
+        Parameter vectors whose residuals, shape (n, k), are wanted, first those needed.
 
     Returns
     -------
@@ -188,14 +201,14 @@ def levenberg_marquardt(
     both = not (quick or rough)
     unknown = every if jacobian is None else np.flatnonzero(~jacobian.any(axis=0))
     points, apart = _probes(x, lower, upper, step, unknown, both=both)
-    answers = yield np.concatenate([x[:, None], points], axis=1)
+    answers = yield Wanted(np.concatenate([x[:, None], points], axis=1))
     residual = answers[:, 0]
     jacobian = np.empty((residual.size, x.size), order="F") if jacobian is None else jacobian.copy(order="F")
     jacobian[:, unknown] = _columns(answers[:, 1:], residual, apart)
 
-    def differenced() -> Generator[FloatArray, FloatArray, FloatArray]:
+    def differenced() -> Generator[Wanted, FloatArray, FloatArray]:
         points, apart = _probes(x, lower, upper, step, every, both=both)
-        answers = yield points
+        answers = yield Wanted(points)
         return _columns(answers, residual, apart)
 
     cost = float(_cost(residual[:, None])[0])
@@ -223,7 +236,10 @@ def levenberg_marquardt(
         for k, matrix in enumerate(damped):
             move = np.linalg.solve(matrix, -push) / diagonal[free]
             trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
-        answers = yield trials
+        # Derivatives at the middle one, from which the others are not far, may come along.
+        ahead, apart = _probes(trials[:, 1], lower, upper, step, every, both=False)
+        answers = yield Wanted(trials, None if both else ahead)
+        answers, foreseen = answers[:, :3], answers[:, 3:]
         costs = _cost(answers)
         blown = blown or not np.isfinite(costs).all()
         small = max(tolerance * cost, 1e-7 if not quick else 0.05)
@@ -234,7 +250,7 @@ def levenberg_marquardt(
         if bent:
             turned = _turned(x, trials, answers - residual[:, None], jacobian, damped, free)
             turned = np.clip(turned, lower[:, None], upper[:, None])
-            more = yield turned
+            more = yield Wanted(turned)
             trials, answers = np.hstack([trials, turned]), np.hstack([answers, more])
             dampings, costs = np.tile(dampings, 2), np.append(costs, _cost(more))
         best = int(np.argmin(costs))
@@ -246,15 +262,21 @@ def levenberg_marquardt(
             x, residual, cost = trials[:, best], answers[:, best], float(costs[best])
             damping = float(np.clip(dampings[best], 1e-12, 1e12))
         if gain > small:
-            if quick or (rough and not bent and gain > -_KEPT * (gradient @ moved + 0.5 * moved @ normal @ moved)):
+            kept = gain > -_KEPT * (gradient @ moved + 0.5 * moved @ normal @ moved)
+            carried = quick or (rough and not bent and kept)
+            known = foreseen.size > 0 and costs[1] < cost + gain and bool(np.isfinite(foreseen).all())
+            if known:
+                jacobian = _columns(foreseen, answers[:, 1], apart)
+                moved, changed = x - trials[:, 1], residual - answers[:, 1]
+                carried = best != 1
+            if carried:
                 weighted = diagonal**2 * moved
                 # In place: it is the same array, by columns.
                 share = 1.0 / max(weighted @ moved, 1e-300)
                 jacobian = dger(share, changed - jacobian @ moved, weighted, a=jacobian, overwrite_a=1)
-                fresh = False
-            else:
+            elif not known:
                 jacobian = yield from differenced()
-                fresh = True
+            fresh = not carried
         elif (gain > 0 or damping > 1e9) and (fresh or quick):
             # A tiny step: the end, unless the Jacobian is only carried along.
             converged = True
@@ -270,6 +292,7 @@ def levenberg_marquardt(
 def minimise(
     requests: Sequence[Request],
     answer: Callable[[list[tuple[int, FloatArray]]], list[FloatArray]],
+    at_once: int = 0,
 ) -> list[Minimum]:
     """Run several minimisations together.
 
@@ -279,6 +302,8 @@ def minimise(
         From `levenberg_marquardt`.
     answer : callable
         Given a list of (index of the problem, parameter vectors (p, k)), return the residuals (n, k) of each.
+    at_once : int
+        So many points are answered in the time of one: those that nobody needs go to what may be wanted next.
 
     Returns
     -------
@@ -288,9 +313,14 @@ def minimise(
     results: list[Minimum | None] = [None] * len(requests)
     pending = {i: next(request) for i, request in enumerate(requests)}
     while pending:
-        order = list(pending)
-        answers = answer([(i, pending[i]) for i in order])
-        for i, residuals in zip(order, answers, strict=True):
+        asked = [(i, wanted.points) for i, wanted in pending.items()]
+        left = at_once - sum(points.shape[1] for _, points in asked)
+        for k, (i, points) in enumerate(asked):
+            ahead = pending[i].next
+            if ahead is not None and ahead.shape[1] <= left:
+                asked[k] = i, np.concatenate([points, ahead], axis=1)
+                left -= ahead.shape[1]
+        for (i, _), residuals in zip(asked, answer(asked), strict=True):
             try:
                 pending[i] = requests[i].send(residuals)
             except StopIteration as stop:

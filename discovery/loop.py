@@ -17,7 +17,7 @@ from discovery.experiment import Experiment
 from discovery.fit import Fit, declared_model, fit, prolonged, rig_uncertainty, widened
 from discovery.holdout import HoldOut
 from discovery.mechanics import upgrades
-from discovery.problem import natural_units
+from discovery.problem import NaturalUnits, natural_units
 from discovery.quantisation import resolution
 from discovery.recording import Recording
 from discovery.refits import Refit, quickened
@@ -38,8 +38,10 @@ UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 _EXACT = UPGRADES[-1][0]
 #: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
 _MUCH_LESS = 0.9
+#: A trajectory error below so many noise sds at every sample is none to the search.
+_HIDDEN = 0.06
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
-_DESIGNS, _LONG, _FEWEST = 100, 15_000, 20
+_DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
 
 
 @dataclass(frozen=True, repr=False)
@@ -193,6 +195,7 @@ def close_loop(
     """
     units = natural_units(train)
     settings = settings or LoopSettings()
+    settings = replace(settings, tolerance=max(settings.tolerance, _HIDDEN * _least_noise([*train, *holdout], units)))
     judge = HoldOut(train, holdout, units, settings.tolerance)
     case = Case(train, judge, _attainable(settings, train, judge), units, progress or (lambda _: None))
     # Matrices are tall and narrow: a second thread of theirs would only wait in the way of the simulations.
@@ -259,6 +262,12 @@ def _closed(case: Case) -> LoopResult:
         noise=noise,
         unlike=unlike,
     )
+
+
+def _least_noise(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
+    """Return the smallest noise of any channel [rad for an arm, natural coordinates for an oscillator]."""
+    size = units.length if experiments[0].is_arm else units.coordinate
+    return min(float(e.recording.noise.min()) for e in experiments) / size
 
 
 def _attainable(settings: LoopSettings, train: Sequence[Experiment], judge: HoldOut) -> LoopSettings:

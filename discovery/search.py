@@ -85,6 +85,7 @@ class Search:
         self._branches = Branches(case, start.problem.bench)
         self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
+        self._stood_for: dict[str, str] = {}
         self._finer: dict[Node, Refit] = {}
         self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
         self._noise: dict[Node, bool] = {}
@@ -163,6 +164,12 @@ class Search:
                 reason = f"the training residual is noise: its systematic part is {self.best.rough:.2g} noise sds"
                 self.steps.append(Step("stop", "", True, reason))
                 return
+            if self.best.added and level == len(self.best.added) and self.best.rough <= settings.floor:
+                promise = self._branches.promise(self.best)
+                if promise < settings.least_gain:
+                    reason = f"the training residual is noise: no further effect removes more than {promise:.2g} of it"
+                    self.steps.append(Step("stop", "", True, f"{reason}, to first order"))
+                    return
             # Effects hide each other: one may help only once another is there, so a step may fail once.
             if level > len(self.best.added) and self.best.rough <= settings.floor:
                 return
@@ -352,7 +359,10 @@ class Search:
     def _contenders(self, effect: str) -> frozenset[str] | None:
         """Return what may serve in the place of a member: all but what left far more beside fewer; None for all."""
         smaller = self._without(effect).added
-        below = self._branches.below(smaller, effect)
+        # Beside what a member has replaced others did much the same as beside it.
+        before = self._branches.made([self._stood_for.get(e, e) for e in smaller])
+        known = before is not None and before.whole and any(r.effect == effect for r in before.refits)
+        below = before if known else self._branches.below(smaller, effect)
         if below is None:
             return None
         left = {r.effect: r.chi2 for r in below.refits}
@@ -402,10 +412,15 @@ class Search:
         """Let a simpler law take the place of a member that has become it."""
         for node in self._simpler(effect):
             if reason := better(self.case, self.best, node):
-                numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
-                self.steps.append(Step("exchange", effect, True, reason, numbers))
-                self._take(node)
+                self._exchange(effect, node, reason)
                 return
+
+    def _exchange(self, effect: str, node: Node, reason: str, ranking: Sequence[Mapping[str, object]] = ()) -> None:
+        """Make a set the best one in which another effect has taken the place of a member."""
+        numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
+        self.steps.append(Step("exchange", effect, True, reason, numbers, tuple(ranking)))
+        self._stood_for[node.added[-1]] = effect
+        self._take(node)
 
     def _simpler(self, effect: str) -> list[Node]:
         """Return sets with a simpler law in the place of a member, from its values: screening may not find them."""
@@ -436,9 +451,7 @@ class Search:
         others = [n for n in ranked if n.added[-1] != effect]
         for node in others:
             if reason := better(self.case, self.best, node):
-                numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
-                self.steps.append(Step("exchange", effect, True, reason, numbers, self._ranking(branch)))
-                self._take(node)
+                self._exchange(effect, node, reason, self._ranking(branch))
                 return
 
     def _renew(self, effect: str, again: Node) -> bool:

@@ -24,7 +24,7 @@ _LEADING, _PROMISING = 3, 8
 _WORTH = 5.0
 #: less than this part of the excess that a refit leaves is no difference either, nor less than this part of how far it
 #: is behind the best one.
-_LITTLE, _NEARER = 1e-3, 0.1
+_LITTLE, _NEARER = 1e-2, 0.1
 #: What the solver errs in the model without an effect changes nothing for the effect, nor does so many times as much.
 _OWN = 3.0
 #: A refit that leaves more than this part of the excess may have been stopped by a motion that blows up.
