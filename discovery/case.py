@@ -42,7 +42,8 @@ class LoopSettings:
     Parameters
     ----------
     tolerance : float
-        Trajectory error of the search [rad or natural coordinate]; the solver's shift of the answer is reported.
+        Trajectory error of the search [rad or natural coordinate], or what noise hides where that is more; the solver's
+        shift of the answer is reported.
     floor : float
         Systematic residual, in noise sds, below which a residual counts as noise. The exact arm itself leaves 0.05 to
         0.3 when the encoder's profile is rough.

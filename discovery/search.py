@@ -164,15 +164,15 @@ class Search:
                 reason = f"the training residual is noise: its systematic part is {self.best.rough:.2g} noise sds"
                 self.steps.append(Step("stop", "", True, reason))
                 return
-            if self.best.added and level == len(self.best.added) and self.best.rough <= settings.floor:
+            # Effects hide each other: one may help only once another is there, so a step may fail once.
+            if level > len(self.best.added) and self.best.rough <= settings.floor:
+                return
+            if self.best.added and self.best.rough <= settings.floor:
                 promise = self._branches.promise(self.best)
                 if promise < settings.least_gain:
                     reason = f"the training residual is noise: no further effect removes more than {promise:.2g} of it"
                     self.steps.append(Step("stop", "", True, f"{reason}, to first order"))
                     return
-            # Effects hide each other: one may help only once another is there, so a step may fail once.
-            if level > len(self.best.added) and self.best.rough <= settings.floor:
-                return
             if level > len(self.best.added) + 1:
                 return
             level += 1

@@ -61,6 +61,14 @@ def test_candidates_are_compared_on_quick_mechanics_and_the_best_go_on_upon_the_
     assert branches._quick(fine).chi2 == pytest.approx(quick.chi2, rel=1e-3)
 
 
+def test_what_a_further_effect_promises_is_of_what_the_finer_mechanics_leave() -> None:
+    case, quick, fine = on_both_mechanics()
+    branches = Branches(case, quick.refit.problem.bench)
+    assert branches.promise(fine) == pytest.approx(branches.promise(quick), rel=0.05)
+    nothing = replace(fine.refit.minimum, residual=0.0 * fine.refit.minimum.residual)
+    assert branches.promise(replace(fine, refit=replace(fine.refit, minimum=nothing))) == pytest.approx(0.0, abs=1e-6)
+
+
 def test_what_blows_up_on_the_quick_steps_is_compared_on_finer_ones() -> None:
     case, quick, fine = on_both_mechanics()
     coarse = Bench.like(quick.refit.problem.bench, 16 * quick.refit.problem.bench.step)

@@ -19,7 +19,7 @@ from discovery_datasets.quick_effects import TipRotaryInertia
 from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
-from discovery.case import LoopSettings
+from discovery.case import Case, LoopSettings
 from discovery.dataset import load_dataset
 from discovery.fit import fit_near
 from discovery.loop import LoopResult, _designs, _search_arm, close_loop
@@ -434,6 +434,23 @@ def test_friction_that_turns_within_another_speed_is_not_taken_for_one_with_a_pe
     assert ("exchange", "stribeck_friction") in [(s.action, s.effect) for s in result.steps]
     force = 0.012 / ((rig.tip_mass + 33 / 140 * rig.beam_mass) * rig.length)
     assert result.after.values["f_c"] == pytest.approx(force, abs=2 * result.after.sd["f_c"])
+
+
+def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = load_dataset(DATASETS / "arm" / "rig.toml", [DATASETS / "arm" / "train_paper.csv"])
+    (train,) = dataset.train
+    asked: list[float] = []
+
+    def noted(case: Case) -> None:
+        asked.append(case.settings.tolerance)
+        assert case.judge.tolerance == case.settings.tolerance
+
+    monkeypatch.setattr("discovery.loop._closed", noted)
+    for noise in (1e-6, 3e-3):
+        recording = replace(train.recording, noise=np.full(2, noise))
+        close_loop([replace(train, recording=recording)], [])
+    assert train.rig.length is not None
+    assert asked == [LoopSettings().tolerance, pytest.approx(0.06 * 3e-3 / train.rig.length.value)]
 
 
 def test_fewer_manoeuvres_are_tried_where_one_takes_long() -> None:

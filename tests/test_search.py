@@ -235,6 +235,37 @@ def test_the_simpler_law_that_a_member_may_have_become_is_tried_in_its_place(mon
     assert search._contenders(first) == among | {far}
 
 
+def test_beside_what_a_member_has_replaced_others_did_what_they_do_beside_it() -> None:
+    search = copy(searched(c_2=0.3, tau=0.01))
+    first, among, below = contended(search)
+    (nearest,) = (r for r in below.refits if r.effect == first)
+    behind = [replace(r, minimum=replace(r.minimum, cost=1e9)) for r in below.refits if r.effect != first]
+    search._stood_for = {search.added[1]: "table_tilt"}
+    assert search._contenders(first) == among
+    search._branches = copy(search._branches)
+    beside = Branch(below.scored, (nearest,), tuple(behind))
+    search._branches._made = {**search._branches._made, frozenset({"table_tilt"}): beside}
+    assert search._contenders(first) == {first}
+
+
+def test_where_the_training_residual_is_noise_no_candidate_is_refitted_that_promises_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = copy(searched(c_2=0.3, tau=0.01))
+    least = search.case.settings.least_gain
+    assert search._branches.promise(search.best) < least
+    smaller = search._without(search.added[1])
+    gain = smaller.chi2 - search.best.chi2
+    assert search._branches.promise(smaller) == pytest.approx(gain, rel=0.2)
+    # Not even where the held-out residual is not noise.
+    monkeypatch.setattr(Search, "settled", property(lambda self: False))
+    monkeypatch.setattr(Branches, "children", lambda self, nodes: pytest.fail("candidates were refitted"))
+    search.steps = []
+    search._extend()
+    assert [s.action for s in search.steps] == ["stop"]
+    assert "to first order" in search.steps[0].reason
+
+
 def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
