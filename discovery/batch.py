@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.least_squares import AT_ONCE, Minimum, Request, levenberg_marquardt, minimise
+from discovery.least_squares import Minimum, Request, levenberg_marquardt, minimise
 from discovery.problem import Problem
 from discovery.race import Race
 
@@ -50,8 +50,8 @@ def together(problems: Sequence[Problem], requests: Sequence[Request]) -> list[M
     found: dict[int, Minimum] = {}
     for bench in dict.fromkeys(p.bench for p in problems):
         own = [i for i, p in enumerate(problems) if p.bench is bench]
-        # Recordings are simulated side by side, too.
-        at_once = AT_ONCE // len(bench.experiments)
+        # Two blocks take the time of one, be it of two recordings: on two cores, but counted so on any number.
+        at_once = bench.simulators[0].kernel.lanes * max(1, 2 // len(bench.experiments))
         minima = minimise([requests[i] for i in own], _answer_on([problems[i] for i in own]), at_once)
         found.update(zip(own, minima, strict=True))
     return [found[i] for i in range(len(problems))]

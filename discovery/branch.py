@@ -194,10 +194,14 @@ class Branches:
         """Return the branch of a set if there is one already."""
         return self._made.get(frozenset(added))
 
-    def below(self, added: Collection[str], effect: str) -> Branch | None:
-        """Return the branch of the largest of these sets' subsets beside which an effect was refitted, if any."""
-        inside = [key for key in self._made if key <= frozenset(added)]
-        subsets = sorted(inside, key=lambda key: (-len(key), sorted(key)))
+    def below(self, effect: str, *sets: Collection[str]) -> Branch | None:
+        """Return the branch of the largest subset of any of these sets beside which an effect was refitted, if any.
+
+        Of two as large, that of the set that comes first.
+        """
+        whole = [frozenset(added) for added in sets]
+        place = {key: i for i, added in reversed([*enumerate(whole)]) for key in self._made if key <= added}
+        subsets = sorted(place, key=lambda key: (-len(key), place[key], sorted(key)))
         offers = (self._made[key] for key in subsets)
         return next((b for b in offers if b.whole and any(r.effect == effect for r in b.refits)), None)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dger
 
-__all__ = ["AT_ONCE", "Minimum", "Request", "Wanted", "levenberg_marquardt", "minimise"]
+__all__ = ["Minimum", "Request", "Wanted", "levenberg_marquardt", "minimise"]
 
 FloatArray = NDArray[np.float64]
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
@@ -26,15 +26,13 @@ _KEPT = 0.8
 _BENT = 0.25
 #: that turns them by at most so many times their length, until this has helped less than straight ones so often.
 _TURN, _PATIENCE = 0.75, 2
-#: Points that are answered in the time of one: two cores simulate so many parameter sets side by side.
-AT_ONCE = 16
 
 
 class Wanted(NamedTuple):
     """Points (p, k) whose residuals a minimisation wants, and more that it may want next, if they cost no time."""
 
     points: FloatArray
-    next: FloatArray | None = None
+    next: FloatArray = np.empty((0, 0))
 
 
 Request = Generator[Wanted, FloatArray, "Minimum"]
@@ -180,14 +178,15 @@ def levenberg_marquardt(
         as unknown and are differenced at the start. Without it, it is differenced at every step.
     rough : bool
         Difference to one side only, and carry the Jacobian along as long as steps keep what it promises; the search
-        ends on one that was differenced. A quick search also differences to one side.
+        ends on one that was differenced. A quick search also differences to one side. Both take derivatives at the
+        middle trial wherever `minimise` sends them along, and carry these to where the step ends.
     is_behind : callable, optional
         Asked before every step, with the cost and the number of steps so far, whether to give up.
 
     Yields
     ------
     Wanted
-        Parameter vectors whose residuals, shape (n, k), are wanted, first those needed.
+        Parameter vectors whose residuals, shape (n, k), are wanted; those of `next` may follow, all or none.
 
     Returns
     -------
@@ -237,8 +236,8 @@ def levenberg_marquardt(
             move = np.linalg.solve(matrix, -push) / diagonal[free]
             trials[free, k] = np.clip(x[free] + move, lower[free], upper[free])
         # Derivatives at the middle one, from which the others are not far, may come along.
-        ahead, apart = _probes(trials[:, 1], lower, upper, step, every, both=False)
-        answers = yield Wanted(trials, None if both else ahead)
+        ahead, apart = _probes(trials[:, 1], lower, upper, step, every[:0] if both else every, both=False)
+        answers = yield Wanted(trials, ahead)
         answers, foreseen = answers[:, :3], answers[:, 3:]
         costs = _cost(answers)
         blown = blown or not np.isfinite(costs).all()
@@ -317,7 +316,7 @@ def minimise(
         left = at_once - sum(points.shape[1] for _, points in asked)
         for k, (i, points) in enumerate(asked):
             ahead = pending[i].next
-            if ahead is not None and ahead.shape[1] <= left:
+            if 0 < ahead.shape[1] <= left:
                 asked[k] = i, np.concatenate([points, ahead], axis=1)
                 left -= ahead.shape[1]
         for (i, _), residuals in zip(asked, answer(asked), strict=True):

@@ -265,7 +265,7 @@ def _closed(case: Case) -> LoopResult:
 
 
 def _least_noise(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
-    """Return the smallest noise of any channel [rad for an arm, natural coordinates for an oscillator]."""
+    """Return the smallest noise of any channel, in the unit of the error that `discovery.step.choose_step` bounds."""
     size = units.length if experiments[0].is_arm else units.coordinate
     return min(float(e.recording.noise.min()) for e in experiments) / size
 

@@ -167,12 +167,6 @@ class Search:
             # Effects hide each other: one may help only once another is there, so a step may fail once.
             if level > len(self.best.added) and self.best.rough <= settings.floor:
                 return
-            if self.best.added and self.best.rough <= settings.floor:
-                promise = self._branches.promise(self.best)
-                if promise < settings.least_gain:
-                    reason = f"the training residual is noise: no further effect removes more than {promise:.2g} of it"
-                    self.steps.append(Step("stop", "", True, f"{reason}, to first order"))
-                    return
             if level > len(self.best.added) + 1:
                 return
             level += 1
@@ -183,10 +177,15 @@ class Search:
             chosen = self._chosen(tried)
             if chosen is None:
                 refused = {id(r) for _, r in tried}
-                children = sorted([*self._children(beam), *children], key=lambda child: child[1].chi2)
+                vain = self._is_vain()
+                more = [] if vain else self._children(beam)
+                children = sorted([*more, *children], key=lambda child: child[1].chi2)
                 if children and is_far_behind(children[0][1].chi2, rival, self.case.n_data):
                     return
                 chosen = self._chosen([child for child in children if id(child[1]) not in refused])
+                if vain and chosen is None:
+                    self.steps.append(Step("stop", "", True, vain))
+                    return
             if chosen is not None and not base.added and self._leads_back(chosen):
                 beam, level, base = [self.best], 0, None
                 continue
@@ -200,6 +199,16 @@ class Search:
                 return
             beam = [n for n in beam if self._leads_on(n)][:wide]
             beam = [n if n is self.best else self._resolved(n) for n in beam]
+
+    def _is_vain(self) -> str:
+        """Return why no effect more need be refitted beside the best set, if so: none promises to pass in training."""
+        if not self.best.added or self.best.rough > self.case.settings.floor:
+            return ""
+        promise = self._branches.promise(self.best)
+        if promise >= self.case.settings.least_gain:
+            return ""
+        told = f"no further effect would remove more than {promise:.2g} of chi-square to first order"
+        return f"the training residual is noise, the held-out one is not, and {told}"
 
     def _chosen(self, children: Sequence[Child]) -> Node | None:
         """Return the first set that replaces the best one so far, in the order of `ordered`, idle effects left out."""
@@ -246,7 +255,7 @@ class Search:
         reason = f"fitted again from there without it, the start leaves {gain:.0f} less than before"
         numbers = {"chi2_before": self.root.chi2, "chi2_after": again.chi2}
         self.steps += [Step("withdraw", e, True, reason, numbers) for e in node.added]
-        self._branches, self._smaller = Branches(self.case, self.bench), {}
+        self._branches, self._smaller, self._stood_for = Branches(self.case, self.bench), {}, {}
         self.root = self._take(again)
         return True
 
@@ -359,17 +368,16 @@ class Search:
     def _contenders(self, effect: str) -> frozenset[str] | None:
         """Return what may serve in the place of a member: all but what left far more beside fewer; None for all."""
         smaller = self._without(effect).added
-        # Beside what a member has replaced others did much the same as beside it.
-        before = self._branches.made([self._stood_for.get(e, e) for e in smaller])
-        known = before is not None and before.whole and any(r.effect == effect for r in before.refits)
-        below = before if known else self._branches.below(smaller, effect)
+        # What a member has replaced did much the same: others beside it tell of others beside the member.
+        replaced = [self._stood_for.get(e, e) for e in smaller]
+        below = self._branches.below(effect, smaller, replaced)
         if below is None:
             return None
         left = {r.effect: r.chi2 for r in below.refits}
         limit = self.best.chi2 + _FAR_MORE * max(left[effect] - self.best.chi2, self.case.margin(self.best.chi2))
         # What a member may have become beside the others was no rival of the whole law.
         near = catalogue()[effect].reduces_to
-        return frozenset(e for e in below.scored if left.get(e, 0.0) <= limit or e in near)
+        return frozenset(e for e in {*below.scored, *replaced} if left.get(e, 0.0) <= limit or e in near)
 
     def _in_place_of(self, effect: str) -> Branch:
         """Return what the catalogue offers beside the best set without one of its members."""

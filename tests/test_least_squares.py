@@ -14,14 +14,14 @@ from discovery.least_squares import FloatArray, Minimum, levenberg_marquardt, mi
 Residuals = Callable[[FloatArray], FloatArray]
 
 
-def solve(residuals: Residuals, start, lower=None, upper=None, scale=None, **options) -> Minimum:
+def solve(residuals: Residuals, start, lower=None, upper=None, scale=None, at_once: int = 0, **options) -> Minimum:
     """Minimise one problem whose residuals take parameter vectors (p, k) and return (n, k)."""
     start = np.asarray(start, float)
     lower = np.full(start.size, -np.inf) if lower is None else np.asarray(lower, float)
     upper = np.full(start.size, np.inf) if upper is None else np.asarray(upper, float)
     scale = np.maximum(np.abs(start), 1e-3) if scale is None else np.asarray(scale, float)
     request = levenberg_marquardt(start, lower, upper, scale, **options)
-    (found,) = minimise([request], lambda wanted: [residuals(x) for _, x in wanted])
+    (found,) = minimise([request], lambda wanted: [residuals(x) for _, x in wanted], at_once)
     return found
 
 
@@ -359,8 +359,52 @@ def test_what_is_needed_goes_before_what_may_be_wanted_next(
     assert all(each == expected for each in trials)
 
 
+def test_a_search_to_both_sides_wants_nothing_ahead(swing: Residuals) -> None:
+    def answer(wanted: list[tuple[int, FloatArray]]) -> list[FloatArray]:
+        # Start and both sides, three trials, both sides.
+        assert all(x.shape[1] in (17, 3, 16) for _, x in wanted)
+        return [swing(x) for _, x in wanted]
+
+    free = np.full(8, 5.0)
+    (found,) = minimise([levenberg_marquardt(0.5 * SWUNG, -free, free, np.ones(8))], answer, 64)
+    assert found.converged
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_derivatives_that_come_along_are_carried_to_where_the_step_ends(swing: Residuals, quick: bool) -> None:
+    free = np.full(8, 5.0)
+    start = 0.5 * SWUNG
+    near = (swing(start[:, None] + 1e-6 * np.eye(8)) - swing(start[:, None])) / 1e-6
+    options = {"jacobian": near} if quick else {"rough": True}
+    request = levenberg_marquardt(start, -free, free, np.ones(8), tolerance=1e-9, **options)
+    (found,) = minimise([request], lambda wanted: [swing(x) for _, x in wanted], 16)
+    true = (swing(found.x[:, None] + 1e-6 * np.eye(8)) - swing(found.x[:, None])) / 1e-6
+    assert found.converged
+    assert found.jacobian == pytest.approx(true, abs=2e-3 * np.abs(true).max())
+
+
+def test_derivatives_that_blow_up_ahead_are_not_used() -> None:
+    t = np.linspace(0, 5, 60)
+    rounds: list[int] = []
+
+    def residuals(x: FloatArray) -> FloatArray:
+        rounds.append(x.shape[1])
+        found = 100 * (x[0] * np.exp(-np.outer(t, x[1])) + x[2] - (1.3 * np.exp(-0.7 * t) + 0.2)[:, None])
+        # The trials are finite; what lies beside one of them is not.
+        found[:, 3:] = np.nan if x.shape[1] > 4 else found[:, 3:]
+        return found
+
+    free = np.full(3, 5.0)
+    request = levenberg_marquardt(np.array([0.5, 0.2, 0.0]), -free, free, np.ones(3), tolerance=1e-9, rough=True)
+    (found,) = minimise([request], lambda wanted: [residuals(x) for _, x in wanted], 16)
+    assert 6 in rounds
+    assert found.converged
+    assert found.x == pytest.approx([1.3, 0.7, 0.2], abs=1e-6)
+
+
+@pytest.mark.parametrize("at_once", [0, 16])
 @pytest.mark.parametrize("rough", [False, True])
-def test_a_search_follows_a_narrow_bent_valley_to_its_end(rough: bool) -> None:
+def test_a_search_follows_a_narrow_bent_valley_to_its_end(rough: bool, at_once: int) -> None:
     asked = 0
 
     def residuals(b: FloatArray) -> FloatArray:
@@ -370,7 +414,7 @@ def test_a_search_follows_a_narrow_bent_valley_to_its_end(rough: bool) -> None:
         # Two parameters trade along a parabola, a hundred times as steep across as along.
         return np.concatenate([noise, np.stack([2e3 * (b[1] - b[0] ** 2), 30 * (1 - b[0])])])
 
-    found = solve(residuals, [-1.2, 1.44], scale=[1.0, 1.0], tolerance=1e-4, rough=rough)
+    found = solve(residuals, [-1.2, 1.44], scale=[1.0, 1.0], tolerance=1e-4, rough=rough, at_once=at_once)
     assert found.converged
     assert found.x == pytest.approx([1.0, 1.0], abs=0.03)
     assert asked < 250

@@ -207,7 +207,7 @@ def contended(search: Search) -> tuple[str, frozenset[str], Branch]:
     """Return the first member of a pair, what may take its place, and what was offered beside none."""
     first, _ = search.added
     among = search._contenders(first)
-    below = search._branches.below((), first)
+    below = search._branches.below(first, ())
     assert among is not None
     assert below is not None
     return first, among, below
@@ -237,15 +237,23 @@ def test_the_simpler_law_that_a_member_may_have_become_is_tried_in_its_place(mon
 
 def test_beside_what_a_member_has_replaced_others_did_what_they_do_beside_it() -> None:
     search = copy(searched(c_2=0.3, tau=0.01))
-    first, among, below = contended(search)
-    (nearest,) = (r for r in below.refits if r.effect == first)
-    behind = [replace(r, minimum=replace(r.minimum, cost=1e9)) for r in below.refits if r.effect != first]
-    search._stood_for = {search.added[1]: "table_tilt"}
+    first, among, _ = contended(search)
+    second = search.added[1]
+    # As if the second member had replaced one of those that are no rivals of the first beside none.
+    replaced = min({r.effect for r in search._branches.of(search.root).refits} - among)
+    search._stood_for = {second: replaced}
     assert search._contenders(first) == among
-    search._branches = copy(search._branches)
-    beside = Branch(below.scored, (nearest,), tuple(behind))
-    search._branches._made = {**search._branches._made, frozenset({"table_tilt"}): beside}
-    assert search._contenders(first) == {first}
+    branch = search._branches.of(search.root)
+    alone = next(r for r in branch.refits if r.effect == replaced)
+    search._branches = Branches(search.case, search.root.refit.problem.bench)
+    beside = search._branches.of(Node.of((replaced,), alone, search.case))
+    left = {r.effect: r.chi2 for r in beside.refits}
+    contenders = search._contenders(first)
+    assert contenders is not None
+    # What has been replaced has not been tried beside itself.
+    assert {first, replaced} <= contenders
+    limit = search.best.chi2 + 10 * (left[first] - search.best.chi2)
+    assert contenders - {replaced} == {e for e in beside.scored if left.get(e, 0.0) <= limit}
 
 
 def test_where_the_training_residual_is_noise_no_candidate_is_refitted_that_promises_nothing(
@@ -264,6 +272,10 @@ def test_where_the_training_residual_is_noise_no_candidate_is_refitted_that_prom
     search._extend()
     assert [s.action for s in search.steps] == ["stop"]
     assert "to first order" in search.steps[0].reason
+    # Before any effect has joined, and where more than noise is left, everything is tried.
+    for node in (search.root, replace(search.best, rough=1.0)):
+        search.best = node
+        assert not search._is_vain()
 
 
 def test_what_a_refused_set_leaves_undetermined_is_dropped_and_the_rest_weighed(
