@@ -218,7 +218,9 @@ def _closed(case: Case) -> LoopResult:
     # Laws that differ by no more than this share of what they remove could not have been told apart.
     moved = sum(e["effect_rms"] ** 2 for e in search.evidence.values())
     unlike = float(np.sqrt(case.form(search.best.refit.problem.model) * moved))
-    after, after_held = _final(search, case)
+    # Both leave threads idle most of the time: the answer is one fit.
+    last: list[Callable[[], Any]] = [partial(_final, search, case), partial(_separations, search, case)]
+    (after, after_held), separations = at_once(last, threads=THREADS)
     after = widened(after, unlike)
     before_train, after_train = before.predict(), after.predict()
     before_held = case.held(before)
@@ -232,7 +234,6 @@ def _closed(case: Case) -> LoopResult:
     verdict = "unexplained" if excluded or not noise else "explained" if added else "nothing_missing"
     period = 2 * np.pi * units.time
     only_train = case.judge.continued
-    arm = train[0].is_arm
     return LoopResult(
         verdict=verdict,
         declared=declared.effects,
@@ -257,7 +258,7 @@ def _closed(case: Case) -> LoopResult:
         },
         test=test,
         contradiction=contradiction,
-        separations=_separations(search, case) if case.settings.follow_up and arm else (),
+        separations=separations,
         recordings=tuple(e.recording for e in (*train, *holdout)),
         noise=noise,
         unlike=unlike,
@@ -302,6 +303,8 @@ def _contradiction(after: Fit, search: Search, case: Case, *, noise: bool) -> Co
 
 def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
     """Design a manoeuvre, within the limits of the motor, for every added effect that others explain as well."""
+    if not (case.settings.follow_up and case.train[0].is_arm):
+        return ()
     found = []
     for effect, rivals in search.rivals().items():
         case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
@@ -373,17 +376,21 @@ def _judge_geometry(before: Fit, search: Search, case: Case) -> tuple[list[str],
     geometry: list[str] = []
     steps: list[Step] = []
     held_before, train_before = float("inf"), float("inf")
-    for base, name in (("constant_radius", ""), *UPGRADES):
+    bases = [("constant_radius", ""), *UPGRADES]
+    case.tell(f"comparing mechanics: {', '.join(base for base, _ in bases)}")
+
+    def fitted(base: str) -> tuple[Fit, list[FloatArray]]:
         if base == _EXACT:
-            found, predicted = search.finest()
-        elif base == "constant_radius" and not search.added:
-            found, predicted = before, case.held(before)
-        else:
-            case.tell(f"comparing mechanics: {base}")
-            model = before.model.with_effect(*[e for e in search.added if e not in before.model.effects]).on_base(base)
-            values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
-            found = case.fit(model, values, case.conventions(model))
-            predicted = case.held(found)
+            return search.finest()
+        if base == "constant_radius" and not search.added:
+            return before, case.held(before)
+        model = before.model.with_effect(*[e for e in search.added if e not in before.model.effects]).on_base(base)
+        values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
+        found = case.fit(model, values, case.conventions(model))
+        return found, case.held(found)
+
+    answers = at_once([partial(fitted, base) for base, _ in bases], threads=THREADS)
+    for (_, name), (found, predicted) in zip(bases, answers, strict=True):
         held, count, _ = case.judge.score(predicted)
         if name:
             # Fewer free parameters and a better fit of everything, or a smaller held-out error alone.

@@ -344,7 +344,8 @@ def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.Mo
     search: Any = SimpleNamespace(
         rivals=lambda: {pair[0]: {pair[1]: fits[pair[1]]}}, best=SimpleNamespace(refit=fits[pair[0]]), bench=None
     )
-    case: Any = SimpleNamespace(tell=lambda text: None, settings=SimpleNamespace(seed=1))
+    settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(is_arm=True)]
+    case: Any = SimpleNamespace(tell=lambda text: None, settings=settings, train=train)
     (found,) = _separations(search, case)
     assert found.limits.speed == 0.7
     assert 0 < max(m.speed for m in found.moves) <= 0.7
