@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.attribution import Candidate, candidates, screen
+from discovery.attribution import Candidate, screen
 from discovery.bench import Bench
 from discovery.case import Case
 from discovery.finite import finite_starts
@@ -148,7 +148,7 @@ class Branches:
 
     def _make(self, node: Node, among: Collection[str] | None, grows: bool) -> Branch:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-        names = candidates(problem.model, self.case.train[0].coordinate_unit)
+        names = self.case.candidates(problem.model)
         tried = names if among is None else tuple(n for n in names if n in among)
         beside = f" beside {' and '.join(node.added)}" if node.added else ""
         self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
@@ -181,7 +181,7 @@ class Branches:
         """
         begun = self._quick(node).refit
         problem, minimum = held_fixed(begun.problem, begun.minimum)
-        names = candidates(problem.model, self.case.train[0].coordinate_unit)
+        names = self.case.candidates(problem.model)
         scored = screen(problem.model, minimum, problem, names, left=node.refit.minimum.residual)
         return max((c.score for c in scored), default=0.0)
 

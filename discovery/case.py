@@ -165,7 +165,11 @@ class Case:
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        return tuple(sorted({*model.effects, *candidates(model, self.train[0].coordinate_unit)}))
+        return tuple(sorted({*model.effects, *self.candidates(model)}))
+
+    def candidates(self, model: Model) -> tuple[str, ...]:
+        """Return the effects that a model of these recordings could lack."""
+        return candidates(model, self.train[0].coordinate_unit)
 
     def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
         """Fit a model with the kernel that holds the whole catalogue of its base."""

@@ -27,6 +27,7 @@ from discovery.search import Search
 from discovery.separation import Separation, separate
 from discovery.simulate import THREADS
 from discovery.stand_in import StandIn, stand_in
+from discovery.step import error_unit
 from discovery.workers import at_once, single_algebra
 
 __all__ = ["UPGRADES", "LoopResult", "close_loop"]
@@ -267,8 +268,7 @@ def _closed(case: Case) -> LoopResult:
 
 def _least_noise(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
     """Return the smallest noise of any channel, in the unit of the error that `discovery.step.choose_step` bounds."""
-    size = units.length if experiments[0].is_arm else units.coordinate
-    return min(float(e.recording.noise.min()) for e in experiments) / size
+    return min(float(e.recording.noise.min()) for e in experiments) / error_unit(experiments, units)
 
 
 def _attainable(settings: LoopSettings, train: Sequence[Experiment], judge: HoldOut) -> LoopSettings:

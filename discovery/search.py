@@ -14,7 +14,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.attribution import candidates
 from discovery.bench import Bench
 from discovery.branch import Branch, Branches, Child
 from discovery.case import Case, Step
@@ -434,8 +433,7 @@ class Search:
         """Return sets with a simpler law in the place of a member, from its values: screening may not find them."""
         rest = tuple(e for e in self.best.added if e != effect)
         others = self.best.refit.problem.model.without([effect])
-        possible = candidates(others, self.case.train[0].coordinate_unit)
-        near = sorted(catalogue()[effect].reduces_to.intersection(possible))
+        near = sorted(catalogue()[effect].reduces_to.intersection(self.case.candidates(others)))
         nodes = [Node.of((*rest, e), reduced(self.best.refit, effect, e), self.case) for e in near]
         return [node for node in nodes if np.isfinite(node.chi2)]
 

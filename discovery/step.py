@@ -15,7 +15,7 @@ from discovery.problem import NaturalUnits, Problem
 from discovery.simulate import THREADS
 from discovery.workers import at_once
 
-__all__ = ["TOLERANCE", "choose_step"]
+__all__ = ["TOLERANCE", "choose_step", "error_unit"]
 
 #: Trajectory error by default: rad for an arm, of the largest amplitude for an oscillator.
 TOLERANCE = 1e-6
@@ -23,6 +23,11 @@ TOLERANCE = 1e-6
 _PATIENCE = 4
 #: the best step will do if its error is below this.
 _USABLE = 1e-2
+
+
+def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
+    """Return what a reading off by one unit of the trajectory error is off: see the tolerance of `choose_step`."""
+    return units.length if experiments[0].is_arm else units.coordinate
 
 
 def choose_step(
@@ -69,7 +74,7 @@ def choose_step(
     rough = experiments[0].drive is not None and not experiments[0].is_arm
     # The method is stable up to 2.8 / fastest; damping and candidates need some of that.
     step = max(min(2.0 / fastest, 0.1 * units.time, gap if rough else np.inf), shortest)
-    size = units.length if experiments[0].is_arm else units.coordinate
+    size = error_unit(experiments, units)
     tried: dict[float, float] = {}
     for _ in range(12):
         bench = Bench(model.base, effects or model.effects, experiments, step)
