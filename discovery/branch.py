@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from discovery.finite import finite_starts
 from discovery.growing import grown
 from discovery.likeness import likely_pairs
 from discovery.node import Node
-from discovery.race import near_the_best
+from discovery.race import SLOW, is_far_behind, near_the_best
 from discovery.refits import Refit, best_of, finish, held_fixed, quickened, refit, refit_pairs, resettled_together
 from discovery.registry import catalogue
 from discovery.significance import chance_gains, surrogates
@@ -51,7 +50,7 @@ class Branch:
     best, rest : tuple of Refit
         The best ones, with what the rig knows free, and the others; both by chi-square.
     whole, grown : bool
-        Whether every candidate was refitted, and whether on the first swings too, where much is left.
+        Whether every candidate was refitted to the end, and whether on the first swings too, where much is left.
     """
 
     scored: Mapping[str, Candidate]
@@ -70,13 +69,9 @@ class Branch:
         return *self.best, *self.rest
 
 
-def _moved(refits: Sequence[Refit], bench: Bench) -> list[Refit]:
-    """Return refits that go on upon other mechanics, smallest chi-square first."""
-    groups: dict[float, list[Refit]] = {}
-    for r in refits:
-        groups.setdefault(min(r.problem.bench.step, bench.step), []).append(r)
-    benches = [bench if step == bench.step else Bench.like(bench, step) for step in groups]
-    return best_of(chain(*map(resettled_together, groups.values(), benches)))
+def _near(refits: Sequence[Refit], n_data: int, known: float = np.inf) -> list[Refit]:
+    """Return those refits that are far behind neither the best one nor one that is known, smallest chi-square first."""
+    return [refits[i] for i in near_the_best([r.chi2 for r in refits], n_data, known=known)]
 
 
 def _parted(finished: Iterable[Refit], others: Iterable[Refit]) -> tuple[tuple[Refit, ...], tuple[Refit, ...]]:
@@ -115,8 +110,11 @@ class Branches:
         self._made: dict[frozenset[str], Branch] = {}
         self._begun: dict[Node, Node] = {}
         self._pairs: dict[Node, list[Child]] = {}
+        self._gone_on: dict[tuple[Refit, str, float], Refit] = {}
 
-    def of(self, node: Node, among: Collection[str] | None = None, *, grows: bool = True) -> Branch:
+    def of(
+        self, node: Node, among: Collection[str] | None = None, *, grows: bool = True, known: Node | None = None
+    ) -> Branch:
         """Return the branch of a set of effects: screen the catalogue and refit every candidate beside it.
 
         Parameters
@@ -127,26 +125,43 @@ class Branches:
             Candidates that are refitted, if others need not be.
         grows : bool
             Whether candidates are also tried on the first swings alone, where much is left.
+        known : Node, optional
+            A set that is known: what stays far behind it is not finished, and does not go on upon finer mechanics.
         """
         key, bench = frozenset(node.added), node.refit.problem.bench
         made = self._made.get(key)
-        if made is None or (among is None and not made.whole):
-            made = self._make(self._quick(node), among, grows)
+        if made is None or (among is None and known is None and not made.whole):
+            made = self._make(self.quick(node), among, grows, np.inf if known is None else self.quick(known).chi2)
         if grows and not made.grown:
-            made = _with_growth(made, self._quick(node))
-        if any(r.problem.bench.base != bench.base for r in made.best):
-            made = replace(made, best=tuple(_moved(made.best, bench)))
+            made = _with_growth(made, self.quick(node))
         self._made[key] = made
-        return made
+        if all(r.problem.bench.base == bench.base for r in made.best):
+            return made
+        near = _near(made.best, bench.n_data, np.inf if known is None else known.chi2)
+        far = [r for r in made.best if r not in near]
+        return replace(made, best=tuple(self._moved(near, bench)), rest=(*far, *made.rest))
 
-    def _quick(self, node: Node) -> Node:
+    def _moved(self, refits: Sequence[Refit], bench: Bench) -> list[Refit]:
+        """Return refits that go on upon other mechanics, each once, smallest chi-square first."""
+        known = self._gone_on
+        where = {r: (r, bench.base, bench.step) for r in refits}
+        groups: dict[float, list[Refit]] = {}
+        for r in refits:
+            if where[r] not in known:
+                groups.setdefault(min(r.problem.bench.step, bench.step), []).append(r)
+        for step, group in groups.items():
+            moved = resettled_together(group, bench if step == bench.step else Bench.like(bench, step))
+            known |= zip([where[r] for r in group], moved, strict=True)
+        return best_of(known[key] for key in where.values())
+
+    def quick(self, node: Node) -> Node:
         """Return the same set on the mechanics on which the search began, or as it is where it blows up on these."""
         if node not in self._begun:
             quick = quickened(node.refit, self.bench)
             self._begun[node] = node if quick is node.refit else Node.of(node.added, quick, self.case)
         return self._begun[node]
 
-    def _make(self, node: Node, among: Collection[str] | None, grows: bool) -> Branch:
+    def _make(self, node: Node, among: Collection[str] | None, grows: bool, known: float) -> Branch:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
         names = self.case.candidates(problem.model)
         tried = names if among is None else tuple(n for n in names if n in among)
@@ -155,15 +170,15 @@ class Branches:
         scored = screen(problem.model, minimum, problem, names)
         self.case.tell(f"refitting {'every candidate' if among is None else 'what may replace another'}{beside}")
         # Where much is left, some effects are of a size at which linear starts fail.
-        far = node.rough > _FAR
+        far, n_data = node.rough > _FAR, problem.bench.n_data
 
         def whole() -> tuple[list[Refit], list[Refit]]:
             starts = finite_starts(minimum, problem, tried) if far else []
             shortlist = [c for c in scored if c.effect in tried]
-            quick = refit(problem.model, minimum, problem, shortlist, finite=starts)
-            quick = unstiffened(problem.model, minimum, problem, shortlist, quick)
-            near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[:_FINISHED]
-            return quick, finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
+            quick = refit(problem.model, minimum, problem, shortlist, finite=starts, known=known)
+            quick = unstiffened(problem.model, minimum, problem, shortlist, quick, known)
+            near = [r for r in _near(quick, n_data) if not is_far_behind(r.chi2, known, n_data, SLOW)][:_FINISHED]
+            return quick, finish(node.refit.problem, node.refit.minimum, near)
 
         def growing() -> tuple[list[Refit], list[Refit]]:
             return [], grown(node.refit.minimum, node.refit.problem, tried)
@@ -172,14 +187,15 @@ class Branches:
         much = (far or (not node.added and node.rough > self.case.settings.floor)) and len(node.added) <= _GROWN
         ways = at_once([whole, growing] if grows and much else [whole], threads=THREADS)
         best, rest = _parted((r for _, found in ways for r in found), ways[0][0])
-        return Branch({c.effect: c for c in scored}, best, rest, among is None, grows or not much)
+        every = among is None and np.isinf(known)
+        return Branch({c.effect: c for c in scored}, best, rest, every, grows or not much)
 
     def promise(self, node: Node) -> float:
         """Return the most that a further effect would remove of chi-square to first order.
 
         Sensitivities are those of the mechanics on which the search began, the residual is the set's own.
         """
-        begun = self._quick(node).refit
+        begun = self.quick(node).refit
         problem, minimum = held_fixed(begun.problem, begun.minimum)
         names = self.case.candidates(problem.model)
         scored = screen(problem.model, minimum, problem, names, left=node.refit.minimum.residual)
@@ -236,14 +252,15 @@ class Branches:
 
     def _paired(self, node: Node) -> list[Child]:
         scored = list(self.of(node).scored.values())
-        begun = self._quick(node).refit
+        begun = self.quick(node).refit
         problem, minimum = held_fixed(begun.problem, begun.minimum)
         likely = likely_pairs(scored, minimum.residual, _PAIRS)
         self.case.tell("refitting pairs")
         quick = refit_pairs(problem.model, minimum, problem, likely)
         full = finish(begun.problem, begun.minimum, quick[:_BEST_PAIRS])
         if begun is not node.refit:
-            full = _moved(full, node.refit.problem.bench)
+            bench = node.refit.problem.bench
+            full = self._moved(_near(full, bench.n_data), bench)
         return [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
 
     def chance(self, smaller: Branch, node: Node) -> NDArray[np.float64]:

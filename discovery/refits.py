@@ -16,7 +16,7 @@ from discovery.finite import FarStart
 from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.race import Race, near_the_best
+from discovery.race import SLOW, Race, is_far_behind, near_the_best
 from discovery.registry import get_effect
 
 __all__ = [
@@ -47,14 +47,12 @@ _PROMISING = 8
 _FIRST_ROUND = 8
 _IN_THE_RACE = 18
 _SECOND_ROUND = 30
-#: A quick search may be slow at first: it gives up only where it leaves so many times the excess of the best one.
-_FAR_BEHIND = 100.0
 #: A differenced Jacobian shows within so many steps what a quick search missed (the best ones are finished later), and
 #: where a minimum is on another bench.
 _CHECKED = 10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Refit:
     """A model with a candidate added, refitted."""
 
@@ -107,6 +105,7 @@ def refit(
     shortlist: Sequence[Candidate],
     *,
     finite: Sequence[FarStart] = (),
+    known: float = np.inf,
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
@@ -118,6 +117,8 @@ def refit(
         From `discovery.attribution.screen`.
     finite : sequence of FarStart
         More starts, see `discovery.finite.finite_starts`.
+    known : float
+        Chi-square of another set: what stays far behind it is not finished.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def refit(
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), s.values, s.columns(), None) for c in shortlist for s in c.starts]
     starts += [((name,), vector, np.zeros((rows, vector.size)), others) for name, vector, others in finite]
-    return _raced(model, minimum, problem, starts)
+    return _raced(model, minimum, problem, starts, known)
 
 
 def refit_pairs(
@@ -155,13 +156,15 @@ def refit_pairs(
     return _raced(model, minimum, problem, starts)
 
 
-def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start]) -> list[Refit]:
+def _raced(
+    model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start], known: float = np.inf
+) -> list[Refit]:
     """Refit from starts, all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
     labels = [effects for effects, *_ in starts]
     n_data = problem.bench.n_data
-    race = Race(n_data, _FAR_BEHIND)
+    race = Race(n_data, SLOW)
     for effects, vector, columns, others in starts:
         extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         where = [extended.free.index(n) for n in problem.free]
@@ -200,9 +203,9 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     quick = together(problems, requests)
     minima = list(quick)
     # Only those go on that are still in the race.
-    ahead = near_the_best([2 * m.cost for m in minima], n_data, _FAR_BEHIND)[:_IN_THE_RACE]
+    ahead = near_the_best([2 * m.cost for m in minima], n_data, SLOW)[:_IN_THE_RACE]
     going = [i for i in ahead if not minima[i].converged and np.isfinite(minima[i].cost)]
-    race = Race(n_data, _FAR_BEHIND)
+    race = Race(n_data, SLOW)
     further = [
         levenberg_marquardt(
             minima[i].x,
@@ -230,6 +233,7 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     # Starts come in the order of their scores.
     promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
     chosen = list(dict.fromkeys([*near[:_FINISHED], *nearest[:_FINISHED], *promising, *stalled]))
+    chosen = [i for i in chosen if not is_far_behind(2 * minima[i].cost, known, n_data, SLOW)]
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
     finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):
@@ -353,11 +357,11 @@ def resettled_together(fits: Sequence[Refit], bench: Bench) -> list[Refit]:
 
 
 def quickened(fitted: Refit, bench: Bench) -> Refit:
-    """Return the same model on quicker mechanics, or as it is where it blows up on these however fine their steps."""
+    """Return the same model on quicker mechanics, or as it is where it is lost on these however fine their steps."""
     fine = fitted.problem.bench
     while bench.base != fine.base and bench.step > fine.step:
         again = resettled(fitted, bench)
-        if np.isfinite(again.chi2):
+        if not is_far_behind(again.chi2, fitted.chi2, bench.n_data):
             return again
         bench = Bench.like(bench, bench.step / 2)
     return fitted

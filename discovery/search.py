@@ -26,7 +26,7 @@ from discovery.registry import catalogue
 from discovery.simplicity import imitates
 from discovery.simulate import THREADS
 from discovery.standing import evidence, rivals
-from discovery.stiff import coarsened
+from discovery.stiff import coarsened, resolved, shortened
 from discovery.weighing import Verdict, determined, is_needed, weigh
 from discovery.workers import at_once
 
@@ -50,6 +50,8 @@ _FAR_MORE = 10.0
 #: Where more than this share of the excess is left, neither finer mechanics nor another effect in the place of one is
 #: what is missing.
 _MUCH_LEFT = 0.1
+#: A member may remove the solver's error only if that is more than this share of what it removes.
+_SOLVER = 0.1
 
 
 class Search:
@@ -85,6 +87,7 @@ class Search:
         self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
         self._stood_for: dict[str, str] = {}
+        self._verdicts: dict[tuple[Node, str], tuple[Verdict, Node]] = {}
         self._finer: dict[Node, Refit] = {}
         self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
         self._noise: dict[Node, bool] = {}
@@ -329,9 +332,11 @@ class Search:
         key = self.best, effect
         if key not in self._smaller:
             carried = bool(rest) and not determined(self.best, effect)
-            smaller = relaxed(self.best.refit, [effect], carried=carried) if rest else resettled(start, bench)
+            # Finer mechanics go on from quicker ones.
+            whole = self.best if alike else self._branches.quick(self.best)
+            smaller = relaxed(whole.refit, [effect], carried=carried) if rest else start
             # The steps may have been as fine as the effect alone needs.
-            smaller = coarsened(smaller, start.problem.bench) if alike else smaller
+            smaller = coarsened(smaller, start.problem.bench) if alike else resettled(smaller, bench)
             self._smaller[key] = Node.of(rest, smaller, self.case)
         return self._smaller[key]
 
@@ -384,7 +389,8 @@ class Search:
 
     def _offered(self, node: Node, among: Collection[str] | None) -> Branch:
         """Return what may serve in the place of a member; where nothing better is needed, its whole fits will do."""
-        return self._branches.of(node, among, grows=not self.settled)
+        settled = self.settled
+        return self._branches.of(node, among, grows=not settled, known=self.best if settled else None)
 
     def _refine(self) -> None:
         """Take every member out: drop it if it is idle, exchange it where another serves better."""
@@ -395,7 +401,8 @@ class Search:
             members = self.best.added
             if len(members) > 1:
                 self._foresee()
-            for effect in members:
+            # What is idle is taken out before others are tried beside it.
+            for effect in sorted(members, key=lambda e: len(members) > 1 and self._weighed(e)[0].accepted):
                 if len(self.best.added) > 1 and effect in self.best.added:
                     self._retry(effect)
             if self.best.added == before:
@@ -404,16 +411,33 @@ class Search:
     def _foresee(self) -> None:
         """Make side by side what `_retry` will ask for, one member after the other."""
         members = self.best.added
+        # Each of them asks for it.
+        self._branches.quick(self.best)
         smaller = at_once([partial(self._without, e) for e in members], threads=THREADS)
         known = all(np.isfinite(node.chi2) for node in smaller)
-        if not known or self._left(self.best) > _MUCH_LEFT or not all(self._weighed(e).accepted for e in members):
+        if not known or self._left(self.best) > _MUCH_LEFT or not all(self._weighed(e)[0].accepted for e in members):
             return
         offers = [(node, self._contenders(e)) for node, e in zip(smaller, members, strict=True)]
         at_once([partial(self._offered, node, among) for node, among in offers], threads=THREADS)
 
-    def _weighed(self, effect: str) -> Verdict:
-        """Decide whether a member is more than idle."""
-        return weigh(self.case, self.root, self._without(effect), self.best, (effect,), None, strict=True)
+    def _weighed(self, effect: str) -> tuple[Verdict, Node]:
+        """Decide whether a member is more than idle, and return the set without it: what a solver errs is no effect."""
+        key = self.best, effect
+        if key not in self._verdicts:
+            smaller = self._without(effect)
+            gain = smaller.chi2 - self.best.chi2
+            if np.isfinite(gain):
+                fine = resolved(smaller.refit, max(self.case.settings.price, _SOLVER * gain))
+                smaller = smaller if fine is smaller.refit else Node.of(smaller.added, fine, self.case)
+            whole = self._on_steps_of(smaller)
+            verdict = weigh(self.case, self.root, smaller, whole, (effect,), None, strict=True)
+            self._verdicts[key] = verdict, smaller
+        return self._verdicts[key]
+
+    def _on_steps_of(self, node: Node) -> Node:
+        """Return the best set on the steps of another where these are shorter and it leaves less there."""
+        again = shortened(self.best.refit, node.refit.problem.bench)
+        return self.best if again is self.best.refit else Node.of(self.best.added, again, self.case)
 
     def _reduce(self, effect: str) -> None:
         """Let a simpler law take the place of a member that has become it."""
@@ -441,10 +465,10 @@ class Search:
         smaller = self._without(effect)
         if not np.isfinite(smaller.chi2):
             return
-        verdict = self._weighed(effect)
+        verdict, without = self._weighed(effect)
         if not verdict.accepted:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
-            self._take(smaller)
+            self._take(without)
             return
         if self._left(self.best) > _MUCH_LEFT:
             return
@@ -456,7 +480,7 @@ class Search:
         ranked = ordered(self.case, self.best, children)
         others = [n for n in ranked if n.added[-1] != effect]
         for node in others:
-            if reason := better(self.case, self.best, node):
+            if better(self.case, self.best, node) and (reason := better(self.case, self._on_steps_of(node), node)):
                 self._exchange(effect, node, reason, self._ranking(branch))
                 return
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -23,6 +23,8 @@ TOLERANCE = 1e-6
 _PATIENCE = 4
 #: the best step will do if its error is below this.
 _USABLE = 1e-2
+#: A step whose error is below this part of the tolerance is made longer, for this part of it, so often at most.
+_FAR_BELOW, _AIM, _LONGER = 0.25, 0.7, 3
 
 
 def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
@@ -76,7 +78,8 @@ def choose_step(
     step = max(min(2.0 / fastest, 0.1 * units.time, gap if rough else np.inf), shortest)
     size = error_unit(experiments, units)
     tried: dict[float, float] = {}
-    for _ in range(12):
+
+    def error(step: float) -> float:
         bench = Bench(model.base, effects or model.effects, experiments, step)
         problem = Problem(model, bench, units, {})
         vector = problem.start(values)[:, None]
@@ -85,16 +88,19 @@ def choose_step(
         fine, coarse = at_once(simulations, threads=THREADS)
         with np.errstate(invalid="ignore", over="ignore"):
             # The error against half the step, a sixteenth of which the finer solve still has.
-            error = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(coarse, fine, strict=True)) / size
-            error *= 16 / 15
-        if error <= tolerance:
-            return step
-        tried[step] = error if np.isfinite(error) else np.inf
+            apart = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(coarse, fine, strict=True)) / size
+        tried[step] = 16 / 15 * apart if np.isfinite(apart) else np.inf
+        return tried[step]
+
+    for _ in range(12):
+        if error(step) <= tolerance:
+            return _longest(error, step, tried, tolerance)
         finite = [e for e in tried.values() if np.isfinite(e)]
         if len(finite) > _PATIENCE and min(finite) > 0.1 * max(finite):
             break
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
-        change = float(np.clip(0.9 * (tolerance / error) ** 0.25, 0.125, 0.9)) if np.isfinite(error) else 0.5
+        too_much = tried[step]
+        change = float(np.clip(0.9 * (tolerance / too_much) ** 0.25, 0.125, 0.9)) if np.isfinite(too_much) else 0.5
         if step <= shortest:
             break
         step = max(step * change, shortest)
@@ -103,3 +109,30 @@ def choose_step(
         # Dry friction at a turn, or ringing that is all but chaotic: finer steps do not help, or are not to be tried.
         return best
     raise ComputationError(f"No step gives a trajectory error below {tolerance:g}, not even {min(tried):.3g} s.")
+
+
+def _longest(error: Callable[[float], float], step: float, tried: Mapping[float, float], tolerance: float) -> float:
+    """Return a longer step than one that reaches the tolerance by far, if it reaches it too.
+
+    Parameters
+    ----------
+    error : callable
+        Error of a step, which it adds to `tried`.
+    step : float
+        The step.
+    tried : mapping of float to float
+        Errors of the steps so far, from which those between them are foretold.
+    tolerance : float
+        The tolerance.
+    """
+    for _ in range(_LONGER):
+        known = [h for h, e in tried.items() if h > step and tolerance < e < np.inf]
+        if not known or not 0 < tried[step] < _FAR_BELOW * tolerance:
+            break
+        # Where what rings is not resolved, the error falls in no order of the step.
+        order = np.log(tried[min(known)] / tried[step]) / np.log(min(known) / step)
+        longer = step * (_AIM * tolerance / tried[step]) ** (1 / order)
+        if error(longer) > tolerance:
+            break
+        step = longer
+    return step

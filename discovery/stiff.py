@@ -14,9 +14,10 @@ from discovery.fit import MOST_STEPS
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
+from discovery.race import SLOW, is_far_behind
 from discovery.refits import Refit, distances, refit, resettled, settled
 
-__all__ = ["coarsened", "unstiffened"]
+__all__ = ["coarsened", "resolved", "shortened", "unstiffened"]
 
 #: Finer steps are tried for so many of the best by chi-square and by score,
 _LEADING, _PROMISING = 3, 8
@@ -31,14 +32,22 @@ _OWN = 3.0
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
 _FEW = 12
-#: Steps are far from blowing up where so many times longer ones do not: the bare arm stands 1.4, see `choose_step`.
-_FARTHER = 1.25
+#: Steps are far from blowing up where so many times longer ones do not: the bare arm stands 1.4, see `choose_step`. A
+#: set that is nearer itself is tried on less long ones.
+_FARTHER = (1.25, 1.12, 1.06)
+#: Of the error of a law that jumps, these shorter steps leave a 64th.
+_FAR_SHORTER = 8.0
 #: Steps that differ by less than this factor are the same.
 _SAME = 1.01
 
 
 def unstiffened(
-    model: Model, minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate], quick: Sequence[Refit]
+    model: Model,
+    minimum: Minimum,
+    problem: Problem,
+    shortlist: Sequence[Candidate],
+    quick: Sequence[Refit],
+    known: float = np.inf,
 ) -> list[Refit]:
     """Repeat promising refits with finer steps where the solver errs: strong damping makes the rod's ringing stiff.
 
@@ -48,19 +57,22 @@ def unstiffened(
         As for `refit`.
     quick : sequence of Refit
         What `refit` found.
+    known : float
+        Chi-square of another set: what is far behind it is not repeated.
 
     Returns
     -------
     list of Refit
         Smallest chi-square first.
     """
-    if not quick:
-        return []
-    best = {r.effect: r for r in quick}
+    n = problem.bench.n_data
+    far = [r for r in quick if is_far_behind(r.chi2, known, n, SLOW)]
+    best = {r.effect: r for r in quick if r not in far}
+    if not best:
+        return far
     finest = dict(best)
     by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
     benches = {1: problem.bench}
-    n = problem.bench.n_data
     checked: set[str] = set()
     blown: set[str] = set()
     for finer in (2, 4, 8, 16, 32):
@@ -78,9 +90,11 @@ def unstiffened(
         # A refit that leaves much may also have stopped next to where the motion blows up.
         short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
         stopped = {r.effect for r in short if r.minimum.blown}
-        if near := [r for r in short if r.effect not in stopped]:
-            errors = _solver_errors(near, Bench.like(fine, 2 * _FARTHER * fine.step))
-            stopped |= {e for e, error in errors.items() if not np.isfinite(error)}
+        for farther in _FARTHER if len(stopped) < len(short) else ():
+            errors = _solver_errors([before, *short], Bench.like(problem.bench, 2 * farther * fine.step))
+            if np.isfinite(errors[""]):
+                stopped |= {e for e, error in errors.items() if not np.isfinite(error)}
+                break
         rough = erring | stopped | blown
         checked |= {*leading} - rough
         if not rough:
@@ -100,7 +114,7 @@ def unstiffened(
                 best[r.effect] = coarsened(r, best[r.effect].problem.bench)
             else:
                 checked.add(r.effect)
-    return sorted(best.values(), key=lambda r: r.chi2)
+    return sorted([*best.values(), *far], key=lambda r: r.chi2)
 
 
 def coarsened(fine: Refit, coarse: Bench) -> Refit:
@@ -114,7 +128,7 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
         With the longest steps that are tried, then with half of them, and half of those.
     """
     while coarse.step > _SAME * fine.problem.bench.step:
-        longer = Bench.like(coarse, _FARTHER * coarse.step)
+        longer = Bench.like(coarse, _FARTHER[0] * coarse.step)
         # To begin with, it must be no start that blows up.
         if _is_stable(fine, coarse) and _is_stable(fine, longer):
             again = resettled(fine, coarse)
@@ -122,6 +136,35 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
                 return again
         coarse = Bench.like(coarse, coarse.step / 2)
     return fine
+
+
+def resolved(fitted: Refit, least: float) -> Refit:
+    """Return a refit on far shorter steps where these show that the solver has erred, else the same.
+
+    Parameters
+    ----------
+    fitted : Refit
+        The refit.
+    least : float
+        By so much the solver must move its readings, and shorter steps lower chi-square [noise sds, squared].
+    """
+    bench = fitted.problem.bench
+    if _solver_errors([fitted], Bench.like(bench, bench.step / 2))[fitted.effect] <= least:
+        return fitted
+    fine = Bench.like(bench, bench.step / _FAR_SHORTER)
+    if fine.most_steps > MOST_STEPS:
+        return fitted
+    (again,) = settled([replace(fitted.problem, bench=fine)], [fitted.minimum.x]) or [fitted]
+    return again if again.chi2 < fitted.chi2 - least else fitted
+
+
+def shortened(fitted: Refit, bench: Bench) -> Refit:
+    """Return a refit on another bench of the same mechanics where its steps are shorter and it leaves less there."""
+    own = fitted.problem.bench
+    if own.base != bench.base or own.step <= _SAME * bench.step:
+        return fitted
+    again = resettled(fitted, bench)
+    return again if again.chi2 < fitted.chi2 else fitted
 
 
 def _worth(refit: Refit, least: float) -> float:
