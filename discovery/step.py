@@ -25,6 +25,8 @@ _PATIENCE = 4
 _USABLE = 1e-2
 #: A step whose error is below this part of the tolerance is made longer, for this part of it, so often at most.
 _FAR_BELOW, _AIM, _LONGER = 0.25, 0.7, 3
+#: A step that is so many times longer must not err by more than so many times the tolerance: order four, twice over.
+_SPARE, _SPARE_ERROR = 1.25, 5.0
 
 
 def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
@@ -131,8 +133,9 @@ def _longest(error: Callable[[float], float], step: float, tried: Mapping[float,
             break
         # Where what rings is not resolved, the error falls in no order of the step.
         order = np.log(tried[min(known)] / tried[step]) / np.log(min(known) / step)
-        longer = step * (_AIM * tolerance / tried[step]) ** (1 / order)
-        if error(longer) > tolerance:
+        longer = float(step * (_AIM * tolerance / tried[step]) ** (1 / order))
+        # Next to a blow-up the error falls in no time: candidates need some of what is left.
+        if error(longer) > tolerance or error(_SPARE * longer) > _SPARE_ERROR * tolerance:
             break
         step = longer
     return step

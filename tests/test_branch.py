@@ -57,8 +57,8 @@ def test_candidates_are_compared_on_quick_mechanics_and_the_best_go_on_upon_the_
     assert made.best[0].effect == "sensor_delay"
     assert made.best[0].values["tau"] == pytest.approx(0.01, rel=0.05)
     # A set on the quick mechanics needs no other.
-    assert branches._quick(quick) is quick
-    assert branches._quick(fine).chi2 == pytest.approx(quick.chi2, rel=1e-3)
+    assert branches.quick(quick) is quick
+    assert branches.quick(fine).chi2 == pytest.approx(quick.chi2, rel=1e-3)
 
 
 def test_what_a_further_effect_promises_is_of_what_the_finer_mechanics_leave() -> None:
@@ -72,7 +72,7 @@ def test_what_a_further_effect_promises_is_of_what_the_finer_mechanics_leave() -
 def test_what_blows_up_on_the_quick_steps_is_compared_on_finer_ones() -> None:
     case, quick, fine = on_both_mechanics()
     coarse = Bench.like(quick.refit.problem.bench, 16 * quick.refit.problem.bench.step)
-    again = Branches(case, coarse)._quick(fine).refit.problem.bench
+    again = Branches(case, coarse).quick(fine).refit.problem.bench
     assert again.base == "elastica_calm"
     assert again.step < coarse.step
 
@@ -94,3 +94,35 @@ def test_only_what_is_near_the_best_is_finished() -> None:
     assert [added for added, _ in made.children(())] == [(r.effect,) for r in made.best]
     assert made.best[0].problem.gaussian
     assert all(not r.problem.gaussian and r.chi2 > 5 * made.best[0].chi2 for r in made.rest)
+
+
+@pytest.mark.parametrize(
+    ("excess", "finished", "gone_on"),
+    [(0.0, [], []), (1e3, ["table_tilt"], []), (1e4, ["table_tilt", "coulomb_friction"], ["table_tilt"])],
+)
+def test_what_is_far_behind_a_known_set_is_neither_finished_nor_goes_on(
+    monkeypatch: pytest.MonkeyPatch, excess: float, finished: list[str], gone_on: list[str]
+) -> None:
+    """Beside nothing a tilted table leaves 86 thousand more than noise, friction 214 thousand."""
+    case, quick, fine = on_both_mechanics()
+    others = AMONG - {"sensor_delay"}
+    done: list[str] = []
+    real = branch.finish
+    monkeypatch.setattr(branch, "finish", lambda p, m, r: done.extend(e.effect for e in r) or real(p, m, r))
+    minimum = replace(quick.refit.minimum, cost=0.5 * (case.n_data + excess))
+    known = replace(quick, refit=replace(quick.refit, minimum=minimum))
+    made = Branches(case, quick.refit.problem.bench).of(fine, others, grows=False, known=known)
+    assert done == finished
+    assert [r.effect for r in made.refits if r.problem.bench.base == fine.refit.problem.bench.base] == gone_on
+    assert {r.effect for r in made.refits} == others
+
+
+def test_a_refit_goes_on_upon_the_same_mechanics_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, quick, fine = on_both_mechanics()
+    branches = Branches(case, quick.refit.problem.bench)
+    first = branches.of(fine, AMONG, grows=False)
+    monkeypatch.setattr(branch, "resettled_together", lambda *_: pytest.fail("it has gone on already"))
+    again = branches.of(fine, AMONG, grows=False)
+    assert [id(r) for r in again.best] == [id(r) for r in first.best]
+    # On the quick mechanics it is what it was.
+    assert {r.problem.bench.base for r in branches.of(quick, AMONG, grows=False).best} == {"elastica_calm"}

@@ -26,7 +26,7 @@ from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.search import Search
 from discovery.testing.states import every_effect
-from discovery.weighing import weigh
+from discovery.weighing import Verdict, weigh
 
 TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}
 DECLARED = ("viscous_damping", "linear_stiffness")
@@ -528,6 +528,51 @@ def test_members_are_exchanged_on_the_first_swings_only_where_what_is_found_leav
         search._branches = Branches(search.case, search.root.refit.problem.bench)
         search._retry(search.added[0])
         assert bool(tried) is not noise
+
+
+def test_what_removes_the_error_of_the_solver_only_is_taken_out_before_others_are_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    search = copy(searched(beta=1.0, f_c=0.02))
+    first, second = search.added
+    assert search._weighed(first)[0].accepted
+    assert search._weighed(second)[0].accepted
+    search.steps, search._verdicts = [], {}
+    asked: list[float] = []
+
+    def on_shorter_steps(refit: Refit, least: float) -> Refit:
+        """Leave as little without the second one as with it."""
+        asked.append(least)
+        left = 0.5 * search.best.chi2 if refit.effect == first else refit.minimum.cost
+        return replace(refit, minimum=replace(refit.minimum, cost=left)) if refit.effect == first else refit
+
+    monkeypatch.setattr("discovery.search.resolved", on_shorter_steps)
+    monkeypatch.setattr(search, "_in_place_of", lambda effect: pytest.fail("others are tried beside what is idle"))
+    gains = {search._without(e).chi2 - search.best.chi2 for e in (first, second)}
+    search._refine()
+    assert {*asked} == {max(search.case.settings.price, 0.1 * gain) for gain in gains}
+    assert [(s.action, s.effect) for s in search.steps] == [("remove", second)]
+    assert search.added == (first,)
+
+
+@pytest.mark.parametrize("solver", [False, True])
+def test_a_member_gives_way_only_to_what_is_better_on_equal_steps(
+    monkeypatch: pytest.MonkeyPatch, solver: bool
+) -> None:
+    found = searched(beta=1.0, f_c=0.02)
+    first, second = found.added
+    offered = found._in_place_of(second).children((first,))
+    worse = next((added, r) for added, r in offered if added[-1] != second and r.chi2 > found.best.chi2 + 100)
+    search = copy(found)
+    search.steps, search._stood_for = [], {}
+    search.best = changed(Node.of(*worse, search.case), chi2=worse[1].chi2, held=2 * found.best.held)
+    monkeypatch.setattr(Search, "_weighed", lambda self, effect: (Verdict(True, "", {}), self._without(effect)))
+    monkeypatch.setattr(Search, "_left", lambda self, node: 0.0)
+    if solver:
+        # On the steps of the better one the member serves as well.
+        monkeypatch.setattr("discovery.search.shortened", lambda refit, bench: found.best.refit)
+    search._retry(worse[0][-1])
+    assert (search.added[-1] == second) is not solver
 
 
 def test_where_a_pair_leaves_noise_no_single_effect_more_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:

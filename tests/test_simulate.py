@@ -216,9 +216,27 @@ def test_a_step_below_the_shortest_is_not_tried() -> None:
     units = NaturalUnits(1 / 3, 1.0, 1.0)
     step = choose_step(model, [experiment], units, values, 1e-3)
     assert step < 0.01
-    assert choose_step(model, [experiment], units, values, 1e-3, shortest=0.5 * step) == step
+    assert 0.5 * step <= choose_step(model, [experiment], units, values, 1e-3, shortest=0.5 * step) < 0.01
     with pytest.raises(ComputationError, match="No step"):
         choose_step(model, [experiment], units, values, 1e-3, shortest=4 * step)
+
+
+def test_a_step_is_not_far_shorter_than_its_error_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    time, drive = np.linspace(0.0, 3.0, 151), trapezoid(1.0, 1.25)
+    experiment, model = arm_experiment("elastica_2", time, drive)
+    # The error falls from what rings unresolved to nothing at once, and so the first step that passes is very short.
+    values = {**PAPER, "tau_r": 0.1, "delta_0_init[test]": 0.1, "rate_0_init[test]": 0.0}
+    step = choose_step(model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-3)
+
+    def error(h: float) -> float:
+        paths = [run(simulator("elastica_2", time, drive, each), values) for each in (h, 0.5 * h)]
+        return float(np.abs(paths[0] - paths[1]).max())
+
+    assert error(step) < 1e-3
+    # Some of the way to the blow-up is left to candidates.
+    assert error(1.2 * step) < 5e-3
+    monkeypatch.setattr("discovery.step._LONGER", 0)
+    assert step > 1.5 * choose_step(model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-3)
 
 
 @pytest.mark.parametrize(("base", "first"), [("constant_radius", 0.1), ("elastica_2", 0.01)])

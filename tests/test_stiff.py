@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from discovery import stiff
-from discovery.attribution import screen
+from discovery.attribution import Candidate, screen
 from discovery.bench import Bench
 from discovery.dataset import load_dataset
-from discovery.fit import fit
+from discovery.fit import Fit, fit
 from discovery.model import Model
 from discovery.problem import Problem, known_values, natural_units
-from discovery.refits import Refit, refit
-from discovery.stiff import coarsened, unstiffened
+from discovery.refits import Refit, refit, settled
+from discovery.stiff import coarsened, resolved, shortened, unstiffened
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 EFFECTS = ("linear_stiffness", "structural_damping", "viscous_damping")
@@ -30,6 +30,18 @@ def fitted(step: float) -> Refit:
     bench = Bench("elastica", EFFECTS, short, step)
     found = fit(model, short, start={"xi": 0.045, "alpha": 8.1}, units=natural_units(train), bench=bench)
     return Refit("", found.problem, found.minimum)
+
+
+def screened(step: float) -> tuple[Fit, list[Candidate], list[Refit]]:
+    """Return the declared arm on steps of a given length [s], two candidates, and their refits."""
+    names = ("sensor_delay", "table_tilt")
+    train = load_dataset(ARM / "rig.toml", [ARM / "train_large.csv"]).train
+    short = [e.first(400) for e in train]
+    model = Model("elastica_calm", ("viscous_damping", "linear_stiffness"), known_values(train[0]))
+    bench = Bench("elastica_calm", (*model.effects, *names), short, step)
+    found = fit(model, short, start={"xi": 0.045, "alpha": 8.1}, units=natural_units(train), bench=bench)
+    scored = screen(model, found.minimum, found.problem, names)
+    return found, scored, refit(model, found.minimum, found.problem, scored)
 
 
 def test_a_fit_returns_to_the_longest_steps_on_which_it_is_the_same() -> None:
@@ -68,15 +80,9 @@ def test_what_is_stable_on_fine_steps_only_stays_there() -> None:
 
 
 def test_what_the_solver_errs_without_an_effect_asks_for_no_finer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = ("sensor_delay", "table_tilt")
-    train = load_dataset(ARM / "rig.toml", [ARM / "train_large.csv"]).train
-    short = [e.first(400) for e in train]
-    model = Model("elastica_calm", ("viscous_damping", "linear_stiffness"), known_values(train[0]))
     # So coarse that the solver moves every prediction by far more than a difference is worth.
-    bench = Bench("elastica_calm", (*model.effects, *names), short, 0.0165)
-    found = fit(model, short, start={"xi": 0.045, "alpha": 8.1}, units=natural_units(train), bench=bench)
-    scored = screen(model, found.minimum, found.problem, names)
-    quick = refit(model, found.minimum, found.problem, scored)
+    found, scored, quick = screened(0.0165)
+    model, bench = found.problem.model, found.problem.bench
     errors = stiff._solver_errors(quick, Bench.like(bench, bench.step / 2))
     assert min(errors.values()) > 10 * stiff._WORTH
     asked: list[str] = []
@@ -88,3 +94,55 @@ def test_what_the_solver_errs_without_an_effect_asks_for_no_finer_steps(monkeypa
     monkeypatch.setattr(stiff, "_OWN", 0.0)
     unstiffened(model, found.minimum, found.problem, scored, quick)
     assert asked
+
+
+@pytest.mark.parametrize(("itself", "asked"), [(1.3, ["finer"]), (1.2, ["finer"]), (1.1, []), (1.0, [])])
+def test_where_the_set_itself_all_but_blows_up_a_candidate_must_do_so_sooner(
+    monkeypatch: pytest.MonkeyPatch, itself: float, asked: list[str]
+) -> None:
+    """The candidates blow up on steps 1.1 times longer, the set without them on so many times longer ones."""
+    found, scored, quick = screened(0.008)
+    step, done = found.problem.bench.step, []
+    longest = {"": itself, **{r.effect: 1.1 for r in quick}}
+
+    def errors(refits: list[Refit], other: Bench) -> dict[str, float]:
+        return {r.effect: np.inf if other.step > 1.0001 * longest[r.effect] * step else 0.0 for r in refits}
+
+    monkeypatch.setattr(stiff, "_solver_errors", errors)
+    monkeypatch.setattr(stiff, "refit", lambda *_, **__: done.append("finer") or [])
+    quick = [replace(r, minimum=replace(r.minimum, blown=False, cost=1e9)) for r in quick]
+    monkeypatch.setattr(stiff, "MOST_STEPS", int(1.5 * Bench.like(found.problem.bench, step / 2).most_steps))
+    unstiffened(found.problem.model, found.minimum, found.problem, scored, quick)
+    assert done == asked
+
+
+def test_what_is_far_behind_a_known_set_is_not_repeated_on_finer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, scored, quick = screened(0.0165)
+    for name in ("_OWN", "_LITTLE", "_NEARER"):
+        monkeypatch.setattr(stiff, name, 0.0)
+    asked: list[list[str]] = []
+    monkeypatch.setattr(stiff, "refit", lambda *given, **_: asked.append([c.effect for c in given[3]]) or [])
+    n = found.problem.bench.n_data
+    costs = zip(quick, (0.75 * n, 10.0 * n), strict=True)
+    one, other = (replace(r, minimum=replace(r.minimum, cost=cost)) for r, cost in costs)
+    for known, repeated in ((np.inf, {one.effect, other.effect}), (float(n), {one.effect})):
+        asked.clear()
+        again = unstiffened(found.problem.model, found.minimum, found.problem, scored, [one, other], known)
+        assert {e for names in asked for e in names} == repeated
+        assert again == [one, other]
+
+
+def test_a_fit_that_the_solver_spoils_is_resolved_and_another_stays() -> None:
+    fine = fitted(0.001)
+    assert resolved(fine, 5.0) is fine
+    (coarse,) = settled([replace(fine.problem, bench=Bench.like(fine.problem.bench, 0.016))], [fine.minimum.x])
+    assert coarse.chi2 > fine.chi2 + 20
+    again = resolved(coarse, 5.0)
+    assert again.problem.bench.step == pytest.approx(0.002)
+    assert again.chi2 < fine.chi2 + 5
+    # What the solver errs is less than what is asked.
+    assert resolved(coarse, 1e9) is coarse
+    assert shortened(coarse, fine.problem.bench).chi2 < fine.chi2 + 5
+    assert shortened(fine, coarse.problem.bench) is fine
+    other = Model("elastica_calm", fine.problem.model.effects, fine.problem.model.known)
+    assert shortened(coarse, Bench(other.base, EFFECTS, fine.problem.bench.experiments, 0.001)) is coarse
