@@ -51,6 +51,8 @@ class Branch:
         The best ones, with what the rig knows free, and the others; both by chi-square.
     whole, grown : bool
         Whether every candidate was refitted to the end, and whether on the first swings too, where much is left.
+    pruned : bool
+        Whether what stayed far behind a known set was not finished.
     """
 
     scored: Mapping[str, Candidate]
@@ -58,6 +60,7 @@ class Branch:
     rest: tuple[Refit, ...]
     whole: bool = True
     grown: bool = True
+    pruned: bool = False
 
     def children(self, added: tuple[str, ...]) -> list[Child]:
         """Return the set that it belongs to with one finished effect more, smallest chi-square first."""
@@ -129,33 +132,40 @@ class Branches:
             A set that is known: what stays far behind it is not finished, and does not go on upon finer mechanics.
         """
         key, bench = frozenset(node.added), node.refit.problem.bench
-        made = self._made.get(key)
-        if made is None or (among is None and known is None and not made.whole):
-            made = self._make(self.quick(node), among, grows, np.inf if known is None else self.quick(known).chi2)
+        made, limit = self._made.get(key), self._limit(known)
+        if made is None or (np.isinf(limit) and (made.pruned or (among is None and not made.whole))):
+            made = self._make(self.quick(node), among, grows, limit)
         if grows and not made.grown:
             made = _with_growth(made, self.quick(node))
         self._made[key] = made
         if all(r.problem.bench.base == bench.base for r in made.best):
             return made
-        near = _near(made.best, bench.n_data, np.inf if known is None else known.chi2)
+        near = _near(made.best, bench.n_data, limit)
         far = [r for r in made.best if r not in near]
         return replace(made, best=tuple(self._moved(near, bench)), rest=(*far, *made.rest))
 
+    def _limit(self, known: Node | None) -> float:
+        """Return what a known set leaves on the mechanics on which candidates are compared; infinite if lost there."""
+        if known is None:
+            return np.inf
+        quick = self.quick(known).refit
+        return quick.chi2 if quick.problem.bench.base == self.bench.base else np.inf
+
     def _moved(self, refits: Sequence[Refit], bench: Bench) -> list[Refit]:
         """Return refits that go on upon other mechanics, each once, smallest chi-square first."""
-        known = self._gone_on
+        done = self._gone_on
         where = {r: (r, bench.base, bench.step) for r in refits}
         groups: dict[float, list[Refit]] = {}
         for r in refits:
-            if where[r] not in known:
+            if where[r] not in done:
                 groups.setdefault(min(r.problem.bench.step, bench.step), []).append(r)
         for step, group in groups.items():
             moved = resettled_together(group, bench if step == bench.step else Bench.like(bench, step))
-            known |= zip([where[r] for r in group], moved, strict=True)
-        return best_of(known[key] for key in where.values())
+            done |= zip([where[r] for r in group], moved, strict=True)
+        return best_of(done[key] for key in where.values())
 
     def quick(self, node: Node) -> Node:
-        """Return the same set on the mechanics on which the search began, or as it is where it blows up on these."""
+        """Return the same set on the mechanics on which the search began, see `discovery.refits.quickened`."""
         if node not in self._begun:
             quick = quickened(node.refit, self.bench)
             self._begun[node] = node if quick is node.refit else Node.of(node.added, quick, self.case)
@@ -187,8 +197,9 @@ class Branches:
         much = (far or (not node.added and node.rough > self.case.settings.floor)) and len(node.added) <= _GROWN
         ways = at_once([whole, growing] if grows and much else [whole], threads=THREADS)
         best, rest = _parted((r for _, found in ways for r in found), ways[0][0])
-        every = among is None and np.isinf(known)
-        return Branch({c.effect: c for c in scored}, best, rest, every, grows or not much)
+        pruned = bool(np.isfinite(known))
+        every = among is None and not pruned
+        return Branch({c.effect: c for c in scored}, best, rest, every, grows or not much, pruned)
 
     def promise(self, node: Node) -> float:
         """Return the most that a further effect would remove of chi-square to first order.

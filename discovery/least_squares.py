@@ -59,7 +59,7 @@ class Minimum:
     iterations : int
         Number of steps.
     blown : bool
-        Whether a simulation of the last step, or of the start, blew up.
+        Whether a simulation on the way blew up.
     """
 
     x: FloatArray

@@ -50,6 +50,8 @@ _SECOND_ROUND = 30
 #: A differenced Jacobian shows within so many steps what a quick search missed (the best ones are finished later), and
 #: where a minimum is on another bench.
 _CHECKED = 10
+#: Shorter steps that leave more than this part of chi-square do not help.
+_NO_HELP = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,14 +359,20 @@ def resettled_together(fits: Sequence[Refit], bench: Bench) -> list[Refit]:
 
 
 def quickened(fitted: Refit, bench: Bench) -> Refit:
-    """Return the same model on quicker mechanics, or as it is where it is lost on these however fine their steps."""
-    fine = fitted.problem.bench
+    """Return the same model on quicker mechanics, on shorter steps where these lose it, or as it is if all blow up."""
+    fine, found = fitted.problem.bench, fitted
     while bench.base != fine.base and bench.step > fine.step:
         again = resettled(fitted, bench)
-        if not is_far_behind(again.chi2, fitted.chi2, bench.n_data):
-            return again
+        if np.isfinite(again.chi2):
+            if not is_far_behind(again.chi2, fitted.chi2, bench.n_data):
+                return again
+            # Where shorter steps do not help, it is the mechanics that leave so much, if not far too much for that.
+            helps = again.chi2 < _NO_HELP * found.chi2 or is_far_behind(found.chi2, fitted.chi2, bench.n_data, SLOW)
+            if found is not fitted and not helps:
+                return found
+            found = again
         bench = Bench.like(bench, bench.step / 2)
-    return fitted
+    return found
 
 
 def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:

@@ -257,7 +257,8 @@ class Search:
         reason = f"fitted again from there without it, the start leaves {gain:.0f} less than before"
         numbers = {"chi2_before": self.root.chi2, "chi2_after": again.chi2}
         self.steps += [Step("withdraw", e, True, reason, numbers) for e in node.added]
-        self._branches, self._smaller, self._stood_for = Branches(self.case, self.bench), {}, {}
+        self._branches, self._stood_for = Branches(self.case, self.bench), {}
+        self._smaller, self._verdicts = {}, {}
         self.root = self._take(again)
         return True
 
@@ -335,8 +336,12 @@ class Search:
             # Finer mechanics go on from quicker ones.
             whole = self.best if alike else self._branches.quick(self.best)
             smaller = relaxed(whole.refit, [effect], carried=carried) if rest else start
+            if not np.isfinite(smaller.chi2) and whole is not self.best:
+                smaller = relaxed(self.best.refit, [effect], carried=carried)
+            if smaller.problem.bench.base != bench.base:
+                smaller = resettled(smaller, bench)
             # The steps may have been as fine as the effect alone needs.
-            smaller = coarsened(smaller, start.problem.bench) if alike else resettled(smaller, bench)
+            smaller = coarsened(smaller, start.problem.bench) if alike else smaller
             self._smaller[key] = Node.of(rest, smaller, self.case)
         return self._smaller[key]
 
@@ -421,15 +426,18 @@ class Search:
         at_once([partial(self._offered, node, among) for node, among in offers], threads=THREADS)
 
     def _weighed(self, effect: str) -> tuple[Verdict, Node]:
-        """Decide whether a member is more than idle, and return the set without it: what a solver errs is no effect."""
+        """Decide whether a member is more than idle, and return the set without it.
+
+        What the solver errs is no effect: both sets are on steps as short as the smaller one needs.
+        """
         key = self.best, effect
         if key not in self._verdicts:
-            smaller = self._without(effect)
-            gain = smaller.chi2 - self.best.chi2
-            if np.isfinite(gain):
-                fine = resolved(smaller.refit, max(self.case.settings.price, _SOLVER * gain))
+            smaller, whole = self._without(effect), self.best
+            if np.isfinite(smaller.chi2):
+                least = max(self.case.settings.price, _SOLVER * (smaller.chi2 - whole.chi2))
+                fine = resolved(smaller.refit, least)
                 smaller = smaller if fine is smaller.refit else Node.of(smaller.added, fine, self.case)
-            whole = self._on_steps_of(smaller)
+                whole = self._on_steps_of(smaller)
             verdict = weigh(self.case, self.root, smaller, whole, (effect,), None, strict=True)
             self._verdicts[key] = verdict, smaller
         return self._verdicts[key]
@@ -443,12 +451,14 @@ class Search:
         """Let a simpler law take the place of a member that has become it."""
         for node in self._simpler(effect):
             if reason := better(self.case, self.best, node):
-                self._exchange(effect, node, reason)
+                self._exchange(effect, self.best, node, reason)
                 return
 
-    def _exchange(self, effect: str, node: Node, reason: str, ranking: Sequence[Mapping[str, object]] = ()) -> None:
+    def _exchange(
+        self, effect: str, best: Node, node: Node, reason: str, ranking: Sequence[Mapping[str, object]] = ()
+    ) -> None:
         """Make a set the best one in which another effect has taken the place of a member."""
-        numbers = {"chi2_before": self.best.chi2, "chi2_after": node.chi2}
+        numbers = {"chi2_before": best.chi2, "chi2_after": node.chi2}
         self.steps.append(Step("exchange", effect, True, reason, numbers, tuple(ranking)))
         self._stood_for[node.added[-1]] = effect
         self._take(node)
@@ -480,17 +490,22 @@ class Search:
         ranked = ordered(self.case, self.best, children)
         others = [n for n in ranked if n.added[-1] != effect]
         for node in others:
-            if better(self.case, self.best, node) and (reason := better(self.case, self._on_steps_of(node), node)):
-                self._exchange(effect, node, reason, self._ranking(branch))
+            if not better(self.case, self.best, node):
+                continue
+            best = self._on_steps_of(node)
+            if reason := better(self.case, best, node):
+                self._exchange(effect, best, node, reason, self._ranking(branch))
                 return
 
     def _renew(self, effect: str, again: Node) -> bool:
         """Take another minimum of the same set: what an effect was beside fewer others may have been a local one."""
-        gain = self.best.chi2 - again.chi2
-        better = gain > self.case.settings.price and again.held < self.best.held
+        price = self.case.settings.price
+        best = self._on_steps_of(again) if again.chi2 < self.best.chi2 - price else self.best
+        gain = best.chi2 - again.chi2
+        better = gain > price and again.held < best.held
         if better:
             reason = f"found again beside the others it lowers chi-square by {gain:.0f} more"
-            numbers = {"chi2_before": self.best.chi2, "chi2_after": again.chi2}
+            numbers = {"chi2_before": best.chi2, "chi2_after": again.chi2}
             self.steps.append(Step("renew", effect, True, reason, numbers))
             self._take(again)
             self._branches.forget(effect)
@@ -535,10 +550,10 @@ class Search:
         if self.best.added and not self.settled:
             self._withdraw()
         for effect in self.best.added:
-            smaller = self._without(effect)
             branch = self._in_place_of(effect)
-            whole = self.best.with_last(effect)
-            tied = self.ambiguous[effect] = rivals(self.case, branch, smaller, whole, effect)
+            _, smaller = self._weighed(effect)
+            tied = self.ambiguous[effect] = rivals(self.case, branch, smaller, self.best, effect)
+            whole = self._on_steps_of(smaller).with_last(effect)
             chance = self._branches.chance(branch, whole)
             self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, tied, chance)
 

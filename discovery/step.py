@@ -23,7 +23,8 @@ TOLERANCE = 1e-6
 _PATIENCE = 4
 #: the best step will do if its error is below this.
 _USABLE = 1e-2
-#: A step whose error is below this part of the tolerance is made longer, for this part of it, so often at most.
+#: A step whose error is below this part of the tolerance, where a longer one was above it, is made longer to reach this
+#: part of it, so often at most.
 _FAR_BELOW, _AIM, _LONGER = 0.25, 0.7, 3
 #: A step that is so many times longer must not err by more than so many times the tolerance: order four, twice over.
 _SPARE, _SPARE_ERROR = 1.25, 5.0

@@ -32,10 +32,10 @@ _OWN = 3.0
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
 _FEW = 12
-#: Steps are far from blowing up where so many times longer ones do not: the bare arm stands 1.4, see `choose_step`. A
-#: set that is nearer itself is tried on less long ones.
+#: Steps are far from blowing up where so many times longer ones do not: the bare arm stands 1.4, see `choose_step`.
+#: Where the set itself does not stand the first of these, its candidates are tried on less long ones.
 _FARTHER = (1.25, 1.12, 1.06)
-#: Of the error of a law that jumps, these shorter steps leave a 64th.
+#: Of the error of a law that jumps, steps that are so many times shorter leave a 64th.
 _FAR_SHORTER = 8.0
 #: Steps that differ by less than this factor are the same.
 _SAME = 1.01
@@ -58,7 +58,7 @@ def unstiffened(
     quick : sequence of Refit
         What `refit` found.
     known : float
-        Chi-square of another set: what is far behind it is not repeated.
+        Chi-square of another set: what is far behind it, and no blow-up has stopped, is not repeated.
 
     Returns
     -------
@@ -66,7 +66,8 @@ def unstiffened(
         Smallest chi-square first.
     """
     n = problem.bench.n_data
-    far = [r for r in quick if is_far_behind(r.chi2, known, n, SLOW)]
+    # What a blow-up has stopped tells nothing of what it would leave.
+    far = [r for r in quick if is_far_behind(r.chi2, known, n, SLOW) and not r.minimum.blown]
     best = {r.effect: r for r in quick if r not in far}
     if not best:
         return far
@@ -92,7 +93,7 @@ def unstiffened(
         stopped = {r.effect for r in short if r.minimum.blown}
         for farther in _FARTHER if len(stopped) < len(short) else ():
             errors = _solver_errors([before, *short], Bench.like(problem.bench, 2 * farther * fine.step))
-            if np.isfinite(errors[""]):
+            if np.isfinite(errors.pop("")) or farther == _FARTHER[-1]:
                 stopped |= {e for e, error in errors.items() if not np.isfinite(error)}
                 break
         rough = erring | stopped | blown
@@ -146,7 +147,8 @@ def resolved(fitted: Refit, least: float) -> Refit:
     fitted : Refit
         The refit.
     least : float
-        By so much the solver must move its readings, and shorter steps lower chi-square [noise sds, squared].
+        By so much the solver must move its readings, and shorter steps, if these are not too many, lower chi-square
+        [noise sds, squared].
     """
     bench = fitted.problem.bench
     if _solver_errors([fitted], Bench.like(bench, bench.step / 2))[fitted.effect] <= least:

@@ -6,9 +6,10 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from discovery import branch
+from discovery import branch, refits
 from discovery.bench import Bench
 from discovery.branch import Branches
 from discovery.case import Case, LoopSettings
@@ -126,3 +127,71 @@ def test_a_refit_goes_on_upon_the_same_mechanics_once(monkeypatch: pytest.Monkey
     assert [id(r) for r in again.best] == [id(r) for r in first.best]
     # On the quick mechanics it is what it was.
     assert {r.problem.bench.base for r in branches.of(quick, AMONG, grows=False).best} == {"elastica_calm"}
+
+
+def faked(monkeypatch: pytest.MonkeyPatch, left: dict[float, float]) -> tuple[Refit, Bench, list[float]]:
+    """Return a fit on finer mechanics, the quick bench, and the steps asked for; what it leaves is given by step."""
+    case, quick, fine = on_both_mechanics()
+    bench, asked = quick.refit.problem.bench, []
+
+    def resettled_(fitted: Refit, other: Bench) -> Refit:
+        asked.append(round(bench.step / other.step))
+        minimum = replace(fitted.minimum, cost=0.5 * case.n_data * left[asked[-1]])
+        return Refit("", replace(fitted.problem, bench=other), minimum)
+
+    monkeypatch.setattr(refits, "resettled", resettled_)
+    finest = replace(fine.refit.problem, bench=Bench.like(fine.refit.problem.bench, bench.step / 40))
+    minimum = replace(fine.refit.minimum, cost=0.5 * case.n_data)
+    return Refit("", finest, minimum), bench, asked
+
+
+@pytest.mark.parametrize(
+    ("left", "steps"),
+    [
+        # Quick enough at once; on shorter steps only; lost to the mechanics, not to the steps; a blow-up, then lost.
+        ({1: 1.5}, 1),
+        ({1: 1e5, 2: 9e4, 4: 1.1}, 4),
+        ({1: 2.5, 2: 2.4}, 1),
+        ({1: np.inf, 2: 2.5, 4: 2.4}, 2),
+    ],
+)
+def test_quick_mechanics_take_shorter_steps_only_where_these_help(
+    monkeypatch: pytest.MonkeyPatch, left: dict[float, float], steps: int
+) -> None:
+    fine, bench, asked = faked(monkeypatch, left)
+    again = refits.quickened(fine, bench)
+    assert asked == list(left)
+    assert again.problem.bench.step == pytest.approx(bench.step / steps)
+    assert again.chi2 == pytest.approx(on_both_mechanics()[0].n_data * left[steps])
+
+
+def test_what_blows_up_on_quick_mechanics_however_short_the_steps_stays_where_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fine, bench, _ = faked(monkeypatch, dict.fromkeys([1, 2, 4, 8, 16, 32], np.inf))
+    assert refits.quickened(fine, bench) is fine
+
+
+def test_what_is_near_a_known_set_is_so_on_the_mechanics_on_which_candidates_are_compared() -> None:
+    case, quick, fine = on_both_mechanics()
+    branches = Branches(case, quick.refit.problem.bench)
+    known = Node.of(("sensor_delay",), branches.of(fine, AMONG, grows=False).best[0], case)
+    assert branches._limit(known) == branches.quick(known).chi2 != known.chi2
+    assert branches._limit(None) == np.inf
+    # A set that is lost on quick mechanics says nothing of others there.
+    branches._begun[known] = known
+    assert branches._limit(known) == np.inf
+
+
+def test_a_branch_of_which_part_was_not_finished_is_made_anew_when_no_set_is_known() -> None:
+    case, quick, _ = on_both_mechanics()
+    branches = Branches(case, quick.refit.problem.bench)
+    minimum = replace(quick.refit.minimum, cost=0.5 * case.n_data)
+    known = replace(quick, refit=replace(quick.refit, minimum=minimum))
+    others = AMONG - {"sensor_delay"}
+    part = branches.of(quick, others, grows=False, known=known)
+    assert not part.best
+    assert branches.of(quick, others, grows=False, known=known) is part
+    whole = branches.of(quick, others, grows=False)
+    assert whole.best
+    assert branches.of(quick, others, grows=False, known=known) is whole
