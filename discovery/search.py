@@ -87,7 +87,7 @@ class Search:
         self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
         self._stood_for: dict[str, str] = {}
-        self._verdicts: dict[tuple[Node, str], tuple[Verdict, Node]] = {}
+        self._verdicts: dict[tuple[Node, str], tuple[Verdict, Node, Node]] = {}
         self._finer: dict[Node, Refit] = {}
         self._finest: dict[Node, tuple[Fit, list[FloatArray]]] = {}
         self._noise: dict[Node, bool] = {}
@@ -425,10 +425,10 @@ class Search:
         offers = [(node, self._contenders(e)) for node, e in zip(smaller, members, strict=True)]
         at_once([partial(self._offered, node, among) for node, among in offers], threads=THREADS)
 
-    def _weighed(self, effect: str) -> tuple[Verdict, Node]:
-        """Decide whether a member is more than idle, and return the set without it.
+    def _weighed(self, effect: str) -> tuple[Verdict, Node, Node]:
+        """Decide whether a member is more than idle, and return the sets without and with it that were compared.
 
-        What the solver errs is no effect: both sets are on steps as short as the smaller one needs.
+        What the solver errs is no effect: both are on steps as short as the smaller one needs.
         """
         key = self.best, effect
         if key not in self._verdicts:
@@ -439,7 +439,7 @@ class Search:
                 smaller = smaller if fine is smaller.refit else Node.of(smaller.added, fine, self.case)
                 whole = self._on_steps_of(smaller)
             verdict = weigh(self.case, self.root, smaller, whole, (effect,), None, strict=True)
-            self._verdicts[key] = verdict, smaller
+            self._verdicts[key] = verdict, smaller, whole
         return self._verdicts[key]
 
     def _on_steps_of(self, node: Node) -> Node:
@@ -475,7 +475,7 @@ class Search:
         smaller = self._without(effect)
         if not np.isfinite(smaller.chi2):
             return
-        verdict, without = self._weighed(effect)
+        verdict, without, _ = self._weighed(effect)
         if not verdict.accepted:
             self.steps.append(Step("remove", effect, True, verdict.reason, verdict.numbers))
             self._take(without)
@@ -551,9 +551,9 @@ class Search:
             self._withdraw()
         for effect in self.best.added:
             branch = self._in_place_of(effect)
-            _, smaller = self._weighed(effect)
+            _, smaller, whole = self._weighed(effect)
             tied = self.ambiguous[effect] = rivals(self.case, branch, smaller, self.best, effect)
-            whole = self._on_steps_of(smaller).with_last(effect)
+            whole = whole.with_last(effect)
             chance = self._branches.chance(branch, whole)
             self.evidence[effect] = evidence(self.case, branch, smaller, whole, effect, tied, chance)
 

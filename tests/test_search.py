@@ -568,7 +568,8 @@ def test_a_member_gives_way_only_to_what_is_better_on_equal_steps(
     search = copy(found)
     search.steps, search._stood_for = [], {}
     search.best = changed(Node.of(*worse, search.case), chi2=worse[1].chi2, held=2 * found.best.held)
-    monkeypatch.setattr(Search, "_weighed", lambda self, effect: (Verdict(True, "", {}), self._without(effect)))
+    needed = Verdict(True, "", {})
+    monkeypatch.setattr(Search, "_weighed", lambda self, effect: (needed, self._without(effect), self.best))
     monkeypatch.setattr(Search, "_left", lambda self, node: 0.0)
     if solver:
         # On the steps of the better one the member serves as well.
