@@ -14,6 +14,7 @@ from discovery.case import Case
 from discovery.finite import finite_starts
 from discovery.growing import grown
 from discovery.likeness import likely_pairs
+from discovery.model import Model
 from discovery.node import Node
 from discovery.race import SLOW, is_far_behind, near_the_best
 from discovery.refits import Refit, best_of, finish, held_fixed, quickened, refit, refit_pairs, resettled_together
@@ -106,10 +107,12 @@ class Branches:
         Recordings, thresholds, progress.
     bench : Bench
         With the mechanics on which the search began.
+    plain : bool
+        Whether laws that imitate others are left out.
     """
 
-    def __init__(self, case: Case, bench: Bench) -> None:
-        self.case, self.bench = case, bench
+    def __init__(self, case: Case, bench: Bench, *, plain: bool = False) -> None:
+        self.case, self.bench, self.plain = case, bench, plain
         self._made: dict[frozenset[str], Branch] = {}
         self._begun: dict[Node, Node] = {}
         self._pairs: dict[Node, list[Child]] = {}
@@ -173,7 +176,7 @@ class Branches:
 
     def _make(self, node: Node, among: Collection[str] | None, grows: bool, known: float) -> Branch:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-        names = self.case.candidates(problem.model)
+        names = self._candidates(problem.model)
         tried = names if among is None else tuple(n for n in names if n in among)
         beside = f" beside {' and '.join(node.added)}" if node.added else ""
         self.case.tell(f"screening the catalogue{beside} ({len(names)} effects)")
@@ -208,9 +211,12 @@ class Branches:
         """
         begun = self.quick(node).refit
         problem, minimum = held_fixed(begun.problem, begun.minimum)
-        names = self.case.candidates(problem.model)
+        names = self._candidates(problem.model)
         scored = screen(problem.model, minimum, problem, names, left=node.refit.minimum.residual)
         return max((c.score for c in scored), default=0.0)
+
+    def _candidates(self, model: Model) -> tuple[str, ...]:
+        return tuple(n for n in self.case.candidates(model) if not (self.plain and imitates(n)))
 
     def forget(self, effect: str) -> None:
         """Forget what was offered beside sets with an effect, for its values have changed."""

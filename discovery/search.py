@@ -84,7 +84,6 @@ class Search:
         self.evidence: dict[str, dict[str, float]] = {}
         self.ambiguous: dict[str, tuple[str, ...]] = {}
         self._branches = Branches(case, start.problem.bench)
-        self._plain = False
         self._smaller: dict[tuple[Node, str], Node] = {}
         self._stood_for: dict[str, str] = {}
         self._verdicts: dict[tuple[Node, str], tuple[Verdict, Node, Node]] = {}
@@ -172,7 +171,7 @@ class Search:
             if level > len(self.best.added) + 1:
                 return
             level += 1
-            children = [] if base is None else self._trusted(self._branches.pairs(base))
+            children = [] if base is None else self._branches.pairs(base)
             base = self.best
             # Where a pair leaves noise, no set need be extended, unless it is refused.
             tried = children if self._branches.leaves_noise(children) else []
@@ -180,7 +179,7 @@ class Search:
             if chosen is None:
                 refused = {id(r) for _, r in tried}
                 vain = self._is_vain()
-                more = [] if vain else self._children(beam)
+                more = [] if vain else self._branches.children(beam)
                 children = sorted([*more, *children], key=lambda child: child[1].chi2)
                 if children and is_far_behind(children[0][1].chi2, rival, self.case.n_data):
                     return
@@ -193,6 +192,8 @@ class Search:
                 continue
             if chosen is not None:
                 chosen = self._take(chosen)
+                # What has been found again is a better base than what it was before.
+                base = chosen if {*chosen.added} == {*base.added} else base
             beam = [chosen] if chosen else []
             wide = _BEAM[min(level, len(_BEAM)) - 1]
             if len(beam) < wide:
@@ -257,18 +258,10 @@ class Search:
         reason = f"fitted again from there without it, the start leaves {gain:.0f} less than before"
         numbers = {"chi2_before": self.root.chi2, "chi2_after": again.chi2}
         self.steps += [Step("withdraw", e, True, reason, numbers) for e in node.added]
-        self._branches, self._stood_for = Branches(self.case, self.bench), {}
+        self._branches, self._stood_for = Branches(self.case, self.bench, plain=self._branches.plain), {}
         self._smaller, self._verdicts = {}, {}
         self.root = self._take(again)
         return True
-
-    def _children(self, nodes: Sequence[Node]) -> list[Child]:
-        """Return what the catalogue offers beside some sets, best first."""
-        return self._trusted(self._branches.children(nodes))
-
-    def _trusted(self, children: Sequence[Child]) -> list[Child]:
-        """Return the sets without laws that imitate others, once these have been given up."""
-        return [(added, r) for added, r in children if not (self._plain and any(map(imitates, added)))]
 
     def _leading(self, children: Sequence[Child], besides: Sequence[Node]) -> list[Node]:
         """Return the best sets that are not among those already taken."""
@@ -483,7 +476,7 @@ class Search:
         if self._left(self.best) > _MUCH_LEFT:
             return
         branch = self._in_place_of(effect)
-        children = self._trusted(branch.children(smaller.added))
+        children = branch.children(smaller.added)
         again = next((r for added, r in children if added[-1] == effect), None)
         if again is not None:
             self._renew(effect, Node.of(self.best.added, again, self.case))
@@ -565,7 +558,9 @@ class Search:
         for effect in imitating:
             reason = f"what is left is not noise, and {effect} may imitate what nobody declared"
             self.steps.append(Step("withdraw", effect, True, reason))
-        self.best, self._plain = self.root, True
+        self.best = self.root
+        self._branches = Branches(self.case, self.bench, plain=True)
+        self._stood_for, self._smaller, self._verdicts = {}, {}, {}
         return True
 
     def _leaves_little(self) -> bool:

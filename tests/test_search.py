@@ -25,6 +25,7 @@ from discovery.refits import Refit, relaxed, settled
 from discovery.registry import catalogue
 from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.search import Search
+from discovery.simplicity import imitates
 from discovery.testing.states import every_effect
 from discovery.weighing import Verdict, weigh
 
@@ -325,6 +326,9 @@ def test_what_imitates_is_given_up_unless_much_is_left(
     assert search._distrusts() is again
     assert (search.best is found.root) is again
     assert [(s.action, s.effect) for s in search.steps] == [("withdraw", "periodic_disturbance")] * again
+    # The second search is one without such laws, and shares nothing with the first.
+    assert search._branches.plain is again
+    assert (search._branches is found._branches) is not again
     # Without such a law there is nothing to give up.
     search.best = found.best
     assert not search._distrusts()
@@ -413,7 +417,7 @@ def test_a_set_that_fails_on_the_held_out_recordings_is_not_extended(monkeypatch
     better, worse = found.best, replace(found.best, added=("worse",), held=1.01 * found.root.held)
     extended: list[list[tuple[str, ...]]] = []
     paired: list[tuple[str, ...]] = []
-    monkeypatch.setattr(search, "_children", lambda nodes: extended.append([n.added for n in nodes]) or [])
+    monkeypatch.setattr(search._branches, "children", lambda nodes: extended.append([n.added for n in nodes]) or [])
     monkeypatch.setattr(search._branches, "pairs", lambda node: paired.append(node.added) or [])
     for leading, beams in (([worse, better], [[()], [better.added]]), ([worse], [[()], []])):
         extended.clear()
@@ -434,7 +438,7 @@ def test_a_set_on_far_finer_steps_is_extended_only_if_it_explains_nearly_all(mon
     poor = replace(right, refit=replace(right.refit, minimum=replace(refit.minimum, cost=0.5 * much)))
     search = copy(found)
     extended: list[list[tuple[str, ...]]] = []
-    monkeypatch.setattr(search, "_children", lambda nodes: extended.append([n.added for n in nodes]) or [])
+    monkeypatch.setattr(search._branches, "children", lambda nodes: extended.append([n.added for n in nodes]) or [])
     monkeypatch.setattr(search._branches, "pairs", lambda node: [])
     for node, beams in ((right, [[()], [right.added]]), (poor, [[()], []])):
         search.best, search.steps = found.root, []
@@ -442,6 +446,29 @@ def test_a_set_on_far_finer_steps_is_extended_only_if_it_explains_nearly_all(mon
         monkeypatch.setattr(search, "_leading", lambda children, besides, node=node: [node])
         search._extend()
         assert extended == beams
+
+
+def test_a_search_without_laws_that_imitate_others_does_not_try_them() -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    bench = search.root.refit.problem.bench
+    made = [Branches(search.case, bench, plain=plain).of(search.root, grows=False) for plain in (False, True)]
+    every, plain = ({*branch.scored} for branch in made)
+    assert every - plain == {e for e in every if imitates(e)} == {"periodic_disturbance"}
+
+
+def test_a_set_that_was_found_again_is_the_base_of_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = searched(beta=1.0, f_c=0.02)
+    search = copy(found)
+    search.best, search.steps = found._without(found.added[-1]), []
+    again = replace(search.best)
+    assert {*again.added} == {*search.best.added}
+    chosen = iter([again, None, None])
+    paired: list[Node] = []
+    monkeypatch.setattr(search, "_chosen", lambda children: next(chosen))
+    monkeypatch.setattr(search._branches, "children", lambda nodes: [])
+    monkeypatch.setattr(search._branches, "pairs", lambda node: paired.append(node) or [])
+    search._extend()
+    assert paired == [again]
 
 
 def test_a_branch_for_an_extension_is_whole() -> None:
