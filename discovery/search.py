@@ -258,10 +258,14 @@ class Search:
         reason = f"fitted again from there without it, the start leaves {gain:.0f} less than before"
         numbers = {"chi2_before": self.root.chi2, "chi2_after": again.chi2}
         self.steps += [Step("withdraw", e, True, reason, numbers) for e in node.added]
-        self._branches, self._stood_for = Branches(self.case, self.bench, plain=self._branches.plain), {}
-        self._smaller, self._verdicts = {}, {}
+        self._forget(plain=self._branches.plain)
         self.root = self._take(again)
         return True
+
+    def _forget(self, *, plain: bool) -> None:
+        """Forget what was tried: what follows is tried anew, without laws that imitate others if it is to be plain."""
+        self._branches = Branches(self.case, self.bench, plain=plain)
+        self._stood_for, self._smaller, self._verdicts = {}, {}, {}
 
     def _leading(self, children: Sequence[Child], besides: Sequence[Node]) -> list[Node]:
         """Return the best sets that are not among those already taken."""
@@ -559,8 +563,7 @@ class Search:
             reason = f"what is left is not noise, and {effect} may imitate what nobody declared"
             self.steps.append(Step("withdraw", effect, True, reason))
         self.best = self.root
-        self._branches = Branches(self.case, self.bench, plain=True)
-        self._stood_for, self._smaller, self._verdicts = {}, {}, {}
+        self._forget(plain=True)
         return True
 
     def _leaves_little(self) -> bool:
