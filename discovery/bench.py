@@ -38,7 +38,7 @@ class Bench:
     experiments : sequence of Experiment
         Recordings.
     step : float
-        Longest integration step of the classical method [s].
+        Longest integration step of the classical method [s]; the pace of an experiment makes some shorter.
     leap : float, optional
         Longest step of the method of order eight [s]. It replaces the classical one where the terms suit it.
     """
@@ -55,7 +55,8 @@ class Bench:
         self.leap = leap if leap is not None and leaps(base, self.effects) else None
         longest, method = (step, CLASSICAL) if self.leap is None else (self.leap, dormand_prince())
         self._whole = [
-            Simulator(base, self.effects, e.recording.time, e.drive, step=longest, method=method) for e in experiments
+            Simulator(base, self.effects, e.recording.time, e.drive, step=longest, method=method, pace=e.pace)
+            for e in experiments
         ]
         self._parts = [e.fitted_part for e in self.experiments]
         #: To the last fitted samples.
@@ -242,6 +243,11 @@ class Bench:
         """A hundred times the largest measured value, in noise sds."""
         largest = [float((np.abs(t) * w).max()) for t, w in zip(self._targets, self._weights, strict=True) if w.size]
         return 100 * max([1.0, *largest])
+
+    @property
+    def shortest(self) -> float:
+        """Shortest step at the pace of these experiments, that of a motion of which no pace is known [s]."""
+        return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
     @property
     def most_steps(self) -> int:

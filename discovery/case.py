@@ -24,6 +24,7 @@ from discovery.residual import roughness
 from discovery.shaking import shaken
 from discovery.simplicity import imitates
 from discovery.step import choose_step
+from discovery.unequal_steps import unequal_bench
 
 __all__ = ["Case", "LoopSettings", "Step", "Tell"]
 
@@ -31,6 +32,8 @@ FloatArray = NDArray[np.float64]
 Tell = Callable[[str], None]
 #: More coordinates have found the same answer unless they leave more than so many times as much.
 _SAME_ANSWER = 1.05
+#: Finer mechanics may take so many times the steps of quick ones: the tip does not feel what rings faster still.
+_MORE = 8
 #: A normal number is farther from its mean than so many standard deviations once in a hundred times.
 _FAR_OFF = 2.576
 
@@ -173,13 +176,9 @@ class Case:
 
     def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
         """Fit a model with the kernel that holds the whole catalogue of its base."""
-        bench = self._bench(model, values)
+        effects, tolerance = self.kernel_effects(model), self.settings.tolerance
+        bench = unequal_bench(model, effects, self.train, self.units, values, tolerance)
         return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)
-
-    def _bench(self, model: Model, values: Mapping[str, float], shortest: float = 0.0) -> Bench:
-        effects = self.kernel_effects(model)
-        step = choose_step(model, self.train, self.units, values, self.settings.tolerance, effects, shortest)
-        return Bench(model.base, effects, self.train, step)
 
     def finished(self, found: Refit) -> Fit:
         """Return a refit of the search with its intervals, the conventions of the added effects free.
@@ -190,18 +189,31 @@ class Case:
 
     def _on_finer(self, found: Refit) -> Iterator[Problem]:
         """Yield the problem of a refit on each finer mechanics, the best first."""
-        # What damps the rod's higher shapes strongly may ask for a million steps, and leaves nothing of them to see.
-        shortest = max(float(np.ptp(e.recording.time)) for e in self.train) / MOST_STEPS
         for name in found.problem.model.mechanics.finer:
             model = found.problem.model.on_base(name)
             key = name, found.problem.bench.step
             try:
                 # The steps that the search needs tell how fine these must be.
                 if key not in self._benches:
-                    self._benches[key] = self._bench(model, found.values, shortest)
+                    self._benches[key] = self._alike(found, model)
             except ComputationError:
                 continue
             yield replace(found.problem, model=model, bench=self._benches[key])
+
+    def _alike(self, found: Refit, model: Model) -> Bench:
+        """Return a bench for a model on finer mechanics, at the pace of a refit or on fewer equal steps."""
+        effects, tolerance = self.kernel_effects(model), self.settings.tolerance
+        own = found.problem.bench
+        # What damps the rod's higher shapes strongly may ask for a million steps, and leaves nothing of them to see.
+        most = min(MOST_STEPS, _MORE * own.most_steps)
+        shortest = max(float(np.ptp(e.recording.time)) for e in self.train) / most
+
+        def bench(experiments: Sequence[Experiment]) -> Bench:
+            step = choose_step(model, experiments, self.units, found.values, tolerance, effects, shortest)
+            return Bench(model.base, effects, experiments, step)
+
+        equal = bench(self.train)
+        return equal if own.shortest == own.step else min(equal, bench(own.experiments), key=lambda b: b.most_steps)
 
     def finer(self, found: Refit, least: float) -> Refit:
         """Return a refit of the search on finer mechanics where there are any that fit as well, else the same.

@@ -13,6 +13,7 @@ from discovery.angles import within_half_a_turn
 from discovery.effect import ARM
 from discovery.force_view import sampling_rate, zero_phase
 from discovery.grid import DriveLike
+from discovery.pace import Pace
 from discovery.recording import Recording
 from discovery.rig import Rig
 from discovery.units import si_symbol
@@ -36,12 +37,15 @@ class Experiment:
         The system.
     fitted_samples : int or None
         Only so many samples, from the first, are fitted; the rest is held out. None: all.
+    pace : Pace or None
+        Where the steps of its simulations are shorter than elsewhere. None: nowhere.
     """
 
     recording: Recording
     drive: DriveLike | None
     rig: Rig
     fitted_samples: int | None = None
+    pace: Pace | None = None
 
     @property
     def fitted(self) -> slice:

@@ -156,7 +156,7 @@ class Fit:
             "n_data": self.problem.bench.n_data,
             "reduced_chi2": self.reduced_chi2,
             "status": self.status,
-            "solver_step_s": self.problem.bench.step,
+            "solver_step_s": self.problem.bench.shortest,
             "solver_shift_sd": self.solver_shift,
             "null_directions": [dict(d) for d in self.null_directions],
         }

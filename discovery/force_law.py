@@ -166,7 +166,7 @@ class Judge:
         self.experiments = tuple(holdout) or bench.experiments
         if holdout:
             model = replace(fit.model, known={**fit.model.known, **self.values})
-            other = Bench(bench.base, bench.effects, holdout, bench.step)
+            other = Bench(bench.base, bench.effects, holdout, bench.shortest)
             problem = Problem(model, other, fit.problem.units, {})
             (minimum,) = fit_problems([problem], [problem.start({})], iterations=12)
             parameters, starts = problem.expand(minimum.x[:, None])

@@ -8,6 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from discovery.pace import Pace
 from discovery.runge_kutta import CLASSICAL, Method
 
 __all__ = ["DriveLike", "Grid"]
@@ -52,18 +53,30 @@ class Grid:
     out_drive: NDArray[np.float64]
 
     @classmethod
-    def build(cls, time: NDArray[np.float64], drive: DriveLike | None, step: float, method: Method = CLASSICAL) -> Grid:
-        """Return a grid with steps of at most `step` [s] from the first to the last of `time`."""
+    def build(
+        cls,
+        time: NDArray[np.float64],
+        drive: DriveLike | None,
+        step: float,
+        method: Method = CLASSICAL,
+        pace: Pace | None = None,
+    ) -> Grid:
+        """Return a grid with steps of at most `step` [s] from the first to the last of `time`, shorter at a pace."""
         start, end = float(time[0]), float(time[-1])
         kinks = np.empty(0) if drive is None else _breaks(drive, time.size)
         # Two kinks nearer than a millionth of the step are one.
         inner = kinks[(kinks > start) & (kinks < end)]
         knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end]])
-        counts = np.maximum(1, np.ceil(np.diff(knots) / step - 1e-9)).astype(int)
+        shown = knots if pace is None else pace.shown(knots)
+        counts = np.maximum(1, np.ceil(np.diff(shown) / step - 1e-9)).astype(int)
         edges = np.concatenate(
-            [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(knots[:-1], knots[1:], counts, strict=True)]
-            + [[end]]
+            [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(shown[:-1], shown[1:], counts, strict=True)]
+            + [shown[-1:]]
         )
+        if pace is not None:
+            edges = pace.when(edges)
+            edges[np.cumsum(counts)] = knots[1:]
+            edges[0] = start
         times, steps = edges[:-1], np.diff(edges)
         restart = np.zeros(times.size, bool)
         restart[np.concatenate([[0], np.cumsum(counts)[:-1]])] = True

@@ -59,7 +59,7 @@ class HoldOut:
             return [on_train for _, _, on_train in models]
         kernel = (bench.base, bench.effects)
         sets = [(model, values) for model, values, _ in models]
-        step = self._share(bench, sets) * bench.step
+        step = self._share(bench, sets) * bench.shortest
         key = (*kernel, step)
         if key not in self._benches:
             self._benches[key] = Bench(*kernel, self.separate, step)
@@ -83,7 +83,7 @@ class HoldOut:
                 # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
                 self._wild.add(asked)
             else:
-                self._shares[kernel] = min(step / bench.step, 1.0)
+                self._shares[kernel] = min(step / bench.shortest, 1.0)
         return self._shares.get(kernel, 1.0)
 
     @property

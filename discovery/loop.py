@@ -26,8 +26,8 @@ from discovery.residual import ResidualReport, errors, examine
 from discovery.search import Search
 from discovery.separation import Separation, separate
 from discovery.simulate import THREADS
+from discovery.solver_error import error_unit
 from discovery.stand_in import StandIn, stand_in
-from discovery.step import error_unit
 from discovery.workers import at_once, single_algebra
 
 __all__ = ["UPGRADES", "LoopResult", "close_loop"]

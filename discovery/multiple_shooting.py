@@ -130,7 +130,8 @@ class Chain:
         at = np.unique(np.concatenate([[recording.time[0]], self.time[self.time > recording.time[0]]]))
         found = []
         for time, values in ((recording.time, known), (at, blind)):
-            simulate = Simulator(bench.base, bench.effects, time, self.experiment.drive, step=bench.step)
+            drive, pace = self.experiment.drive, self.experiment.pace
+            simulate = Simulator(bench.base, bench.effects, time, drive, step=bench.step, pace=pace)
             column = values_of(simulate.names, bench.base, bench.effects, problem.units, values)[:, None]
             reading = simulate(column, start[:1], start[1:])
             check_finite(reading, time, simulate.names, column)

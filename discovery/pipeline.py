@@ -121,7 +121,7 @@ def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> l
     if not dataset.holdout:
         return list(train)
     bench = fitted.problem.bench
-    other = Bench(bench.base, bench.effects, dataset.holdout, bench.step)
+    other = Bench(bench.base, bench.effects, dataset.holdout, bench.shortest)
     (held,) = held_out([(fitted.model, fitted.values)], dataset.holdout, other, fitted.problem.units)
     return [*train, *held]
 

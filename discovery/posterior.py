@@ -163,7 +163,7 @@ def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:
         "model": problem.model.to_dict(),
         "names": target.names,
         "noise": target.noise,
-        "step": problem.bench.step,
+        "step": [problem.bench.step, problem.bench.shortest],
         "leap": problem.bench.leap,
         "data": [e.recording.sha256 for e in problem.bench.experiments],
         "fitted": [e.fitted_samples for e in problem.bench.experiments],
@@ -224,7 +224,7 @@ def _posterior(
         model=problem.model,
         natural=problem.units,
         gaussian=dict(problem.gaussian),
-        step=problem.bench.step,
+        step=problem.bench.shortest,
         provenance={
             "seed": rng_seed,
             "noise": target.noise,

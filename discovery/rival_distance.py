@@ -81,7 +81,7 @@ class _Rival:
         triangle: Any = np.linalg.qr(np.roll(jacobian, -m, axis=1), mode="r")
         # Two more zero columns: the initial state of a new recording is not known.
         self.root = np.pad(triangle[-m:, -m:], ((0, 0), (0, 2)))
-        self.kernel = (problem.bench.base, problem.bench.effects, problem.bench.step)
+        self.kernel = (problem.bench.base, problem.bench.effects, problem.bench.shortest)
         self.room = _room(fit)[:, [*range(m), -2, -1]]
         values = {n: v for n, v in fit.values.items() if n in problem.free}
         rest = equilibrium(fit.model, values, problem.units, [angle])

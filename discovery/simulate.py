@@ -14,6 +14,7 @@ from discovery.compile import Kernel, compile_kernel
 from discovery.errors import InputError, SimulationFailure
 from discovery.grid import DriveLike, Grid
 from discovery.mechanics import get_base
+from discovery.pace import Pace
 from discovery.runge_kutta import CLASSICAL, Method
 from discovery.workers import in_threads
 
@@ -108,6 +109,8 @@ class Simulator:
         Longest step [s].
     method : Method
         Of the steps, where it suits the terms: `kernel.method` says.
+    pace : Pace, optional
+        Where steps are shorter.
     """
 
     def __init__(
@@ -119,13 +122,14 @@ class Simulator:
         *,
         step: float,
         method: Method = CLASSICAL,
+        pace: Pace | None = None,
     ) -> None:
         self.base = get_base(base)
         self.kernel: Kernel = compile_kernel(base, tuple(effects), method)
         self.drive = drive
         self.time = np.asarray(time, float)
-        self.step = step
-        self.grid = Grid.build(self.time, drive, step, self.kernel.method)
+        self.step, self.pace = step, pace
+        self.grid = Grid.build(self.time, drive, step, self.kernel.method, pace)
         self.names = self.kernel.program.parameters
         shape = self.time.size, len(self.kernel.program.reading)
         self._plain = Misses(0, np.zeros(shape), np.ones(shape))
@@ -134,7 +138,7 @@ class Simulator:
         """Return the same simulator with steps shortened by `factor`."""
         other = copy(self)
         other.step = self.step * factor
-        other.grid = Grid.build(self.time, self.drive, other.step, self.kernel.method)
+        other.grid = Grid.build(self.time, self.drive, other.step, self.kernel.method, self.pace)
         return other
 
     def until(self, count: int) -> Simulator:

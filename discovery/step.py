@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
-from discovery.bench import Bench
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment
 from discovery.model import Model
-from discovery.problem import NaturalUnits, Problem
-from discovery.simulate import THREADS
-from discovery.workers import at_once
+from discovery.problem import NaturalUnits
+from discovery.solver_error import Probe
 
-__all__ = ["TOLERANCE", "choose_step", "error_unit"]
+__all__ = ["TOLERANCE", "choose_step"]
 
 #: Trajectory error by default: rad for an arm, of the largest amplitude for an oscillator.
 TOLERANCE = 1e-6
@@ -28,11 +25,6 @@ _USABLE = 1e-2
 _FAR_BELOW, _AIM, _LONGER = 0.25, 0.7, 3
 #: A step that is so many times longer must not err by more than so many times the tolerance: order four, twice over.
 _SPARE, _SPARE_ERROR = 1.25, 5.0
-
-
-def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
-    """Return what a reading off by one unit of the trajectory error is off: see the tolerance of `choose_step`."""
-    return units.length if experiments[0].is_arm else units.coordinate
 
 
 def choose_step(
@@ -57,8 +49,7 @@ def choose_step(
     values : mapping of str to float
         Parameter values at which the error is measured.
     tolerance : float
-        Largest error over all samples: rad for an arm (its readings divided by the length), of the natural coordinate
-        for an oscillator.
+        Largest error over all samples, unit as for `discovery.solver_error.Probe.apart`.
     effects : sequence of str, optional
         Effects of the kernel; the model's own by default.
     shortest : float
@@ -69,30 +60,12 @@ def choose_step(
     ComputationError
         If no step reaches the tolerance.
     """
-    values = model.mechanics.calmed(values)
-    held = {n: v for n, v in values.items() if n in model.parameters and n not in model.free}
-    model = Model(model.base, model.effects, {**model.known, **held})
-    alpha = values.get("alpha", units.time**-2)
-    fastest = np.sqrt(abs(alpha)) * model.mechanics.highest_frequency({**model.known, **values})
-    gap = float(np.median(np.diff(experiments[0].recording.time)))
-    # An input with content up to half the sampling rate must be resolved too.
-    rough = experiments[0].drive is not None and not experiments[0].is_arm
-    # The method is stable up to 2.8 / fastest; damping and candidates need some of that.
-    step = max(min(2.0 / fastest, 0.1 * units.time, gap if rough else np.inf), shortest)
-    size = error_unit(experiments, units)
+    probe = Probe.of(model, effects or model.effects, units, values)
+    step = max(probe.longest(experiments), shortest)
     tried: dict[float, float] = {}
 
     def error(step: float) -> float:
-        bench = Bench(model.base, effects or model.effects, experiments, step)
-        problem = Problem(model, bench, units, {})
-        vector = problem.start(values)[:, None]
-        finer = Bench.like(bench, step / 2)
-        simulations = [partial(each.predict, *problem.expand(vector)) for each in (finer, bench)]
-        fine, coarse = at_once(simulations, threads=THREADS)
-        with np.errstate(invalid="ignore", over="ignore"):
-            # The error against half the step, a sixteenth of which the finer solve still has.
-            apart = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(coarse, fine, strict=True)) / size
-        tried[step] = 16 / 15 * apart if np.isfinite(apart) else np.inf
+        tried[step] = probe.error(experiments, step)
         return tried[step]
 
     for _ in range(12):

@@ -107,7 +107,7 @@ class FittedModel:
             initial={}
             if fit.model.mechanics.prescribed
             else {r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :, 0], strict=True)},
-            step=bench.step,
+            step=bench.shortest,
             provenance={
                 "discovery": version("discovery"),
                 "git_revision": surroundings()["git_revision"],

@@ -78,7 +78,7 @@ def compare(trained: Stand) -> tuple[dict[str, Any], dict[str, FloatArray]]:
     paper, loop = paper_models(trained), _loop(trained)
     exact = fit_from_rest("elastica", LINEAR, trained, {"alpha": rig_alpha(trained.experiment.rig)})
     found = {n: v for n, v in loop.after.values.items() if "[" not in n}
-    after = RestFit(loop.after.model, found, {}, loop.after.problem.bench.step)
+    after = RestFit(loop.after.model, found, {}, loop.after.problem.bench.shortest)
     tips = {**paper.tips, "after_loop": after.tip(trained), "first_principles": exact.tip(trained)}
     law = trained.arm.length * np.cos(paper.gamma * trained.experiment.deflection)
     rig, arm = trained.experiment.rig, trained.arm

@@ -1,0 +1,145 @@
+"""Steps of unequal length, where only some moments of a motion ask for short ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import brentq
+
+from discovery.bench import Bench
+from discovery.experiment import Experiment
+from discovery.model import Model
+from discovery.pace import Pace
+from discovery.problem import NaturalUnits
+from discovery.simulate import THREADS
+from discovery.solver_error import Probe
+from discovery.step import choose_step
+from discovery.workers import at_once
+
+__all__ = ["unequal_bench"]
+
+FloatArray = NDArray[np.float64]
+#: Equal steps that are longer than this part of the longest ones are kept,
+_ENOUGH = 0.7
+#: and so they are if unequal ones are more than this part of them.
+_FEWER = 0.8
+#: Parts of a recording whose steps have one length, a neighbour's if that is shorter: other sets move otherwise.
+_PARTS, _NEIGHBOURS = 48, 1
+#: What a part adds is measured on steps so many times longer: quicker, and of the order that follows.
+_COARSE = 4.0
+#: The error of one step is of this order, that of all of them of one less.
+_ORDER = 5
+#: The parts' errors do not all add up: lengths are stretched so often at most, if the error is below this part of the
+#: tolerance, to reach this part of it, see `discovery.step`.
+_STRETCHES, _FAR_BELOW, _AIM = 3, 0.5, 0.7
+
+
+def unequal_bench(
+    model: Model,
+    effects: Sequence[str],
+    experiments: Sequence[Experiment],
+    units: NaturalUnits,
+    values: Mapping[str, float],
+    tolerance: float,
+) -> Bench:
+    """Return a bench whose trajectory error is at most a tolerance, on unequal steps where these are far fewer.
+
+    A violent moment of an arm asks for short steps where it is, the rest of a recording for steps that are stable. The
+    steps of other systems cost little, and their input asks for short ones everywhere.
+
+    Parameters
+    ----------
+    model, effects, experiments, units, values, tolerance
+        As for `discovery.step.choose_step`.
+
+    Raises
+    ------
+    ComputationError
+        If no step reaches the tolerance.
+    """
+    step = choose_step(model, experiments, units, values, tolerance, effects)
+    probe = Probe.of(model, effects, units, values)
+    longest = probe.longest(experiments)
+    best = equal = probe.bench(experiments, step)
+    if step > _ENOUGH * longest or not experiments[0].is_arm:
+        return equal
+    parts = _measured(probe, experiments, min(_COARSE * step, longest))
+    shares = parts.shares(step / longest)
+    for _ in range(_STRETCHES):
+        own = parts.paced(shares)
+        error = probe.error(own, longest)
+        if not error <= tolerance:
+            break
+        best = probe.bench(own, longest)
+        if error > _FAR_BELOW * tolerance:
+            break
+        shares = np.minimum(1.0, shares * (_AIM * tolerance / max(error, _AIM * tolerance / 16)) ** (1 / (_ORDER - 1)))
+    return best if best.most_steps < _FEWER * equal.most_steps else equal
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What each part of some recordings adds to the error of their readings.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        The recordings.
+    edges : list of ndarray, shape (parts + 1,)
+        Where the parts of each begin and end [s].
+    errors : ndarray, shape (parts of all,)
+        Error of a part on steps of some length, per second.
+    """
+
+    experiments: Sequence[Experiment]
+    edges: list[FloatArray]
+    errors: FloatArray
+
+    def shares(self, equal: float) -> FloatArray:
+        """Return the lengths of steps in every part, as shares of the longest, that err as much as equal ones.
+
+        With errors e h^4 a second on steps of length h, the fewest steps of a given sum of errors have lengths in
+        proportion to e^(-1/5), here none of them above one.
+        """
+        lasting = np.concatenate([np.diff(edges) for edges in self.edges])
+        e = np.maximum(self.errors / self.errors.max(), np.finfo(float).eps)
+        goal = np.sum(lasting * e) * equal ** (_ORDER - 1)
+
+        def shares(scale: float) -> FloatArray:
+            return np.minimum(1.0, np.exp(scale) * e ** (-1 / _ORDER))
+
+        def excess(scale: float) -> float:
+            return float(np.log(np.sum(lasting * e * shares(scale) ** (_ORDER - 1)) / goal))
+
+        # Where the error is largest, e is one: lengths there are at most equal ones', and that is not enough for all.
+        return shares(brentq(excess, 2 * np.log(equal) - 1.0, 0.0))
+
+    def paced(self, shares: FloatArray) -> list[Experiment]:
+        """Return the recordings with steps of these shares of the longest."""
+        ends = np.cumsum([edges.size - 1 for edges in self.edges])[:-1]
+        each = zip(self.experiments, self.edges, np.split(shares, ends), strict=True)
+        return [replace(experiment, pace=Pace.of(edges, own)) for experiment, edges, own in each]
+
+
+def _measured(probe: Probe, experiments: Sequence[Experiment], step: float) -> _Parts:
+    """Return what each part adds to the error of a motion on steps of a length there, half of it elsewhere."""
+    found = []
+    edges = [np.linspace(e.recording.time[0], e.recording.time[-1], _PARTS + 1) for e in experiments]
+    for experiment, own in zip(experiments, edges, strict=True):
+        fine = probe.predict(probe.bench([experiment], step / 2))
+
+        def error(part: int, experiment: Experiment, own: FloatArray, fine: list[FloatArray]) -> float:
+            shares = np.full(_PARTS, 0.5)
+            shares[part] = 1.0
+            coarse = probe.bench([replace(experiment, pace=Pace.of(own, shares))], step)
+            return probe.apart(probe.predict(coarse), fine, [experiment])
+
+        each = at_once([partial(error, part, experiment, own, fine) for part in range(_PARTS)], threads=THREADS)
+        errors = np.nan_to_num(each, posinf=1.0) / np.diff(own)
+        found.append(maximum_filter1d(errors, 2 * _NEIGHBOURS + 1))
+    return _Parts(experiments, edges, np.concatenate(found))
