@@ -106,7 +106,10 @@ def unstiffened(
         # What blew up from its linear start begins small.
         small = declared_starts(problem, sorted(blown), _FEW)
         found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once, finite=small)
-        found += settled([replace(r.problem, bench=fine) for r in begun], [r.minimum.x for r in begun])
+        # So does what blows up from its linear start.
+        lost = [finest[c.effect] for c in once if c.effect not in {r.effect for r in found}]
+        on = [*begun, *lost]
+        found += settled([replace(r.problem, bench=fine) for r in on], [r.minimum.x for r in on])
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}
         for r in found:

@@ -17,6 +17,7 @@ from discovery.dataset import load_dataset
 from discovery.fit import declared_model, rig_uncertainty
 from discovery.holdout import HoldOut
 from discovery.node import Node
+from discovery.pace import Pace
 from discovery.problem import natural_units
 from discovery.refits import Refit, resettled
 
@@ -78,11 +79,14 @@ def test_what_blows_up_on_the_quick_steps_is_compared_on_finer_ones() -> None:
     assert again.step < coarse.step
 
 
-def test_finer_mechanics_that_would_take_too_many_steps_are_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("limit", "value"), [("MOST_STEPS", 100), ("_MORE", 0.02)])
+def test_finer_mechanics_that_would_take_too_many_steps_are_not_tried(
+    monkeypatch: pytest.MonkeyPatch, limit: str, value: float
+) -> None:
     known, quick, _ = on_both_mechanics()
     # The same case, which has not made any mechanics yet.
     case = replace(known)
-    monkeypatch.setattr("discovery.case.MOST_STEPS", 100)
+    monkeypatch.setattr(f"discovery.case.{limit}", value)
     assert list(case._on_finer(quick.refit)) == []
     assert case.finer(quick.refit, 0.0) is quick.refit
     assert case.finest(quick.refit).model.base == "elastica_calm"
@@ -195,3 +199,18 @@ def test_a_branch_of_which_part_was_not_finished_is_made_anew_when_no_set_is_kno
     whole = branches.of(quick, others, grows=False)
     assert whole.best
     assert branches.of(quick, others, grows=False, known=known) is whole
+
+
+def test_finer_mechanics_keep_no_pace_that_costs_steps() -> None:
+    known, quick, _ = on_both_mechanics()
+    case, own = replace(known), quick.refit.problem.bench
+    equal = next(case._on_finer(quick.refit)).bench
+    (experiment,) = own.experiments
+    # Short steps where nothing asks for them.
+    edges = np.linspace(*experiment.recording.time[[0, -1]], 5)
+    paced = [replace(experiment, pace=Pace.of(edges, np.array([1.0, 1.0, 1.0, 0.2])))]
+    bench = Bench(own.base, own.effects, paced, 0.99 * own.step)
+    found = replace(quick.refit, problem=replace(quick.refit.problem, bench=bench))
+    again = next(case._on_finer(found)).bench
+    assert again.most_steps == equal.most_steps
+    assert [e.pace for e in again.experiments] == [None]

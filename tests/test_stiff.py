@@ -122,6 +122,7 @@ def test_what_is_far_behind_a_known_set_is_not_repeated_on_finer_steps(monkeypat
         monkeypatch.setattr(stiff, name, 0.0)
     asked: list[list[str]] = []
     monkeypatch.setattr(stiff, "refit", lambda *given, **_: asked.append([c.effect for c in given[3]]) or [])
+    monkeypatch.setattr(stiff, "settled", lambda *_: [])
     n = found.problem.bench.n_data
     costs = zip(quick, (0.75 * n, 10.0 * n), strict=True)
     one, other = (replace(r, minimum=replace(r.minimum, cost=cost)) for r, cost in costs)
@@ -130,6 +131,31 @@ def test_what_is_far_behind_a_known_set_is_not_repeated_on_finer_steps(monkeypat
         again = unstiffened(found.problem.model, found.minimum, found.problem, scored, [one, other], known)
         assert {e for names in asked for e in names} == repeated
         assert again == [one, other]
+
+
+def test_what_blows_up_from_its_linear_start_goes_on_from_where_longer_steps_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found, scored, quick = screened(0.0165)
+    for name in ("_OWN", "_LITTLE", "_NEARER"):
+        monkeypatch.setattr(stiff, name, 0.0)
+    monkeypatch.setattr(stiff, "refit", lambda *_, **__: [])
+    began: list[tuple[float, str, bool]] = []
+    real, ended = stiff.settled, {r.effect: r.minimum.x for r in quick}
+
+    def watched(problems: list[Problem], starts: list[np.ndarray]) -> list[Refit]:
+        for problem, x in zip(problems, starts, strict=True):
+            effect = problem.model.effects[-1]
+            began.append((problem.bench.step, effect, np.array_equal(x, ended[effect])))
+        return real(problems, starts)
+
+    monkeypatch.setattr(stiff, "settled", watched)
+    again = unstiffened(found.problem.model, found.minimum, found.problem, scored, quick)
+    step = found.problem.bench.step
+    assert {(h / step, e, same) for h, e, same in began if h == step / 2} == {(0.5, r.effect, True) for r in quick}
+    # What the solver erred is gone.
+    left = {r.effect: r.chi2 for r in quick}
+    assert all(r.chi2 < left[r.effect] - 5 and r.problem.bench.step <= step / 2 for r in again)
 
 
 def test_a_fit_that_the_solver_spoils_is_resolved_and_another_stays() -> None:
