@@ -17,7 +17,7 @@ from discovery.symbols import t
 __all__ = ["ages_of", "ages_only", "per_age"]
 
 FloatArray = NDArray[np.float64]
-#: Half of the difference of delays over which a residual is differentiated, in steps.
+#: Half of the difference of delays over which a residual is differentiated, in steps, the shortest ones.
 _DIFFERENCE = 1e-3
 #: The same changes are made around every fit of the same recordings.
 _KNOWN: WeakKeyDictionary[Bench, tuple[Sequence[Mapping[str, float]], NDArray[np.float32]]] = WeakKeyDictionary()
@@ -61,7 +61,7 @@ def per_age(bench: Bench, fitted: tuple[FloatArray, FloatArray], motions: Sequen
         How these move.
     """
     parameters, initial = fitted
-    difference = _DIFFERENCE * bench.step
+    difference = _DIFFERENCE * bench.shortest
     delayed = np.repeat(parameters, 2, axis=1)
     delayed[bench.names.index(_delay(bench.simulators[0].kernel.program))] += [difference, -difference]
     older, younger = bench.residuals(delayed, np.repeat(initial, 2, axis=2), motions).T

@@ -250,6 +250,11 @@ class Bench:
         return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
     @property
+    def most_equal_steps(self) -> float:
+        """Steps of the shortest length that the longest recording would take."""
+        return max(float(np.ptp(e.recording.time)) for e in self.experiments) / self.shortest
+
+    @property
     def most_steps(self) -> int:
         """Steps that the longest fitted recording takes."""
         return max(s.grid.steps.size for s in self.simulators)

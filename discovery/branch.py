@@ -161,7 +161,9 @@ class Branches:
         groups: dict[float, list[Refit]] = {}
         for r in refits:
             if where[r] not in done:
-                groups.setdefault(min(r.problem.bench.step, bench.step), []).append(r)
+                # Where these are shorter than anywhere there, so are those.
+                share = min(r.problem.bench.shortest / bench.shortest, 1.0)
+                groups.setdefault(share * bench.step, []).append(r)
         for step, group in groups.items():
             moved = resettled_together(group, bench if step == bench.step else Bench.like(bench, step))
             done |= zip([where[r] for r in group], moved, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -23,6 +24,7 @@ from discovery.registry import catalogue
 from discovery.residual import roughness
 from discovery.shaking import shaken
 from discovery.simplicity import imitates
+from discovery.solver_error import Probe
 from discovery.step import choose_step
 from discovery.unequal_steps import unequal_bench
 
@@ -164,7 +166,7 @@ class Case:
     settings: LoopSettings
     units: NaturalUnits
     tell: Tell
-    _benches: dict[tuple[str, float], Bench] = field(default_factory=dict, init=False, repr=False)
+    _benches: dict[tuple[str, float, float], Bench] = field(default_factory=dict, init=False, repr=False)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
@@ -191,7 +193,8 @@ class Case:
         """Yield the problem of a refit on each finer mechanics, the best first."""
         for name in found.problem.model.mechanics.finer:
             model = found.problem.model.on_base(name)
-            key = name, found.problem.bench.step
+            own = found.problem.bench
+            key = name, own.step, own.shortest
             try:
                 # The steps that the search needs tell how fine these must be.
                 if key not in self._benches:
@@ -212,8 +215,17 @@ class Case:
             step = choose_step(model, experiments, self.units, found.values, tolerance, effects, shortest)
             return Bench(model.base, effects, experiments, step)
 
-        equal = bench(self.train)
-        return equal if own.shortest == own.step else min(equal, bench(own.experiments), key=lambda b: b.most_steps)
+        if own.shortest == own.step:
+            return bench(self.train)
+        benches = []
+        for experiments in (self.train, own.experiments):
+            with suppress(ComputationError):
+                benches.append(bench(experiments))
+        if not benches:
+            raise ComputationError(f"No step reaches the tolerance on {model.base}.")
+        probe = Probe.of(model, effects, self.units, found.values)
+        # At the shortest steps the error may be too large.
+        return min(benches, key=lambda b: (probe.error(b.experiments, b.step) > tolerance, b.most_steps))
 
     def finer(self, found: Refit, least: float) -> Refit:
         """Return a refit of the search on finer mechanics where there are any that fit as well, else the same.

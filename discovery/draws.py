@@ -70,7 +70,7 @@ class Posterior:
     gaussian : mapping of str to (mean, sd)
         Parameters free within the rig's uncertainty.
     step : float
-        Integration step [s].
+        Integration step, the shortest where they differ [s].
     provenance : mapping of str to object
         Seed, versions, hashes of the recordings, settings: JSON-ready.
     """

@@ -120,7 +120,8 @@ class Fit:
             return self.problem.predict(self.minimum.x)
         assert initial is not None
         parameters, _ = self.problem.expand(self.minimum.x[:, None])
-        bench = Bench(self.problem.bench.base, self.problem.bench.effects, experiments, self.problem.bench.step)
+        own = self.problem.bench
+        bench = Bench(own.base, own.effects, experiments, own.shortest)
         return [c[:, :, 0] for c in bench.predict(parameters, np.asarray(initial, float)[:, :, None])]
 
     def specialised(self) -> Fit:

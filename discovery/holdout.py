@@ -43,7 +43,7 @@ class HoldOut:
         reach = largest_deflection(train)
         self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
         self._benches: dict[tuple[str, tuple[str, ...], float], Bench] = {}
-        self._shares: dict[tuple[str, tuple[str, ...]], float] = {}
+        self._shares: dict[tuple[str, tuple[str, ...], float], float] = {}
         self._wild: set[object] = set()
 
     @property
@@ -57,7 +57,7 @@ class HoldOut:
         """Return the predictions of the held-out recordings by each model (model, values, training predictions)."""
         if self.continued:
             return [on_train for _, _, on_train in models]
-        kernel = (bench.base, bench.effects)
+        kernel = bench.base, bench.effects
         sets = [(model, values) for model, values, _ in models]
         step = self._share(bench, sets) * bench.shortest
         key = (*kernel, step)
@@ -70,7 +70,8 @@ class HoldOut:
 
         The first set that moves through them decides: later ones do not ask again.
         """
-        kernel = (bench.base, bench.effects)
+        # Of two paces the shortest steps differ.
+        kernel = bench.base, bench.effects, bench.shortest / bench.step
         for model, values in models:
             asked = kernel, model.effects, frozenset(values.items())
             if kernel in self._shares:

@@ -163,12 +163,15 @@ def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:
         "model": problem.model.to_dict(),
         "names": target.names,
         "noise": target.noise,
-        "step": [problem.bench.step, problem.bench.shortest],
+        "step": problem.bench.step,
         "leap": problem.bench.leap,
         "data": [e.recording.sha256 for e in problem.bench.experiments],
         "fitted": [e.fitted_samples for e in problem.bench.experiments],
         "packages": {name: version(name) for name in _PACKAGES},
     }
+    paces = [None if e.pace is None else e.pace.clock.tolist() for e in problem.bench.experiments]
+    if any(paces):
+        description["paces"] = paces
     arrays = [target.centre, target.factor, *starts]
     return fingerprint(json.dumps(description), *(np.ascontiguousarray(a).tobytes() for a in arrays))
 

@@ -361,7 +361,7 @@ def resettled_together(fits: Sequence[Refit], bench: Bench) -> list[Refit]:
 def quickened(fitted: Refit, bench: Bench) -> Refit:
     """Return the same model on quicker mechanics, on shorter steps where these lose it, or as it is if all blow up."""
     fine, found = fitted.problem.bench, fitted
-    while bench.base != fine.base and bench.step > fine.step:
+    while bench.base != fine.base and bench.most_steps < fine.most_steps:
         again = resettled(fitted, bench)
         if np.isfinite(again.chi2):
             if not is_far_behind(again.chi2, fitted.chi2, bench.n_data):

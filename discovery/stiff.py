@@ -106,10 +106,12 @@ def unstiffened(
         # What blew up from its linear start begins small.
         small = declared_starts(problem, sorted(blown), _FEW)
         found = refit(problem.model, minimum, Problem(problem.model, fine, problem.units, {}), once, finite=small)
-        # So does what blows up from its linear start.
-        lost = [finest[c.effect] for c in once if c.effect not in {r.effect for r in found}]
+        # Where a linear start blows up, what the longer steps found may be near the minimum of these.
+        lost = [best[c.effect] for c in once if c.effect not in {r.effect for r in found}]
         on = [*begun, *lost]
-        found += settled([replace(r.problem, bench=fine) for r in on], [r.minimum.x for r in on])
+        again = settled([replace(r.problem, bench=fine) for r in on], [r.minimum.x for r in on])
+        asked = {r.effect: r.chi2 - _worth(r, least) for r in lost}
+        found += [r for r in again if r.chi2 < asked.get(r.effect, np.inf)]
         # What blows up even so may do with steps that are finer still.
         blown = rough - {r.effect for r in found}
         for r in found:

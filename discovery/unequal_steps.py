@@ -34,9 +34,11 @@ _PARTS, _NEIGHBOURS = 48, 1
 _COARSE = 4.0
 #: The error of one step is of this order, that of all of them of one less.
 _ORDER = 5
-#: The parts' errors do not all add up: lengths are stretched so often at most, if the error is below this part of the
-#: tolerance, to reach this part of it, see `discovery.step`.
-_STRETCHES, _FAR_BELOW, _AIM = 3, 0.5, 0.7
+#: Of the parts' errors some cancel, and coarse steps foretell them roughly: lengths are tried so often at most, until
+#: the error is between this part of the tolerance and all of it; each time it shall become this part,
+_ROUNDS, _FAR_BELOW, _AIM = 3, 0.5, 0.7
+#: and change by this factor at most.
+_MOST = 16.0
 
 
 def unequal_bench(
@@ -69,16 +71,19 @@ def unequal_bench(
     if step > _ENOUGH * longest or not experiments[0].is_arm:
         return equal
     parts = _measured(probe, experiments, min(_COARSE * step, longest))
+    if not 0 < parts.errors.max() < np.inf:
+        # Half of what was to be tried blows up already.
+        return equal
     shares = parts.shares(step / longest)
-    for _ in range(_STRETCHES):
+    for _ in range(_ROUNDS):
         own = parts.paced(shares)
         error = probe.error(own, longest)
-        if not error <= tolerance:
+        if error <= tolerance:
+            best = probe.bench(own, longest)
+        if _FAR_BELOW * tolerance < error <= tolerance or (error > tolerance and best is not equal):
             break
-        best = probe.bench(own, longest)
-        if error > _FAR_BELOW * tolerance:
-            break
-        shares = np.minimum(1.0, shares * (_AIM * tolerance / max(error, _AIM * tolerance / 16)) ** (1 / (_ORDER - 1)))
+        change = float(np.clip(_AIM * tolerance / max(error, np.finfo(float).tiny), 1 / _MOST, _MOST))
+        shares = np.minimum(1.0, shares * change ** (1 / (_ORDER - 1)))
     return best if best.most_steps < _FEWER * equal.most_steps else equal
 
 
@@ -116,8 +121,9 @@ class _Parts:
         def excess(scale: float) -> float:
             return float(np.log(np.sum(lasting * e * shares(scale) ** (_ORDER - 1)) / goal))
 
-        # Where the error is largest, e is one: lengths there are at most equal ones', and that is not enough for all.
-        return shares(brentq(excess, 2 * np.log(equal) - 1.0, 0.0))
+        # Lengths that may be above one err as much with the first of these, and with the second all are one.
+        lowest = 0.25 * np.log(goal / np.sum(lasting * e ** (1 / _ORDER)))
+        return shares(brentq(excess, lowest - 1e-9, 0.0))
 
     def paced(self, shares: FloatArray) -> list[Experiment]:
         """Return the recordings with steps of these shares of the longest."""
@@ -140,6 +146,7 @@ def _measured(probe: Probe, experiments: Sequence[Experiment], step: float) -> _
             return probe.apart(probe.predict(coarse), fine, [experiment])
 
         each = at_once([partial(error, part, experiment, own, fine) for part in range(_PARTS)], threads=THREADS)
-        errors = np.nan_to_num(each, posinf=1.0) / np.diff(own)
+        # Where steps of this length blow up in a part alone, they err there by as much as there is.
+        errors = np.minimum(each, 1.0 if np.isfinite(fine[0]).all() else np.inf) / np.diff(own)
         found.append(maximum_filter1d(errors, 2 * _NEIGHBOURS + 1))
     return _Parts(experiments, edges, np.concatenate(found))

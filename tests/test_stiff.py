@@ -158,6 +158,28 @@ def test_what_blows_up_from_its_linear_start_goes_on_from_where_longer_steps_end
     assert all(r.chi2 < left[r.effect] - 5 and r.problem.bench.step <= step / 2 for r in again)
 
 
+def test_what_gains_nothing_there_begins_small_on_steps_that_are_finer_still(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, scored, quick = screened(0.0165)
+    for name in ("_OWN", "_LITTLE", "_NEARER"):
+        monkeypatch.setattr(stiff, name, 0.0)
+    asked: list[tuple[float, list[str]]] = []
+
+    def small(problem: Problem, names: list[str], most: int) -> list[object]:
+        asked.append((problem.bench.step, names))
+        return []
+
+    same = {r.effect: r.minimum for r in quick}
+    monkeypatch.setattr(stiff, "declared_starts", small)
+    monkeypatch.setattr(stiff, "refit", lambda *_, **__: [])
+    monkeypatch.setattr(
+        stiff, "settled",
+        lambda problems, _: [Refit(p.model.effects[-1], p, same[p.model.effects[-1]]) for p in problems],
+    )  # fmt: skip
+    unstiffened(found.problem.model, found.minimum, found.problem, scored, quick)
+    # What blew up at first only: the names of the first round are none.
+    assert [names for _, names in asked[:2]] == [[], sorted(same)]
+
+
 def test_a_fit_that_the_solver_spoils_is_resolved_and_another_stays() -> None:
     fine = fitted(0.001)
     assert resolved(fine, 5.0) is fine

@@ -10,14 +10,18 @@ import pytest
 
 from discovery import unequal_steps
 from discovery.bench import Bench
+from discovery.case import Case, LoopSettings
 from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.fit import fit, refined
 from discovery.holdout import HoldOut
+from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem
 from discovery.recording import Recording
+from discovery.refits import Refit
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.solver_error import Probe
 from discovery.step import choose_step
 from discovery.unequal_steps import unequal_bench
 
@@ -92,6 +96,43 @@ def test_half_as_long_steps_keep_the_pace(paced: Bench) -> None:
     np.testing.assert_allclose(part.simulators[0].grid.times[:100], paced.simulators[0].grid.times[:100], atol=1e-12)
 
 
+def test_each_recording_has_its_pace() -> None:
+    """One that begins late is short and violent, the other slow."""
+    slow, model = arm(turns((1.0, 0.3, 3.0), (8.0, 0.3, 3.0)))
+    experiment, _ = arm(VIOLENT)
+    r = experiment.recording
+    late = replace(experiment, recording=replace(
+        r, name="late", time=r.time[300:651], input=r.input[300:651], output=r.output[300:651]
+    ))  # fmt: skip
+    values = {**VALUES, "delta_0_init[late]": 0.0, "rate_0_init[late]": 0.0}
+    bench = unequal_bench(model, EFFECTS, [slow, late], UNITS, values, TOLERANCE)
+    assert bench.most_steps < 0.4 * 10.0 / choose_step(model, [slow, late], UNITS, values, TOLERANCE)
+    first, second = (s.grid for s in bench.simulators)
+    assert (second.times[0], second.times[-1] + second.steps[-1]) == (6.0, 13.0)
+    assert 7.5 < second.times[np.argmin(second.steps)] < 10.0
+    assert second.steps.min() < 0.2 * first.steps.min()
+    problem = Problem(model, bench, UNITS, {})
+    exact = Problem(model, Bench(bench.base, bench.effects, [slow, late], bench.shortest / 4), UNITS, {})
+    both = zip(problem.predict(problem.start(values)), exact.predict(exact.start(values)), strict=True)
+    assert all(np.linalg.norm(a - b, axis=1).max() < TOLERANCE for a, b in both)
+
+
+def test_finer_mechanics_keep_a_pace_that_saves_steps(paced: Bench) -> None:
+    experiment, model = arm(VIOLENT)
+    case = Case([experiment], HoldOut([experiment], [], UNITS, TOLERANCE), LoopSettings(), UNITS, lambda _: None)
+    problem = Problem(model, Bench(paced.base, case.kernel_effects(model), paced.experiments, paced.step), UNITS, {})
+    x = problem.start(VALUES)
+    nowhere = np.zeros(x.size, bool)
+    fitted = Refit("", problem, Minimum(x, 0.0, np.zeros(0), np.zeros((0, x.size)), nowhere, True, 0))
+    bench = next(case._on_finer(fitted)).bench
+    assert bench.base == "elastica_4"
+    assert [e.pace for e in bench.experiments] == [e.pace for e in paced.experiments]
+    finer = model.on_base("elastica_4")
+    assert Probe.of(finer, EFFECTS, UNITS, VALUES).error(bench.experiments, bench.step) <= TOLERANCE
+    equal = choose_step(finer, [experiment], UNITS, VALUES, TOLERANCE)
+    assert bench.most_steps < 0.9 * 16.0 / equal
+
+
 def test_a_slow_arm_has_equal_steps() -> None:
     experiment, model = arm(turns((1.0, 0.3, 3.0), (8.0, 0.3, 3.0)))
     bench = unequal_bench(model, EFFECTS, [experiment], UNITS, VALUES, TOLERANCE)
@@ -152,6 +193,9 @@ def test_a_fit_is_the_same_on_unequal_steps(paced: Bench) -> None:
             assert found.sd[name] == pytest.approx(fits[0].sd[name], rel=0.02)
     # Whoever simulates another motion from this answer knows of no pace.
     assert fits[1].summary()["solver_step_s"] == paced.shortest
+    start = np.array([[fits[1].values[f"{n}[arm]"] for n in ("delta_0_init", "rate_0_init")]])
+    (alone,) = fits[1].predict([experiment], start)
+    assert np.linalg.norm(alone - fits[1].predict()[0], axis=1).max() < TOLERANCE
 
 
 def test_other_recordings_are_predicted_on_steps_as_short_as_the_shortest(paced: Bench) -> None:

@@ -53,7 +53,7 @@ class FittedModel:
     initial : mapping of str to (float, float)
         Deflection [q] and rate [q/s] at the first sample, by recording; of a prescribed motion there are none.
     step : float
-        Longest integration step of the fit [s].
+        Integration step of the fit, the shortest where they differ [s].
     provenance : mapping
         Where the numbers come from: version, rig file and recordings with their hashes.
 
