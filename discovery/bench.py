@@ -83,6 +83,10 @@ class Bench:
         leap = None if other.leap is None else other.leap * step / other.step
         return cls(other.base, other.effects, other.experiments, step, leap)
 
+    def of_others(self, experiments: Sequence[Experiment]) -> Bench:
+        """Return the bench of other recordings, whose motions are not known: on the shortest steps of these."""
+        return Bench(self.base, self.effects, experiments, self.shortest)
+
     def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
         """Return simulated channels of every experiment to the end of its recording, each (n, c, k).
 
@@ -250,9 +254,9 @@ class Bench:
         return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
     @property
-    def most_equal_steps(self) -> float:
-        """Steps of the shortest length that the longest recording would take."""
-        return max(float(np.ptp(e.recording.time)) for e in self.experiments) / self.shortest
+    def duration(self) -> float:
+        """Duration of the longest recording [s]."""
+        return max(float(np.ptp(e.recording.time)) for e in self.experiments)
 
     @property
     def most_steps(self) -> int:

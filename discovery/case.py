@@ -208,8 +208,7 @@ class Case:
         effects, tolerance = self.kernel_effects(model), self.settings.tolerance
         own = found.problem.bench
         # What damps the rod's higher shapes strongly may ask for a million steps, and leaves nothing of them to see.
-        most = min(MOST_STEPS, _MORE * own.most_steps)
-        shortest = max(float(np.ptp(e.recording.time)) for e in self.train) / most
+        shortest = own.duration / min(MOST_STEPS, _MORE * own.most_steps)
 
         def bench(experiments: Sequence[Experiment]) -> Bench:
             step = choose_step(model, experiments, self.units, found.values, tolerance, effects, shortest)
@@ -225,7 +224,7 @@ class Case:
             raise ComputationError(f"No step reaches the tolerance on {model.base}.")
         probe = Probe.of(model, effects, self.units, found.values)
         # At the shortest steps the error may be too large.
-        return min(benches, key=lambda b: (probe.error(b.experiments, b.step) > tolerance, b.most_steps))
+        return min(benches, key=lambda b: (probe.error(b) > tolerance, b.most_steps))
 
     def finer(self, found: Refit, least: float) -> Refit:
         """Return a refit of the search on finer mechanics where there are any that fit as well, else the same.

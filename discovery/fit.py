@@ -120,8 +120,7 @@ class Fit:
             return self.problem.predict(self.minimum.x)
         assert initial is not None
         parameters, _ = self.problem.expand(self.minimum.x[:, None])
-        own = self.problem.bench
-        bench = Bench(own.base, own.effects, experiments, own.shortest)
+        bench = self.problem.bench.of_others(experiments)
         return [c[:, :, 0] for c in bench.predict(parameters, np.asarray(initial, float)[:, :, None])]
 
     def specialised(self) -> Fit:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.batch import fit_problems
-from discovery.bench import Bench
 from discovery.chain_newton import close
 from discovery.errors import DiscoveryError
 from discovery.experiment import Experiment
@@ -166,7 +165,7 @@ class Judge:
         self.experiments = tuple(holdout) or bench.experiments
         if holdout:
             model = replace(fit.model, known={**fit.model.known, **self.values})
-            other = Bench(bench.base, bench.effects, holdout, bench.shortest)
+            other = bench.of_others(holdout)
             problem = Problem(model, other, fit.problem.units, {})
             (minimum,) = fit_problems([problem], [problem.start({})], iterations=12)
             parameters, starts = problem.expand(minimum.x[:, None])

@@ -312,7 +312,7 @@ def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
         refits = {effect: search.best.refit, **rivals}
         fitting = [partial(_quickly, r, search.bench, case) for r in refits.values()]
         fits = dict(zip(refits, at_once(fitting, threads=THREADS), strict=True))
-        steps = max(f.problem.bench.most_equal_steps for f in fits.values())
+        steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
         rng = np.random.default_rng([case.settings.seed, 2])
         found.append(separate(fits, rng, evaluations=_designs(steps)))
     return tuple(found)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery import curves, stages
-from discovery.bench import Bench
 from discovery.dataset import Dataset
 from discovery.draws import Posterior
 from discovery.errors import ComputationError, InputError
@@ -121,7 +120,7 @@ def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> l
     if not dataset.holdout:
         return list(train)
     bench = fitted.problem.bench
-    other = Bench(bench.base, bench.effects, dataset.holdout, bench.shortest)
+    other = bench.of_others(dataset.holdout)
     (held,) = held_out([(fitted.model, fitted.values)], dataset.holdout, other, fitted.problem.units)
     return [*train, *held]
 

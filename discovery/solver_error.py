@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 
 
 def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
-    """Return what a reading off by one unit of the trajectory error is off: see `Probe.error`."""
+    """Return what a reading off by one unit of the trajectory error is off: see `Probe.apart`."""
     return units.length if experiments[0].is_arm else units.coordinate
 
 
@@ -83,10 +83,9 @@ class Probe:
         worst = max(distances) / error_unit(experiments, self.units)
         return worst if np.isfinite(worst) else np.inf
 
-    def error(self, experiments: Sequence[Experiment], step: float) -> float:
-        """Return the trajectory error of a step, measured against half of it; unit as for `apart`."""
-        bench = self.bench(experiments, step)
-        both = [partial(self.predict, each) for each in (Bench.like(bench, step / 2), bench)]
+    def error(self, bench: Bench) -> float:
+        """Return the trajectory error on the steps of a bench, measured against half of them; unit as for `apart`."""
+        both = [partial(self.predict, each) for each in (Bench.like(bench, bench.step / 2), bench)]
         fine, coarse = at_once(both, threads=THREADS)
         # A sixteenth of it the finer solve still has.
-        return 16 / 15 * self.apart(coarse, fine, experiments)
+        return 16 / 15 * self.apart(coarse, fine, bench.experiments)

@@ -65,7 +65,7 @@ def choose_step(
     tried: dict[float, float] = {}
 
     def error(step: float) -> float:
-        tried[step] = probe.error(experiments, step)
+        tried[step] = probe.error(probe.bench(experiments, step))
         return tried[step]
 
     for _ in range(12):

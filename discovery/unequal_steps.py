@@ -76,10 +76,10 @@ def unequal_bench(
         return equal
     shares = parts.shares(step / longest)
     for _ in range(_ROUNDS):
-        own = parts.paced(shares)
-        error = probe.error(own, longest)
+        unequal = probe.bench(parts.paced(shares), longest)
+        error = probe.error(unequal)
         if error <= tolerance:
-            best = probe.bench(own, longest)
+            best = unequal
         if _FAR_BELOW * tolerance < error <= tolerance or (error > tolerance and best is not equal):
             break
         change = float(np.clip(_AIM * tolerance / max(error, np.finfo(float).tiny), 1 / _MOST, _MOST))
@@ -122,13 +122,12 @@ class _Parts:
             return float(np.log(np.sum(lasting * e * shares(scale) ** (_ORDER - 1)) / goal))
 
         # Lengths that may be above one err as much with the first of these, and with the second all are one.
-        lowest = 0.25 * np.log(goal / np.sum(lasting * e ** (1 / _ORDER)))
+        lowest = np.log(goal / np.sum(lasting * e ** (1 / _ORDER))) / (_ORDER - 1)
         return shares(brentq(excess, lowest - 1e-9, 0.0))
 
     def paced(self, shares: FloatArray) -> list[Experiment]:
         """Return the recordings with steps of these shares of the longest."""
-        ends = np.cumsum([edges.size - 1 for edges in self.edges])[:-1]
-        each = zip(self.experiments, self.edges, np.split(shares, ends), strict=True)
+        each = zip(self.experiments, self.edges, np.split(shares, len(self.edges)), strict=True)
         return [replace(experiment, pace=Pace.of(edges, own)) for experiment, edges, own in each]
 
 

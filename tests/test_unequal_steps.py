@@ -128,7 +128,7 @@ def test_finer_mechanics_keep_a_pace_that_saves_steps(paced: Bench) -> None:
     assert bench.base == "elastica_4"
     assert [e.pace for e in bench.experiments] == [e.pace for e in paced.experiments]
     finer = model.on_base("elastica_4")
-    assert Probe.of(finer, EFFECTS, UNITS, VALUES).error(bench.experiments, bench.step) <= TOLERANCE
+    assert Probe.of(finer, EFFECTS, UNITS, VALUES).error(bench) <= TOLERANCE
     equal = choose_step(finer, [experiment], UNITS, VALUES, TOLERANCE)
     assert bench.most_steps < 0.9 * 16.0 / equal
 
