@@ -11,7 +11,7 @@ __all__ = ["grams"]
 FloatArray = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@njit(fastmath={"contract", "reassoc"}, forceinline=True)
 def _product(a, b):
     total = 0.0
     for i in range(a.size):

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import ast
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -8,7 +9,10 @@ import grimp
 import pytest
 from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
+from discovery.compile import compile_kernel
+
 CONTRACTS = Path(__file__).parents[1] / ".importlinter"
+PACKAGE = Path(__file__).parents[1] / "discovery"
 
 #: Heavy libraries are known in one place each.
 HOMES = {
@@ -61,3 +65,18 @@ def test_heavy_libraries_have_one_home(library: str) -> None:
     users = modules.find_modules_that_directly_import(library) if library in modules.modules else set()
     strangers = {u for u in users if not any(u == h or u.startswith(f"{h}.") for h in HOMES[library])}
     assert not strangers, f"{library} is imported outside its home by {', '.join(sorted(strangers))}"
+
+
+def test_compiled_code_calls_inlined_functions_only() -> None:
+    # Else one copy is linked where the caller has just been compiled, and another where it comes from disk.
+    late = compile_kernel("elastica_calm", ("linear_stiffness", "sensor_delay"))
+    kernel = Path(late.run.py_func.__code__.co_filename)
+    for path in [kernel, *PACKAGE.rglob("*.py")]:
+        functions = {f.name: f for f in ast.parse(path.read_text()).body if isinstance(f, ast.FunctionDef)}
+        heads = {name: " ".join(map(ast.unparse, f.decorator_list)) for name, f in functions.items()}
+        compiled = {name for name, head in heads.items() if head.startswith("njit(")}
+        nodes = (node for name in compiled for node in ast.walk(functions[name]))
+        called = {node.func.id for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+        assert path != kernel or "_read_late" in called
+        for name in called & compiled:
+            assert "forceinline=True" in heads[name], f"{name} of {path.name}"

@@ -547,6 +547,35 @@ print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values(
     assert first == pytest.approx(np.cos(3.0), abs=1e-3)
 
 
+def test_a_kernel_computes_the_same_when_just_compiled_and_when_loaded(tmp_path: Path) -> None:
+    code = """
+import hashlib, numpy as np
+from discovery.simulate import Simulator
+from discovery.noise.filters import oscillating
+from discovery.noise.tails import rounded
+effects = ("linear_stiffness", "viscous_damping", "cubic_stiffness", "coulomb_friction", "sensor_delay")
+s = Simulator("elastica_calm", effects, np.linspace(0, 2, 101), None, step=0.01)
+values = {"length": 1.0, "mu": 0.05, "xi": 0.05, "alpha": 9.0, "tau": 0.0137}
+sets = np.array([np.full(8, values.get(name, 0.0)) for name in s.names]) * np.linspace(1.0, 1.1, 8)
+y = s(sets, np.full(8, 0.2), np.zeros(8))
+assert np.ptp(y) > 0.1
+time, residual, row = np.arange(101) / 50.0, np.ascontiguousarray(y - y[0]), np.linspace(0.1, 0.5, 8)
+seen = np.ones(residual.shape[:2], bool)
+parts = [y, *oscillating(time, seen, residual, row, 3.0 + row, row, residual[:, :, 1], True)]
+parts.append(rounded(seen, residual, np.full(residual.shape[1], 0.01), row))
+assert all(np.isfinite(part).all() for part in parts)
+print(hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest())
+"""
+
+    def process() -> str:
+        environment = {**os.environ, "DISCOVERY_CACHE": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+        return subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+        ).stdout
+
+    assert process() == process()
+
+
 def test_what_is_kept_on_disk_is_what_would_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISCOVERY_CACHE", str(tmp_path))
     effects = ("coulomb_friction", "linear_stiffness", "table_tilt")

@@ -80,7 +80,7 @@ def _exponential(time, seen, residual, share, tau, innovation, sums):
             sums[k + first + j] = s[log + j] + math.log(s[prod + j])
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
 def _transition(step, omega, xi, phi):
     """Fill the transition of (q, q') over a step of q'' + xi q' + omega^2 q = 0, four rows of lanes."""
     for j in range(LANES):

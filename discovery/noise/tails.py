@@ -38,7 +38,7 @@ def _scattered(residual, factor, total):
             total[first + j] += math.log(prod[j])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def _log_cell(u, h):
     """Logarithm of the probability that a standard normal number lies within h of u."""
     u = abs(u)
