@@ -328,15 +328,23 @@ def _against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
         if name in freed.reasons:
             continue
         value, spread = freed.values[name], freed.sd[name]
-        # Far from its minimum the likelihood may be flatter than its curvature there says: its ratio has the last word.
-        inside = fit.values[name]
-        gain = 2 * (fit.minimum.cost - freed.minimum.cost) + ((inside - mean) / sd) ** 2
-        gain -= ((inside - fit.problem.gaussian[name][0]) / fit.problem.gaussian[name][1]) ** 2
-        # Samples whose residuals are correlated count for fewer.
-        scale = max(1.0, freed.reduced_chi2) * correlation_length(freed.problem.bench.experiments, freed.predict())
-        spread = math.sqrt(max(spread**2, scale * (value - mean) ** 2 / max(gain, 1e-9) - sd**2))
+        if abs(value - mean) > math.hypot(spread, sd):
+            spread = _spread_by_ratio(fit, freed, name, (mean, sd))
         found.append((_check(name, fit.model.parameters[name].unit, (value, spread), (mean, sd), source), freed))
     return found
+
+
+def _spread_by_ratio(fit: Fit, freed: Fit, name: str, stated: tuple[float, float]) -> float:
+    """Return the standard deviation that the ratio of likelihoods of two fits gives a value far from the stated one.
+
+    There the likelihood may be flatter than its curvature at the minimum says; nearby the ratio is lost in round-off.
+    """
+    (mean, sd), value, inside = stated, freed.values[name], fit.values[name]
+    gain = 2 * (fit.minimum.cost - freed.minimum.cost) + ((inside - mean) / sd) ** 2
+    gain -= ((inside - fit.problem.gaussian[name][0]) / fit.problem.gaussian[name][1]) ** 2
+    # Samples whose residuals are correlated count for fewer.
+    scale = max(1.0, freed.reduced_chi2) * correlation_length(freed.problem.bench.experiments, freed.predict())
+    return math.sqrt(max(freed.sd[name] ** 2, scale * (value - mean) ** 2 / max(gain, 1e-9) - sd**2))
 
 
 def _freed(fit: Fit, name: str, stated: tuple[float, float]) -> Fit:
