@@ -37,6 +37,8 @@ _FEW = 12
 _FARTHER = (1.25, 1.12, 1.06)
 #: Of the error of a law that jumps, steps that are so many times shorter leave a 64th.
 _FAR_SHORTER = 8.0
+#: and are worth a refit where they promise this part of what is asked: by a jump they may do better.
+_PROMISED = 0.5
 #: Steps that differ by less than this factor are the same.
 _SAME = 1.01
 
@@ -159,10 +161,23 @@ def resolved(fitted: Refit, least: float) -> Refit:
     if _solver_errors([fitted], Bench.like(bench, bench.step / 2))[fitted.effect] <= least:
         return fitted
     fine = Bench.like(bench, bench.step / _FAR_SHORTER)
-    if fine.most_steps > MOST_STEPS:
+    if fine.most_steps > MOST_STEPS or fitted.chi2 - _foreseen(fitted, fine) < _PROMISED * least:
         return fitted
     (again,) = settled([replace(fitted.problem, bench=fine)], [fitted.minimum.x]) or [fitted]
     return again if again.chi2 < fitted.chi2 - least else fitted
+
+
+def _foreseen(fitted: Refit, bench: Bench) -> float:
+    """Return what a refit would leave of chi-square on another bench to first order."""
+    problem, minimum = replace(fitted.problem, bench=bench), fitted.minimum
+    there = problem.bench.residuals(*problem.expand(minimum.x[:, None]))[:, 0]
+    residual = np.concatenate([there, problem.prior_residuals(minimum.x[:, None])[:, 0]])
+    if not np.isfinite(residual).all():
+        return np.inf
+    size = np.maximum(np.linalg.norm(minimum.jacobian, axis=0), 1e-300)
+    scaled = minimum.jacobian / size
+    left = residual - scaled @ np.linalg.lstsq(scaled, residual, rcond=None)[0]
+    return float(left @ left)
 
 
 def shortened(fitted: Refit, bench: Bench) -> Refit:
