@@ -194,3 +194,21 @@ def test_a_fit_that_the_solver_spoils_is_resolved_and_another_stays() -> None:
     assert shortened(fine, coarse.problem.bench) is fine
     other = Model("elastica_calm", fine.problem.model.effects, fine.problem.model.known)
     assert shortened(coarse, Bench(other.base, EFFECTS, fine.problem.bench.experiments, 0.001)) is coarse
+
+
+def test_shorter_steps_are_not_fitted_on_where_they_cannot_help(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine = fitted(0.001)
+    bench = Bench.like(fine.problem.bench, 0.016)
+    (coarse,) = settled([replace(fine.problem, bench=bench)], [fine.minimum.x])
+    # Recordings that are what the solver makes of the fit on long steps.
+    pairs = zip(bench.experiments, coarse.predict(), strict=True)
+    read = [replace(e, recording=replace(e.recording, output=seen)) for e, seen in pairs]
+    same = Bench(bench.base, EFFECTS, read, bench.step)
+    (wrong,) = settled([replace(coarse.problem, bench=same)], [coarse.minimum.x])
+    assert wrong.chi2 < 1
+    fits: list[object] = []
+    monkeypatch.setattr(stiff, "settled", lambda *a: fits.append(a) or settled(*a))
+    assert resolved(wrong, 5.0) is wrong
+    assert not fits
+    assert resolved(coarse, 5.0) is not coarse
+    assert len(fits) == 1
