@@ -280,7 +280,9 @@ def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[Floa
             place = blocks[0] * batch.lanes if stored else 0
             simulator.run(batch, misses, *found[i], blocks, place, motion=motion, plays=motion is not None)
 
-    in_threads(work, len(jobs), threads=THREADS)
+    # What has to be compiled is compiled in this thread: an interruption waits for the others.
+    compiled = all(simulator.kernel.run.signatures for simulator, *_ in asked)
+    in_threads(work, len(jobs), threads=THREADS if compiled else 1)
     return [
         (batch.restored(out) if stored else out, batch.restored(sums))
         for (_, batch, _, _), (out, sums) in zip(asked, found, strict=True)

@@ -89,7 +89,14 @@ def at_once(calls: Sequence[Callable[[], T]], *, threads: int) -> list[T]:
     with single_algebra():
         if threads < 2:
             return [call() for call in calls]
-        with ThreadPoolExecutor(threads - 1) as pool:
+        pool, waits = ThreadPoolExecutor(threads - 1), True
+        try:
             others = [pool.submit(beside, call) for call in calls[1:]]
             first = beside(calls[0])
             return [first, *(other.result() for other in others)]
+        except KeyboardInterrupt:
+            # What compiles or simulates beside cannot be stopped.
+            waits = False
+            raise
+        finally:
+            pool.shutdown(wait=waits, cancel_futures=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -315,6 +317,23 @@ def test_an_interrupted_command_says_what_the_next_one_does(
     said = call(capsys, command, film.rig, "--out", tmp_path / "out")
     assert said.status == 130
     assert words in said.err
+
+
+def test_an_interruption_does_not_wait_for_the_compiler(film: Film, tmp_path: Path) -> None:
+    cache, out = tmp_path / "cache", tmp_path / "out"
+    command = [sys.executable, "-m", "discovery.cli", "loop", film.rig, "--train", film.train, "--out", out]
+    environment = {**os.environ, "DISCOVERY_CACHE": str(cache)}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stderr is not None
+        while "compiling a simulator" not in process.stderr.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        assert "interrupted: no file is half-written" in process.stderr.read()
+        assert process.wait() == 130
+    assert [*cache.glob("*.py")]
+    assert not [*cache.rglob("*.nbc")]
+    # Nothing was written, so nothing is left.
+    assert not out.exists()
 
 
 def scattered(rms: float, **more: Any) -> SimpleNamespace:

@@ -37,7 +37,7 @@ for _command in (*stages.COMMANDS, *campaigns.COMMANDS, *export.COMMANDS, *sourc
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit with its status."""
+    """Run the command line and exit with its status: that of the process, or the one given in its place."""
     from discovery.errors import ComputationError, InputError
 
     try:
@@ -47,6 +47,11 @@ def main(arguments: list[str] | None = None) -> None:
         given = (sys.argv[1:] if arguments is None else arguments)[:1]
         left = _RESUMED.get(given[0] if given else "", "the same command begins again")
         click.echo(f"interrupted: no file is half-written; {left}", err=True)
+        if arguments is None:
+            # The process would wait for threads that compile or simulate.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(130)
         sys.exit(130)
     except click.ClickException as error:
         error.show()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,13 +109,23 @@ def load(
 
 
 def results_folder(out: Path) -> Path:
-    """Return the folder of ``--out``, made if need be; refuse one in which nothing can be written."""
+    """Return the folder of ``--out``, made if need be; refuse one in which nothing can be written.
+
+    One that was made, and is still empty when the command ends, is removed.
+    """
     from tempfile import TemporaryFile
 
     from discovery.errors import InputError
 
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder with --out.")
+    if not out.exists():
+
+        @click.get_current_context().call_on_close
+        def _() -> None:
+            with suppress(OSError):
+                out.rmdir()
+
     try:
         out.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=out):

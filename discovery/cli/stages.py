@@ -207,7 +207,6 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, noise: str) -
 
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out)
-    folder.mkdir(parents=True, exist_ok=True)
     checkpoint = folder / "posterior_chains.h5"
     with progress(quiet) as tell:
         fitted = stages.estimate(dataset, tell=tell).models["declared"]
