@@ -62,11 +62,16 @@ class Kernel:
         By which it takes its steps.
     """
 
-    run: Callable[..., None]
+    run: Any
     program: Program
     lanes: int
     switches: NDArray[np.float64]
     method: Method
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether it has been called before."""
+        return bool(self.run.signatures)
 
 
 def _switches(effect_ids: Sequence[str]) -> dict[str, tuple[str, ...]]:

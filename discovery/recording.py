@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -26,12 +26,13 @@ from discovery.recording_columns import (
     listed,
     picked_rows,
     suggest,
+    without_outputs,
 )
 from discovery.rig import ForceView, Rig
 from discovery.unit_mistakes import check_units, near_hanging
 from discovery.units import si_factor, si_symbol
 
-__all__ = ["Recording", "blind", "read_recording"]
+__all__ = ["Recording", "read_recording"]
 
 FloatArray = npt.NDArray[np.float64]
 #: Kinds that swing about a rest position where nothing drives them.
@@ -81,20 +82,11 @@ class Recording:
     notes: tuple[str, ...] = ()
 
 
-def blind(recording: Recording) -> Recording:
-    """Return times and input of a recording only, as of a file that asks for a prediction."""
-    shown = ARM_OUTPUTS[0] if recording.channels[0] in ARM_STEMS else ("output",)
-    units = ("m", "m") if len(shown) == 2 else recording.units
-    empty = np.full((recording.time.size, len(shown)), np.nan)
-    noise = np.full(len(shown), float(recording.noise[0]))
-    return replace(recording, output=empty, channels=shown, units=units, noise=noise)
-
-
 def read_recording(
     path: str | os.PathLike[str],
     rig: Rig,
     samples: tuple[int, int] | None = None,
-    require_output: bool = True,
+    with_output: bool = True,
     *,
     where: Sequence[tuple[str, str | float]] = (),
     name: str | None = None,
@@ -111,8 +103,9 @@ def read_recording(
         The system.
     samples : (int, int), optional
         Take only ``start <= i < stop`` of the rows that `where` leaves.
-    require_output : bool
-        False for a file of times and inputs that asks for a prediction: without output columns, every output is NaN.
+    with_output : bool
+        False for a file that asks for a prediction: of times and inputs only. Columns of outputs are not looked at, and
+        every output is NaN.
     where : sequence of (str, str or float)
         Take only the rows in which these columns have these values.
     name : str, optional
@@ -130,9 +123,10 @@ def read_recording(
         physically impossible; the message names file, column, row and remedy.
     """
     table = read_table(path, rig.columns.header)
+    table = table if with_output else without_outputs(table, rig)
     arm = rig.kind == "flexible_arm"
     channels, names, units = arm_columns(table) if arm else declared_columns(table, rig)
-    if require_output and not channels:
+    if with_output and not channels:
         wanted = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m" if arm else rig.columns.output.name
         remedy = f"add {wanted}"
         if not arm:
@@ -177,9 +171,12 @@ def read_recording(
         read[channel], found = clean_output(names[channel], unit, time, read[channel], noise[-1], returns)
         notes += found if known is None else found + noise_note(names[channel], unit, time, read[channel], known)
     check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
-    if rig.view is not None and inputs is not None and read:
-        inputs, read["output"], gain = _seen_as_force(rig.view, time, inputs, read["output"], source)
-        noise = [gain * value for value in noise]
+    if rig.view is not None and inputs is not None:
+        rate = sampling_rate(time, source)
+        inputs = zero_phase(inputs, rate, rig.view.motion_cutoff)
+        if read:
+            read["output"] = _seen_as_force(rig.view, time, read["output"], rate, source)
+            noise = [noise_gain(rate, rig.view.cutoff) * value for value in noise]
     return Recording(
         name=name or table.path.stem,
         time=time,
@@ -221,23 +218,14 @@ def _part(samples: tuple[int, int] | None, where: Sequence[tuple[str, str | floa
     return f"[{', '.join(words)}]" if words else ""
 
 
-def _seen_as_force(
-    view: ForceView, time: FloatArray, motion: FloatArray, force: FloatArray, source: str
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return the smoothed motion, the smoothed force with gaps between the samples to use, and the gain of noise."""
+def _seen_as_force(view: ForceView, time: FloatArray, force: FloatArray, rate: float, source: str) -> FloatArray:
+    """Return the smoothed force with gaps between the samples to use."""
     if np.isnan(force).any():
         raise InputError(
             f"{source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps with "
             "samples = [start, stop]."
         )
-    rate = sampling_rate(time, source)
-    smooth = zero_phase(force, rate, view.cutoff)
-    used = force_samples(view, time, rate)
-    return (
-        zero_phase(motion, rate, view.motion_cutoff),
-        np.where(used, smooth, np.nan),
-        noise_gain(rate, view.cutoff),
-    )
+    return np.where(force_samples(view, time, rate), zero_phase(force, rate, view.cutoff), np.nan)
 
 
 def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,7 @@ __all__ = [
     "listed",
     "picked_rows",
     "suggest",
+    "without_outputs",
 ]
 
 ARM_STEMS = {"time": "s", "motor_angle": "rad", "tip_x": "m", "tip_y": "m", "tip_angle": "rad", "tip_deflection": "m"}
@@ -108,6 +110,18 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
             )
         stems[name] = stem
     return channels, names, {stem: unit for stem, _, unit in wanted}
+
+
+def without_outputs(table: Table, rig: Rig) -> Table:
+    """Return a table without its columns of outputs: a file that asks for a prediction may be a whole recording."""
+
+    def is_output(name: str) -> bool:
+        if rig.kind != "flexible_arm":
+            return name == rig.columns.output.name
+        split = split_suffix(name, ARM_STEMS)
+        return split is not None and any(split[0] in channels for channels in ARM_OUTPUTS)
+
+    return replace(table, columns={name: cells for name, cells in table.columns.items() if not is_output(name)})
 
 
 def picked_rows(

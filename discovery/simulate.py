@@ -281,7 +281,7 @@ def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[Floa
             simulator.run(batch, misses, *found[i], blocks, place, motion=motion, plays=motion is not None)
 
     # What has to be compiled is compiled in this thread: an interruption waits for the others.
-    compiled = all(simulator.kernel.run.signatures for simulator, *_ in asked)
+    compiled = all(simulator.kernel.is_compiled for simulator, *_ in asked)
     in_threads(work, len(jobs), threads=THREADS if compiled else 1)
     return [
         (batch.restored(out) if stored else out, batch.restored(sums))

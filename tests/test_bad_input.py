@@ -248,9 +248,9 @@ def test_prediction_files_are_checked_too(tmp_path):
     frame = swing()[["time_s", "motor_angle_rad"]]
     path = tmp_path / "drive.csv"
     frame.assign(motor_angle_rad=np.degrees(frame["motor_angle_rad"])).to_csv(path, index=False)
-    assert "'motor_angle_deg'" in refused(path, require_output=False)
+    assert "'motor_angle_deg'" in refused(path, with_output=False)
     frame[:1].to_csv(path, index=False)
-    assert "too short: 1 row." in refused(path, require_output=False)
+    assert "too short: 1 row." in refused(path, with_output=False)
 
 
 @pytest.mark.parametrize(

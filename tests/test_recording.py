@@ -138,13 +138,22 @@ def test_gaps_irregular_times_comments_and_blank_lines(tmp_path):
 
 def test_prediction_file_needs_no_output(tmp_path):
     path = write(swing()[["time_s", "motor_angle_rad"]], tmp_path / "drive.csv")
-    recording = read_recording(path, ARM, require_output=False)
+    recording = read_recording(path, ARM, with_output=False)
     assert recording.channels == ("tip_x", "tip_y")
     assert recording.output.shape == (200, 2)
     assert np.isnan(recording.output).all()
     assert not recording.noise_estimated
     with pytest.raises(InputError, match="has no output column: add tip_x_m and tip_y_m"):
         read_recording(path, ARM)
+
+
+def test_prediction_file_may_have_any_output(tmp_path):
+    path = write(swing().assign(tip_x_m="lost").drop(columns="tip_y_m"), tmp_path / "whole.csv")
+    with pytest.raises(InputError, match="tip_x_m"):
+        read_recording(path, ARM)
+    recording = read_recording(path, ARM, with_output=False)
+    assert recording.channels == ("tip_x", "tip_y")
+    assert np.isnan(recording.output).all()
 
 
 def test_oscillator_with_rate_slice_and_row_vectors(tmp_path):

@@ -41,7 +41,7 @@ def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     from discovery.experiment import make_experiment
     from discovery.pipeline import save_prediction, write_loop
     from discovery.predict import predict
-    from discovery.recording import blind, read_recording
+    from discovery.recording import read_recording
     from discovery.stages import loop
 
     out.mkdir(parents=True, exist_ok=True)
@@ -49,7 +49,7 @@ def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     pd.read_csv(case / "holdout.csv", usecols=["time_s", "motor_angle_rad"], dtype=str).to_csv(drive, index=False)
     held = [case / "holdout.csv"] if with_holdout else []
     dataset = load_dataset(case / "rig.toml", trainings(case), held)
-    wanted = make_experiment(blind(read_recording(drive, dataset.rig, require_output=False)), dataset.rig)
+    wanted = make_experiment(read_recording(drive, dataset.rig, with_output=False), dataset.rig)
     start = time.perf_counter()
     result = loop(dataset, follow_up=False, tell=lambda _: None)
     seconds = time.perf_counter() - start

@@ -72,9 +72,9 @@ def loop(
     wanted = None
     if target is not None:
         from discovery.experiment import make_experiment
-        from discovery.recording import blind, read_recording
+        from discovery.recording import read_recording
 
-        wanted = make_experiment(blind(read_recording(target, dataset.rig, require_output=False)), dataset.rig)
+        wanted = make_experiment(read_recording(target, dataset.rig, with_output=False), dataset.rig)
         if initial is None and wanted.drive is None:
             click.echo(
                 f"{target}: without --initial-state the prediction starts at rest, and nothing drives this system: it "
