@@ -196,23 +196,27 @@ def _check_motor(table: Table, column: str, unit: str, inputs: FloatArray) -> No
 def _check_duration(table: Table, column: str, unit: str, rig: Rig, time: FloatArray) -> None:
     """Refuse records shorter than a swing, and sampling too slow to see one."""
     duration, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
-    period = SLOWEST_SWING
+    period, source = SLOWEST_SWING, ""
     if rig.length and rig.tip_mass and rig.flexural_rigidity:
         # Linear arm (eq. 12 of the paper) with the whole rod's mass at the tip: longer than the true period.
         mass = rig.tip_mass.value + (rig.beam_mass.value if rig.beam_mass else 0.0)
         period = 2.0 * np.pi * np.sqrt(mass * rig.length.value**3 / (3.0 * rig.flexural_rigidity.value))
+        source = " by the rig file's masses, length and rigidity"
         if duration < period:
             raise InputError(
                 f"{table.path}, column {column!r}: the record is too short: it lasts "
-                f"{quoted(duration, unit, 4)}, less than one swing of this arm ({quoted(period, unit)} by the rig "
-                "file's masses, length and rigidity). Record longer, or correct these, or the unit in the column's "
-                "name."
+                f"{quoted(duration, unit, 4)}, less than one swing of this arm ({quoted(period, unit)}{source}). "
+                "Record longer, or correct these, or the unit in the column's name."
             )
     if step > 0.25 * period:
-        remedy = "If the times are in milliseconds, rename the column to 'time_ms'; else sample faster."
+        remedy = "If the times are in milliseconds, rename the column to 'time_ms'; else sample faster"
+        if unit != "s":
+            remedy = "Correct the unit in the column's name, or sample faster"
+        if source:
+            remedy += ", or correct these quantities and their units"
         raise InputError(
             f"{table.path}, column {column!r}: the samples are {quoted(step, unit, 4)} apart, too far for an arm that "
-            f"swings in {quoted(period, unit)}. {remedy if unit == 's' else 'Correct the unit, or sample faster.'}"
+            f"swings in {quoted(period, unit)}{source}. {remedy}."
         )
 
 

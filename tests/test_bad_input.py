@@ -244,6 +244,16 @@ def test_rows_count_from_the_file_also_in_a_part(tmp_path):
     assert "has 600 samples, so [500, 700] is not a part" in refused(path, samples=(500, 700))
 
 
+def test_a_rigidity_in_another_unit_is_not_blamed_on_the_time_alone(tmp_path):
+    path = tmp_path / "swing.csv"
+    swing().to_csv(path, index=False)
+    for factor in (1e6, 1e-6):
+        stiff = replace(ARM, flexural_rigidity=Quantity(factor * 0.126, 6e-3))
+        message = refused(path, stiff)
+        assert "by the rig file's masses, length and rigidity" in message
+        assert "correct these" in message
+
+
 def test_prediction_files_are_checked_too(tmp_path):
     frame = swing()[["time_s", "motor_angle_rad"]]
     path = tmp_path / "drive.csv"

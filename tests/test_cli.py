@@ -26,7 +26,7 @@ from discovery.cli import cli, main
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
 from discovery.cli.options import estimate_text, progress
-from discovery.cli.sources import MANOEUVRES
+from discovery.cli.sources import MANOEUVRES, SYSTEMS
 from discovery.cli.stages import NOISES
 from discovery.cli.stages import _say_loop as say_loop
 from discovery.errors import ComputationError, InputError
@@ -586,6 +586,12 @@ def test_noise_must_be_known_and_apply(case: Case, tmp_path: Path, capsys: pytes
 def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "effects")
     assert [line.split()[0] for line in listed.out.splitlines()] == sorted({*catalogue(), *(n for _, n in UPGRADES)})
+    for system in SYSTEMS:
+        listed = {line.split()[0] for line in call(capsys, "effects", "--system", system).out.splitlines()}
+        steps = {name for _, name in UPGRADES} if system == "flexible_arm" else set()
+        assert listed == {i for i, e in catalogue().items() if system in e.systems} | steps
+    assert {s for e in catalogue().values() for s in e.systems} == {*SYSTEMS}
+    assert call(capsys, "effects", "coulomb_friction", "--system", "oscillator").status == 2
     card = call(capsys, "effects", "coulomb_friction")
     assert card.status == 0
     for part in ("dissipation", "f_c", "s^-2 q", "dry friction", "Coulomb (1785)"):

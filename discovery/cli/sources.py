@@ -17,18 +17,29 @@ __all__ = ["COMMANDS", "MANOEUVRES"]
 #: Manoeuvres of the twin, named here so that the help is there at once.
 MANOEUVRES = ("train_paper", "train_large", "holdout_inside", "holdout_beyond")
 
+#: Systems for which effects are declared, for the same reason.
+SYSTEMS = ("flexible_arm", "oscillator")
+
 
 @click.command()
 @click.argument("name", required=False)
-def effects(name: str | None) -> None:
+@click.option(
+    "--system",
+    type=click.Choice(SYSTEMS),
+    help="List only what applies to a flexible arm, or to any other system of one degree of freedom.",
+)
+def effects(name: str | None, system: str | None) -> None:
     """List the catalogue of effects and the steps of the mechanics, or show the card of one."""
     from discovery.mechanics.upgrades import UPGRADES, Upgrade
     from discovery.registry import catalogue, get_effect
 
     if name is None:
         for effect_id, effect in sorted({**catalogue(), **UPGRADES}.items()):
-            click.echo(f"{effect_id:28} {effect.kind:12} {effect.title()}")
+            if system is None or system in effect.systems:
+                click.echo(f"{effect_id:28} {effect.kind:12} {effect.title()}")
         return
+    if system is not None:
+        raise click.UsageError("--system picks from the list; the card of one effect says where it applies.")
     import inspect
 
     effect = get_effect(name, UPGRADES)
