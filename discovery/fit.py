@@ -142,7 +142,7 @@ class Fit:
         units = {n: p.unit for n, p in self.model.parameters.items()}
         units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
         return {
-            "model": self.model.to_dict(),
+            "model": self.model.free_parameter(*self.problem.free).to_dict(),
             "parameters": {
                 n: {
                     "value": v,

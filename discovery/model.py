@@ -100,9 +100,9 @@ class Model:
         provided = get_base(base).provides
         return Model(base, tuple(e for e in self.effects if e not in provided), self.known)
 
-    def free_parameter(self, name: str) -> Model:
-        """Return the model in which a known parameter is fitted."""
-        return Model(self.base, self.effects, {k: v for k, v in self.known.items() if k != name})
+    def free_parameter(self, *names: str) -> Model:
+        """Return the model in which known parameters are fitted; names that are not known change nothing."""
+        return Model(self.base, self.effects, {k: v for k, v in self.known.items() if k not in names})
 
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-ready description."""

@@ -97,9 +97,8 @@ class FittedModel:
         recordings = [e.recording for e in bench.experiments]
         rig = bench.experiments[0].rig
         fitted = fit.problem.names
-        known = {n: v for n, v in fit.model.known.items() if n not in fitted}
         return cls(
-            model=Model(fit.model.base, fit.model.effects, known),
+            model=fit.model.free_parameter(*fitted),
             values={n: everything[n] for n in fit.model.parameters},
             fitted=fitted,
             covariance=fit.covariance,
