@@ -249,6 +249,7 @@ def run(
         "models": _models(loop),
     }
     # Results of one run belong together: they are written beside and moved in place when all are there.
+    out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out, prefix=".saving-") as folder:
         beside = Path(folder)
         if posterior is not None:

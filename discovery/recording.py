@@ -26,7 +26,7 @@ from discovery.recording_columns import (
     listed,
     picked_rows,
     suggest,
-    without_outputs,
+    without_tip,
 )
 from discovery.rig import ForceView, Rig
 from discovery.unit_mistakes import check_units, near_hanging
@@ -123,8 +123,8 @@ def read_recording(
         physically impossible; the message names file, column, row and remedy.
     """
     table = read_table(path, rig.columns.header)
-    table = table if with_output else without_outputs(table, rig)
     arm = rig.kind == "flexible_arm"
+    table = table if with_output or not arm else without_tip(table)
     channels, names, units = arm_columns(table) if arm else declared_columns(table, rig)
     if with_output and not channels:
         wanted = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m" if arm else rig.columns.output.name
@@ -134,8 +134,13 @@ def read_recording(
         raise InputError(
             f"{table.path} has no output column: {remedy}.{suggest(table, wanted, names.values())} {listed(table)}"
         )
-    rows = picked_rows(table, names, samples, where)[:: rig.columns.every]
-    table = table.take(list(dict.fromkeys(names.values())), rows)
+    counted = names
+    if not with_output:
+        channels, names = (), {stem: column for stem, column in names.items() if stem not in channels}
+        # Of an output that is not looked at, its length may be the number of samples.
+        counted = names or counted
+    rows = picked_rows(table, counted, samples, where)[:: rig.columns.every]
+    table = table.take(list(dict.fromkeys(counted.values())), rows)
     values = {stem: _in_si(table.numbers(column), rig, stem, units[stem]) for stem, column in names.items()}
     source = str(table.path) + _part(samples, where)
     time = values["time"] if "time" in values else _counted(rig, len(next(iter(table.columns.values()))))

@@ -22,7 +22,7 @@ __all__ = [
     "listed",
     "picked_rows",
     "suggest",
-    "without_outputs",
+    "without_tip",
 ]
 
 ARM_STEMS = {"time": "s", "motor_angle": "rad", "tip_x": "m", "tip_y": "m", "tip_angle": "rad", "tip_deflection": "m"}
@@ -112,12 +112,10 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
     return channels, names, {stem: unit for stem, _, unit in wanted}
 
 
-def without_outputs(table: Table, rig: Rig) -> Table:
-    """Return a table without its columns of outputs: a file that asks for a prediction may be a whole recording."""
+def without_tip(table: Table) -> Table:
+    """Return a table without an arm's columns of outputs: what asks for a prediction may be a whole recording."""
 
     def is_output(name: str) -> bool:
-        if rig.kind != "flexible_arm":
-            return name == rig.columns.output.name
         split = split_suffix(name, ARM_STEMS)
         return split is not None and any(split[0] in channels for channels in ARM_OUTPUTS)
 

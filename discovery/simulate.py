@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from discovery.grid import DriveLike, Grid
 from discovery.mechanics import get_base
 from discovery.pace import Pace
 from discovery.runge_kutta import CLASSICAL, Method
-from discovery.workers import in_threads
+from discovery.workers import aside, in_threads
 
 __all__ = ["THREADS", "Asked", "Batch", "Misses", "Simulator", "check_finite", "simulated"]
 
@@ -228,7 +229,11 @@ class Simulator:
         grid = (g.times, g.steps, g.restart, g.drive, g.out_step, g.out_fraction, g.out_time, g.out_drive)
         given = (misses.channel, misses.target, misses.weight, batch.parameters, batch.initial)
         motion = np.empty((0, 0)) if motion is None else motion
-        self.kernel.run(*grid, *given, out, sums, blocks[0], blocks[-1] + 1, place, motion, plays)
+        where = (out, sums, blocks[0], blocks[-1] + 1, place, motion, plays)
+        if self.kernel.is_compiled:
+            self.kernel.run(*grid, *given, *where)
+        else:
+            aside(partial(self.kernel.run, *grid, *given, *where))
 
     def motion(self, batch: Batch) -> FloatArray:
         """Return how the first set moves: states and slopes at both ends of every step, shape (steps, 4 states)."""
@@ -280,9 +285,7 @@ def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[Floa
             place = blocks[0] * batch.lanes if stored else 0
             simulator.run(batch, misses, *found[i], blocks, place, motion=motion, plays=motion is not None)
 
-    # What has to be compiled is compiled in this thread: an interruption waits for the others.
-    compiled = all(simulator.kernel.is_compiled for simulator, *_ in asked)
-    in_threads(work, len(jobs), threads=THREADS if compiled else 1)
+    in_threads(work, len(jobs), threads=THREADS)
     return [
         (batch.restored(out) if stored else out, batch.restored(sums))
         for (_, batch, _, _), (out, sums) in zip(asked, found, strict=True)

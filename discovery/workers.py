@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -12,7 +13,7 @@ from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["at_once", "in_threads", "single_algebra"]
+__all__ = ["aside", "at_once", "in_threads", "single_algebra"]
 
 T = TypeVar("T")
 _this_thread = threading.local()
@@ -55,13 +56,33 @@ def in_threads(work: Callable[[Iterator[range]], None], blocks: int, *, threads:
     waiting = iter([range(first, min(first + together, blocks)) for first in range(0, blocks, together)])
     others = min(threads - 1, -(-blocks // together) - 1)
     helpers = [_helpers(threads - 1).submit(work, waiting) for _ in range(others)]
+    waits = True
     try:
         work(waiting)
+    except KeyboardInterrupt:
+        # The others end with what they are at, and nobody waits for that.
+        deque(waiting, maxlen=0)
+        waits = False
+        raise
     finally:
         # A helper that has not begun yet is not needed any more.
-        errors = [helper.exception() for helper in helpers if not helper.cancel()]
+        errors = [helper.exception() for helper in helpers if not helper.cancel() and waits]
     for error in filter(None, errors):
         raise error
+
+
+def aside(call: Callable[[], T]) -> T:
+    """Return what a call returns, made in another thread if this is the main one.
+
+    An interruption comes to the main thread: the compiler would drop it, and what waits does not.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return call()
+    pool = ThreadPoolExecutor(1)
+    try:
+        return pool.submit(call).result()
+    finally:
+        pool.shutdown(wait=False)
 
 
 def at_once(calls: Sequence[Callable[[], T]], *, threads: int) -> list[T]:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import threading
 import tracemalloc
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.recording import Recording
 from discovery.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.workers import at_once, in_threads
+from discovery.workers import aside, at_once, in_threads
 
 EFFECTS = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law", "sensor_delay")
 VALUES = {"length": 1.0, "xi": 0.05, "alpha": 9.0, "beta": 0.5, "gamma": 0.45}
@@ -186,6 +187,42 @@ def test_calls_at_once_overlap_and_answer_in_their_order() -> None:
 
     with pytest.raises(ValueError, match="the second"):
         at_once([name, fail], threads=2)
+
+
+def interrupt(*_: object) -> int:
+    raise KeyboardInterrupt
+
+
+def test_an_interruption_waits_for_nobody() -> None:
+    free, done = threading.Event(), []
+    main = threading.current_thread()
+
+    def work(waiting) -> None:
+        for part in waiting:
+            if threading.current_thread() is main:
+                interrupt()
+            assert free.wait(30)
+            done.extend(part)
+
+    # None of these calls returns before the others are let go.
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            at_once([interrupt, partial(free.wait, 30)], threads=2)
+        with pytest.raises(KeyboardInterrupt):
+            in_threads(work, 50, threads=2)
+        assert not free.is_set()
+    finally:
+        free.set()
+    # And nobody goes on with what is left.
+    assert len(done) <= 1
+
+
+def test_what_is_made_aside_is_made_in_another_thread_of_the_main_one_only() -> None:
+    there, inner = aside(lambda: (threading.current_thread(), aside(threading.current_thread)))
+    assert there is inner
+    assert there is not threading.main_thread()
+    with pytest.raises(KeyboardInterrupt):
+        aside(interrupt)
 
 
 @pytest.mark.parametrize("late", [False, True])

@@ -320,7 +320,7 @@ def test_an_interrupted_command_says_what_the_next_one_does(
 
 
 def test_an_interruption_does_not_wait_for_the_compiler(film: Film, tmp_path: Path) -> None:
-    cache, out = tmp_path / "cache", tmp_path / "out"
+    cache, out = tmp_path / "cache", tmp_path / "of" / "this"
     command = [sys.executable, "-m", "discovery.cli", "loop", film.rig, "--train", film.train, "--out", out]
     environment = {**os.environ, "DISCOVERY_CACHE": str(cache)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
@@ -333,7 +333,29 @@ def test_an_interruption_does_not_wait_for_the_compiler(film: Film, tmp_path: Pa
     assert [*cache.glob("*.py")]
     assert not [*cache.rglob("*.nbc")]
     # Nothing was written, so nothing is left.
-    assert not out.exists()
+    assert not out.parent.exists()
+
+
+def test_an_interrupted_process_waits_for_no_thread() -> None:
+    code = """
+import sys, threading, time
+from discovery.cli import cli, main
+@cli.command()
+def sleep():
+    threading.Thread(target=time.sleep, args=(600,)).start()
+    raise KeyboardInterrupt
+sys.argv = ["discovery", "sleep"]
+main()
+"""
+    # Whoever reads what it says may have been interrupted, too.
+    reads, writes = os.pipe()
+    os.close(reads)
+    try:
+        for errors in (subprocess.DEVNULL, writes):
+            command = [sys.executable, "-c", code]
+            assert subprocess.run(command, stderr=errors, timeout=60, check=False).returncode == 130
+    finally:
+        os.close(writes)
 
 
 def scattered(rms: float, **more: Any) -> SimpleNamespace:

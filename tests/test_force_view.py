@@ -57,6 +57,10 @@ def test_a_recording_is_seen_as_force(tmp_path):
     recording = read_recording(tmp_path / "r.csv", rig(view=ForceView(50.0, CUTOFF)))
     used = np.isfinite(recording.output[:, 0])
     assert recording.time.size == T.size
+    # Without its force it moves the same.
+    moved = read_recording(tmp_path / "r.csv", rig(view=ForceView(50.0, CUTOFF)), with_output=False)
+    np.testing.assert_array_equal(moved.input, recording.input)
+    assert np.isnan(moved.output).all()
     assert used.sum() == pytest.approx(T.size / 50, rel=0.05)
     error = recording.output[used, 0] - force[used]
     assert error.std() == pytest.approx(recording.noise[0], rel=0.15)

@@ -178,6 +178,15 @@ def test_free_decay_has_no_input(tmp_path):
     assert recording.noise_estimated
 
 
+def test_an_output_that_is_not_looked_at_tells_how_many_samples_there_are(tmp_path):
+    rig = oscillator(input=None)
+    savemat(tmp_path / "s.mat", {"V2": np.sin(0.3 * np.arange(300.0))})
+    recording = read_recording(tmp_path / "s.mat", rig, with_output=False)
+    np.testing.assert_array_equal(recording.time, read_recording(tmp_path / "s.mat", rig).time)
+    assert recording.time.size == 300
+    assert np.isnan(recording.output).all()
+
+
 @given(st.integers(0, 2**32 - 1), st.floats(1e-6, 1e-2), st.integers(300, 2000))
 @settings(max_examples=25, deadline=None)
 def test_noise_is_estimated_beside_a_signal(seed, noise, n):

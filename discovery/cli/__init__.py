@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 
 import click
 
@@ -43,16 +44,12 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         cli.main(arguments, prog_name="discovery", standalone_mode=False)
     except click.exceptions.Abort:
-        # The group's own options end the call: what comes first is the command.
-        given = (sys.argv[1:] if arguments is None else arguments)[:1]
-        left = _RESUMED.get(given[0] if given else "", "the same command begins again")
-        click.echo(f"interrupted: no file is half-written; {left}", err=True)
-        if arguments is None:
-            # The process would wait for threads that compile or simulate.
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(130)
-        sys.exit(130)
+        _leave(arguments)
+    except BrokenPipeError as error:
+        # Whoever reads in a pipe may have been interrupted, too.
+        if not isinstance(error.__context__, KeyboardInterrupt):
+            raise
+        _leave(arguments)
     except click.ClickException as error:
         error.show()
         sys.exit(2)
@@ -62,3 +59,17 @@ def main(arguments: list[str] | None = None) -> None:
     except ComputationError as error:
         click.echo(f"discovery: {error}", err=True)
         sys.exit(3)
+
+
+def _leave(arguments: list[str] | None) -> None:
+    """Say what an interruption leaves, and exit."""
+    # The group's own options end the call: what comes first is the command.
+    given = (sys.argv[1:] if arguments is None else arguments)[:1]
+    left = _RESUMED.get(given[0] if given else "", "the same command begins again")
+    with suppress(BrokenPipeError):
+        click.echo(f"interrupted: no file is half-written; {left}", err=True)
+        sys.stdout.flush()
+    if arguments is None:
+        # The process would wait for threads that compile or simulate.
+        os._exit(130)
+    sys.exit(130)

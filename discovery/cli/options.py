@@ -111,7 +111,7 @@ def load(
 def results_folder(out: Path) -> Path:
     """Return the folder of ``--out``, made if need be; refuse one in which nothing can be written.
 
-    One that was made, and is still empty when the command ends, is removed.
+    What is made, and is still empty when the command ends, is removed.
     """
     from tempfile import TemporaryFile
 
@@ -119,12 +119,13 @@ def results_folder(out: Path) -> Path:
 
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder with --out.")
-    if not out.exists():
+    made = [folder for folder in (out, *out.parents) if not folder.exists()]
 
-        @click.get_current_context().call_on_close
-        def _() -> None:
-            with suppress(OSError):
-                out.rmdir()
+    @click.get_current_context().call_on_close
+    def _() -> None:
+        with suppress(OSError):
+            for folder in made:
+                folder.rmdir()
 
     try:
         out.mkdir(parents=True, exist_ok=True)

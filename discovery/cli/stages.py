@@ -48,7 +48,7 @@ def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str,
     type=PATH,
     multiple=True,
     callback=once,
-    help="File with times and input only: write prediction.csv for it.",
+    help="File with times and input: write prediction.csv for it. Its outputs, if any, are not looked at.",
 )
 @click.option(
     "--initial-state",
