@@ -299,10 +299,10 @@ def test_what_can_be_given_once_is_refused_twice(
     [
         ("campaign", "the same command goes on from what is finished"),
         ("posterior", "goes on with the chains"),
-        ("run", "begins again, but a posterior that was being sampled goes on"),
-        ("loop", "half-written; the same command begins again\n"),
-        ("fit", "half-written; the same command begins again\n"),
-        ("discover", "half-written; the same command begins again\n"),
+        ("run", "to start over; a posterior that was being sampled goes on"),
+        ("loop", "half-written; give the same command to start over\n"),
+        ("fit", "half-written; give the same command to start over\n"),
+        ("discover", "half-written; give the same command to start over\n"),
     ],
 )
 def test_an_interrupted_command_says_what_the_next_one_does(

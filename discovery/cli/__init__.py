@@ -23,7 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _RESUMED = {
     "campaign": "the same command goes on from what is finished",
     "posterior": "the same command fits again and goes on with the chains that were being sampled",
-    "run": "the same command begins again, but a posterior that was being sampled goes on",
+    "run": "give the same command to start over; a posterior that was being sampled goes on",
 }
 
 
@@ -65,7 +65,7 @@ def _leave(arguments: list[str] | None) -> None:
     """Say what an interruption leaves, and exit."""
     # The group's own options end the call: what comes first is the command.
     given = (sys.argv[1:] if arguments is None else arguments)[:1]
-    left = _RESUMED.get(given[0] if given else "", "the same command begins again")
+    left = _RESUMED.get(given[0] if given else "", "give the same command to start over")
     with suppress(BrokenPipeError):
         click.echo(f"interrupted: no file is half-written; {left}", err=True)
         sys.stdout.flush()

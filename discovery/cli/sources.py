@@ -29,7 +29,10 @@ SYSTEMS = ("flexible_arm", "oscillator")
     help="List only what applies to a flexible arm, or to any other system of one degree of freedom.",
 )
 def effects(name: str | None, system: str | None) -> None:
-    """List the catalogue of effects and the steps of the mechanics, or show the card of one."""
+    """List the catalogue of effects and the steps of the mechanics, or show the card of one.
+
+    A loop screens those of its system that neither its mechanics nor its declared model contain.
+    """
     from discovery.mechanics.upgrades import UPGRADES, Upgrade
     from discovery.registry import catalogue, get_effect
 
