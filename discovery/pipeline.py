@@ -249,6 +249,7 @@ def run(
         "models": _models(loop),
     }
     # Results of one run belong together: they are written beside and moved in place when all are there.
+    # An interrupted command beside this one may have removed the folder while it was empty.
     out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out, prefix=".saving-") as folder:
         beside = Path(folder)

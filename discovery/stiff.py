@@ -169,9 +169,10 @@ def resolved(fitted: Refit, least: float) -> Refit:
 
 def _foreseen(fitted: Refit, bench: Bench) -> float:
     """Return what a refit would leave of chi-square on another bench to first order."""
-    problem, minimum = replace(fitted.problem, bench=bench), fitted.minimum
-    there = problem.bench.residuals(*problem.expand(minimum.x[:, None]))[:, 0]
-    residual = np.concatenate([there, problem.prior_residuals(minimum.x[:, None])[:, 0]])
+    minimum = fitted.minimum
+    # What is known beside the recordings stays.
+    residual = minimum.residual.copy()
+    residual[: bench.n_rows] = bench.residuals(*fitted.problem.expand(minimum.x[:, None]))[:, 0]
     if not np.isfinite(residual).all():
         return np.inf
     size = np.maximum(np.linalg.norm(minimum.jacobian, axis=0), 1e-300)

@@ -56,17 +56,16 @@ def in_threads(work: Callable[[Iterator[range]], None], blocks: int, *, threads:
     waiting = iter([range(first, min(first + together, blocks)) for first in range(0, blocks, together)])
     others = min(threads - 1, -(-blocks // together) - 1)
     helpers = [_helpers(threads - 1).submit(work, waiting) for _ in range(others)]
-    waits = True
     try:
         work(waiting)
     except KeyboardInterrupt:
         # The others end with what they are at, and nobody waits for that.
         deque(waiting, maxlen=0)
-        waits = False
+        helpers.clear()
         raise
     finally:
         # A helper that has not begun yet is not needed any more.
-        errors = [helper.exception() for helper in helpers if not helper.cancel() and waits]
+        errors = [helper.exception() for helper in helpers if not helper.cancel()]
     for error in filter(None, errors):
         raise error
 

@@ -38,7 +38,13 @@ for _command in (*stages.COMMANDS, *campaigns.COMMANDS, *export.COMMANDS, *sourc
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit with its status: that of the process, or the one given in its place."""
+    """Run the command line and exit with its status.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In the place of the process's own. Where it has its own, an interruption ends it at once, its threads included.
+    """
     from discovery.errors import ComputationError, InputError
 
     try:
