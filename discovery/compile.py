@@ -11,10 +11,7 @@ both ends of a step).
 from __future__ import annotations
 
 import hashlib
-import importlib.util
-import os
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -27,6 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.compiled_function import keep_compiled
+from discovery.disk_cache import compiler_versions, kept, source_hash
 from discovery.kernel_source import kernel_source
 from discovery.kernel_text import assignments, printed
 from discovery.mechanics import get_base
@@ -84,43 +83,21 @@ def _switches(effect_ids: Sequence[str]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _cache_folder() -> Path:
-    """Return a writable folder for generated kernels: DISCOVERY_CACHE, the user's cache, else a temporary one."""
-    from platformdirs import user_cache_path
-
-    chosen = os.environ.get("DISCOVERY_CACHE")
-    folder = Path(chosen) if chosen else user_cache_path("discovery") / "kernels"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError:
-        folder = Path(tempfile.mkdtemp(prefix="discovery-kernels-"))
-    return folder
-
-
 def _load(source: str) -> ModuleType:
-    """Import generated source from a file named by its hash, so that the compiler's disk cache applies."""
+    """Return the module of generated source, whose compiled code is kept on disk; its text itself is not."""
     from discovery import vectormath
 
-    key = hashlib.sha256((source + Path(vectormath.__file__).read_text(encoding="utf-8")).encode()).hexdigest()[:20]
-    name = f"{_GENERATED}{key}"
+    stamp = f"{source}{Path(vectormath.__file__).read_text(encoding='utf-8')}{compiler_versions()}"
+    key = hashlib.sha256(stamp.encode()).hexdigest()
+    name = f"{_GENERATED}{key[:20]}"
     if name in sys.modules:
         return sys.modules[name]
-    path = _cache_folder() / f"{name}.py"
-    if not path.exists():
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as file:
-            file.write(source)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
     _listen()
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # The compiler's cache looks the module up by its name.
+    module = ModuleType(name)
+    # What is loaded from disk looks its module up by name.
     sys.modules[name] = module
-    spec.loader.exec_module(module)
+    exec(compile(source, f"<{name}>", "exec"), vars(module))
+    keep_compiled(module.run, key)
     return module
 
 
@@ -157,22 +134,8 @@ def heard_compiling(began: Callable[[], object], ended: Callable[[], object] = l
         _LISTENING.remove(calls)
 
 
-@cache
-def _source_hash() -> str:
-    """Return a hash of this package and of what else decides how a kernel is written."""
-    import sympy
-
-    found = hashlib.sha256(f"{sys.version} {sympy.__version__}".encode())
-    folder = Path(__file__).parent
-    for path in sorted(p for p in folder.rglob("*") if p.suffix in {".py", ".txt"}):
-        found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
-
-
-def _written(
-    base_name: str, effect_ids: tuple[str, ...], method: Method, source_hash: str | None
-) -> tuple[Program, str]:
-    """Return a program and the text of its kernel; the hash makes what is kept on disk that of this very package."""
+def _written(base_name: str, effect_ids: tuple[str, ...], method: Method) -> tuple[Program, str]:
+    """Return a program and the text of its kernel."""
     program = build_program(base_name, effect_ids)
     # A copy: functions made on demand, which the original may hold, cannot be kept on disk.
     return replace(program), kernel_source(program, get_base(base_name).lanes, _switches(effect_ids), method)
@@ -180,13 +143,11 @@ def _written(
 
 def _kept(base_name: str, effect_ids: tuple[str, ...], method: Method) -> tuple[Program, str]:
     """Return the same from disk where it was written before: symbolic algebra takes a second or so."""
-    from joblib import Memory
-
     if any(not type(get_effect(e)).__module__.startswith("discovery.") for e in effect_ids):
         # What effects of other packages follow from is not known.
-        return _written(base_name, effect_ids, method, None)
-    memory = Memory(_cache_folder(), verbose=0)
-    return memory.cache(_written)(base_name, effect_ids, method, _source_hash())
+        return _written(base_name, effect_ids, method)
+    key = repr(("kernel", base_name, effect_ids, method, source_hash()))
+    return kept(key, lambda: _written(base_name, effect_ids, method))
 
 
 @lru_cache(maxsize=128)
