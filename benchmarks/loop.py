@@ -18,13 +18,13 @@ import numpy as np
 
 from discovery.attribution import candidates, screen
 from discovery.bench import Bench
-from discovery.case import LoopSettings
 from discovery.dataset import Dataset, load_dataset
 from discovery.fit import fit
 from discovery.loop import close_loop
 from discovery.model import Model
 from discovery.problem import known_values, natural_units
 from discovery.refits import refit
+from discovery.selection.settings import LoopSettings
 from discovery.step import choose_step
 
 DATASETS = Path(__file__).parents[1] / "datasets"

@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from discovery.case import LoopSettings as LoopSettings
     from discovery.dataset import Dataset as Dataset
     from discovery.dataset import load_dataset as load_dataset
     from discovery.draws import Posterior as Posterior
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     from discovery.report import build_report as build_report
     from discovery.rig import Rig as Rig
     from discovery.rig_file import read_rig as read_rig
+    from discovery.selection.settings import LoopSettings as LoopSettings
     from discovery.stages import discover as discover
 
 # A public name never equals a module's, which would hide it once that module is imported: hence fit_model.
@@ -56,7 +56,7 @@ _HOMES = {
     "FittedModel": "discovery.export:FittedModel",
     "InputError": "discovery.errors:InputError",
     "LoopResult": "discovery.loop:LoopResult",
-    "LoopSettings": "discovery.case:LoopSettings",
+    "LoopSettings": "discovery.selection.settings:LoopSettings",
     "Model": "discovery.model:Model",
     "NotConverged": "discovery.errors:NotConverged",
     "NotIdentifiable": "discovery.errors:NotIdentifiable",

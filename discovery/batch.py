@@ -69,9 +69,10 @@ def _answer_on(problems: Sequence[Problem]) -> Callable[[list[tuple[int, FloatAr
         found = []
         for j, (i, x) in enumerate(wanted):
             prior = problems[i].prior_residuals(x)
+            own_data = problems[i].whitened(data[:, edges[j] : edges[j + 1]])
             # What a minimisation does with a trial it does with a whole column.
             own = np.empty((len(data) + len(prior), x.shape[1]), order="F")
-            own[: len(data)], own[len(data) :] = data[:, edges[j] : edges[j + 1]], prior
+            own[: len(data)], own[len(data) :] = own_data, prior
             found.append(own)
         return found
 

@@ -37,6 +37,7 @@ def campaign(
     seed: int = 0,
     workers: int = 2,
     scheduler: str | None = None,
+    insecure: bool = False,
     limit: float | None = None,
 ) -> Iterator[Outcome]:
     """Do the cases that are not done yet, and keep every outcome on disk as it comes.
@@ -46,7 +47,7 @@ def campaign(
 
     Parameters
     ----------
-    work, cases, seed, workers, scheduler, limit
+    work, cases, seed, workers, scheduler, insecure, limit
         See `discovery.spread.spread`.
     folder : path
         Every outcome is written to ``cases/<name>.json`` in it, whole or not at all.
@@ -74,7 +75,9 @@ def campaign(
         if (first := next(waiting, None)) is None:
             return
         left = chain([first], waiting)
-        for outcome in spread(work, left, seed=seed, workers=workers, scheduler=scheduler, limit=limit):
+        for outcome in spread(
+            work, left, seed=seed, workers=workers, scheduler=scheduler, insecure=insecure, limit=limit
+        ):
             origin = {"origin": known[outcome.name]} if outcome.name in known else {}
             write_json(_file(folder, outcome.name), asdict(outcome) | origin)
             yield outcome
@@ -104,7 +107,12 @@ def unfinished(
 
 def _outdated(path: Path, origin: Mapping[str, Any] | None) -> str | None:
     """Return why a case is done again, None where its outcome stands."""
-    kept = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        kept = read_json(path)
+    except InputError:
+        return "its outcome cannot be read"
+    if not isinstance(kept, dict) or not kept.keys() >= {"name", "seconds", "result", "error"}:
+        return "its outcome is not whole"
     if kept["error"]:
         return "it failed before"
     if origin is None:
@@ -112,7 +120,8 @@ def _outdated(path: Path, origin: Mapping[str, Any] | None) -> str | None:
     if "origin" not in kept:
         return "what it was made from is not known"
     now = json.loads(json.dumps(plain(origin)))
-    changed = [key for key in {**now, **kept["origin"]} if now.get(key) != kept["origin"].get(key)]
+    before = plain(kept["origin"])
+    changed = [key for key in {**now, **before} if now.get(key) != before.get(key)]
     return f"changed since: {', '.join(changed).replace('_', ' ')}" if changed else None
 
 
@@ -120,7 +129,7 @@ def _claim(path: Path, content: dict[str, Any]) -> None:
     """Say what a folder is of, or refuse one that is of something else."""
     if not path.exists():
         write_json(path, content)
-    elif json.loads(path.read_text(encoding="utf-8")) != json.loads(json.dumps(content)):
+    elif plain(read_json(path)) != json.loads(json.dumps(content)):
         raise InputError(
             f"{path.parent} holds a campaign with another seed or other settings (see {path.name}). Delete it, or name "
             "another folder."

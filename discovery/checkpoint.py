@@ -9,6 +9,7 @@ import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import fields
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,9 @@ def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) 
     run : str
         Fingerprint of the run.
     """
-    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
+    # In memory: on a full disk the library of the format ends the process.
+    made = BytesIO()
+    with h5py.File(made, "w") as file:
         file.attrs["run"] = run
         for i, ensemble in enumerate(ensembles):
             group = file.create_group(f"ensemble_{i}")
@@ -57,6 +60,8 @@ def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) 
                 group.create_dataset(dataset, data=data)
             for move, counted in ensemble.moves.items():
                 group.attrs[f"accepted_{move}"] = (counted.accepted, counted.proposed)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(made.getbuffer())
 
 
 def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> bool:

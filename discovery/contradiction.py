@@ -34,7 +34,7 @@ from discovery.problem import Problem
 from discovery.reconciliation import Reconciliation, reconcile
 from discovery.residual import correlation_length
 
-__all__ = ["Check", "Contradiction", "ContradictionReport", "check_contradictions", "grossly_unlike"]
+__all__ = ["Check", "Contradiction", "ContradictionReport", "check_contradictions"]
 
 #: A difference of so many standard deviations is a contradiction.
 LIMIT = 3.0
@@ -178,20 +178,6 @@ class ContradictionReport:
                 for c in self.contradictions
             ],
         }
-
-
-def grossly_unlike(fit: Fit, rng: np.random.Generator) -> ContradictionReport:
-    """Test the stiffness of an arm alone: what is missing shifts it, but not far.
-
-    Parameters
-    ----------
-    fit : Fit
-        Of an arm; where the rig predicts no stiffness, nothing is tested.
-    rng : numpy.random.Generator
-        Source of the draws of the rig's quantities.
-    """
-    checks = tuple(check for check, _ in _stiffness(fit, rng))
-    return ContradictionReport(checks, tuple(Contradiction(c, (), sought=False) for c in checks if c.gross))
 
 
 def check_contradictions(

@@ -23,7 +23,7 @@ _LEAPS, _FIRST_LEAP = 6, 0.75
 
 
 def covariance_of(
-    problem: Problem, minimum: Minimum, *, unlike: float = 0.0
+    problem: Problem, minimum: Minimum
 ) -> tuple[FloatArray, dict[str, str], tuple[dict[str, float], ...]]:
     """Return the covariance of the estimates from the Jacobian at the minimum, by singular values.
 
@@ -33,8 +33,6 @@ def covariance_of(
         What was fitted.
     minimum : Minimum
         Where the minimisation ended.
-    unlike : float
-        How far the laws of effects may be from nature's, rms distance over all channels [unit of the output].
 
     Returns
     -------
@@ -71,7 +69,7 @@ def covariance_of(
             for n in direction:
                 reasons[n] = "not identifiable from these recordings"
         inverse = (rows[~weak].T / singular[~weak] ** 2) @ rows[~weak]
-        honest = inverse @ _score_covariance(scaled, minimum.residual, problem, unlike) @ inverse
+        honest = inverse @ _score_covariance(scaled, minimum.residual, problem) @ inverse
         covariance[np.ix_(use, use)] = honest / np.outer(size[use], size[use])
         for n in reasons:
             k = names.index(n)
@@ -91,25 +89,24 @@ def principal_spread(covariance: FloatArray) -> FloatArray:
     return safe[:, None] * axes * np.sqrt(np.maximum(power, 0.0))
 
 
-def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int, unlike: float) -> FloatArray:
+def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int) -> FloatArray:
     """Return the power of the model's own error, over that of white noise, at the lines of a spectrum.
 
-    A base is no beam, and the law of an effect is not nature's: what they idealise moves with the arm, so it is taken
-    as correlated over the natural time (Kennedy and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425;
-    the size of the base's is known from a finer model).
+    A base is no beam: what it idealises moves with the arm, so it is taken as correlated over the natural
+    time (Kennedy and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425). Its size is known from a finer
+    model.
     """
     base, units, recording = problem.model.mechanics, problem.units, experiment.recording
     own = base.accuracy * (1.0 if recording.units[channel] == "rad" else units.length)
-    error = float(np.hypot(own, unlike / np.sqrt(len(recording.units))))
-    if error == 0.0:
+    if own == 0.0:
         return np.zeros(lines)
     gap = float(np.median(np.diff(recording.time)))
     frequency = np.pi / gap * np.linspace(0.0, 1.0, lines)
-    share = (error / float(recording.noise[channel])) ** 2
+    share = (own / float(recording.noise[channel])) ** 2
     return share * 2 * units.time / gap / (1 + (frequency * units.time) ** 2)
 
 
-def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Problem, unlike: float) -> FloatArray:
+def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Problem) -> FloatArray:
     """Return the covariance of J^T r for noise with the smoothed spectrum of the residual.
 
     Never below white noise and what the model idealises. With the inverse of J^T J on both sides it is the sandwich of
@@ -131,7 +128,7 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Probl
             twice[0] = 1.0
             if n % 2 == 0:
                 twice[-1] = 1.0
-            least = 1.0 + _idealised(problem, experiment, c, power.size, unlike)
+            least = 1.0 + _idealised(problem, experiment, c, power.size)
             weight = twice * np.maximum(smooth, least) / n
             total += np.real(spectrum.conj().T @ (spectrum * weight[:, None]))
     return total

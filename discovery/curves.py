@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,12 @@ FloatArray = NDArray[np.float64]
 
 def save_groups(path: Path, groups: Mapping[str, xr.Dataset]) -> None:
     """Write named groups of arrays to one netCDF file, beside first."""
+    # In memory: on a full disk the library of the format ends the process.
+    made = BytesIO()
+    for i, (name, group) in enumerate(groups.items()):
+        group.to_netcdf(made, group=name, mode="w" if i == 0 else "a", engine="h5netcdf")
     with atomic_write(path) as temporary:
-        for i, (name, group) in enumerate(groups.items()):
-            group.to_netcdf(temporary, group=name, mode="w" if i == 0 else "a", engine="h5netcdf")
+        temporary.write_bytes(made.getbuffer())
 
 
 def trajectories(
@@ -77,7 +82,7 @@ def noise_free(experiment: Experiment) -> FloatArray | None:
     """Return the noise-free tip that a simulated recording brings along beside its file, for judging only."""
     source = Path(experiment.recording.source.partition("[")[0])
     beside = source.with_name(f"{source.stem}_clean{source.suffix}")
-    if not beside.exists() or experiment.recording.channels != ("tip_x", "tip_y"):
+    if not os.path.exists(beside) or experiment.recording.channels != ("tip_x", "tip_y"):
         return None
     from discovery.recording import read_recording
 

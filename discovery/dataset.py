@@ -11,9 +11,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from discovery.errors import InputError
 from discovery.experiment import Experiment, make_experiment
+from discovery.gravity_scale import angle_doubt, fall_doubt
 from discovery.kinds import KINDS
 from discovery.recording import Recording, read_recording
 from discovery.rig import RecordPart, Rig
@@ -22,6 +24,8 @@ from discovery.shared_samples import shared_samples
 from discovery.units import quoted
 
 __all__ = ["Dataset", "load_dataset"]
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Dataset:
 
 def _read(part: RecordPart, rig: Rig) -> Recording:
     path = part.file
-    if not path.exists():
+    if not os.path.exists(path):
         # Public measured data lie in the user's data folder, not beside the rig file.
         from discovery_datasets import registry
 
@@ -100,6 +104,7 @@ def load_dataset(
     found = {role: [_read(part, rig) for part in listed] for role, listed in parts.items()}
     _refuse_twins(found)
     _distinguish(found, parts)
+    found = _doubted(rig, found)
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,
@@ -110,6 +115,29 @@ def load_dataset(
     for role, experiment in (*dataset.everything, *(("test", e) for e in dataset.test)):
         _refuse_unusable(role, experiment)
     return dataset
+
+
+def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Recording]]:
+    """Return recordings with a note on each whose scale gravity contradicts."""
+
+    def motions(*recordings: Recording) -> list[tuple[FloatArray, FloatArray]]:
+        return [(r.time, r.output[:, 0]) for r in recordings]
+
+    def doubt(r: Recording) -> str:
+        if rig.kind == "falling_body":
+            return fall_doubt(rig, *motions(r))
+        # Swings of different size say more together, unless one of them alone is in another unit.
+        return together or angle_doubt(rig, motions(r))
+
+    every = [r for listed in found.values() for r in listed]
+    free = rig.gravity is not None and rig.view is None and all(r.input is None for r in every)
+    if not free or rig.kind not in ("pendulum", "falling_body"):
+        return found
+    together = angle_doubt(rig, motions(*every)) if rig.kind == "pendulum" else ""
+    return {
+        role: [replace(r, notes=(*r.notes, said)) if (said := doubt(r)) else r for r in listed]
+        for role, listed in found.items()
+    }
 
 
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -200,8 +201,11 @@ class Posterior:
         self, path: str | os.PathLike[str], bands: Sequence[Band] = (), experiments: Sequence[Experiment] = ()
     ) -> None:
         """Write the groups of `to_tree` as netCDF, beside its place first."""
+        # In memory: on a full disk the library of the format ends the process.
+        made = BytesIO()
+        self.to_tree(bands, experiments).to_netcdf(made, engine="h5netcdf")
         with atomic_write(path) as temporary:
-            self.to_tree(bands, experiments).to_netcdf(temporary, engine="h5netcdf")
+            temporary.write_bytes(made.getbuffer())
 
     def _attributes_of(self, name: str) -> dict[str, Any]:
         value, sd = self.reference[name]

@@ -29,10 +29,8 @@ __all__ = [
     "declared_model",
     "fit",
     "fit_near",
-    "prolonged",
     "refined",
     "rig_uncertainty",
-    "widened",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -314,28 +312,6 @@ def _at(problem: Problem, minimum: Minimum) -> Fit:
         )
     covariance, reasons, directions = covariance_of(problem, minimum)
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
-
-
-def prolonged(found: Fit) -> Fit:
-    """Return the same model fitted to its recordings to their end, where a part of them was held out."""
-    old, experiments = found.problem, found.problem.bench.experiments
-    if all(e.fitted_samples is None for e in experiments):
-        return found
-    whole = [replace(e, fitted_samples=None) for e in experiments]
-    bench = Bench(old.model.base, old.bench.effects, whole, old.bench.step)
-    try:
-        return fit_near(Problem(old.model, bench, old.units, old.gaussian), found.values)
-    except SimulationFailure:
-        return found
-
-
-def widened(found: Fit, unlike: float) -> Fit:
-    """Return a fit whose intervals count how far the laws of its effects may be from nature's.
-
-    `unlike` is the rms distance over all channels [unit of the output], see `discovery.covariance.covariance_of`.
-    """
-    covariance, reasons, directions = covariance_of(found.problem, found.minimum, unlike=unlike)
-    return replace(found, covariance=covariance, reasons=reasons, null_directions=directions)
 
 
 def refined(found: Fit, largest: float = SHIFT, *, rough: bool = False) -> Fit:

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.bench import Bench
-from discovery.covariance import principal_spread
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit
 from discovery.model import Model
 from discovery.predict import held_out
 from discovery.problem import NaturalUnits
-from discovery.residual import chance_variance, errors, systematic_share
+from discovery.residual import errors
 from discovery.step import choose_step
 
 __all__ = ["SEPARATE", "HoldOut"]
@@ -23,8 +22,6 @@ __all__ = ["SEPARATE", "HoldOut"]
 FloatArray = NDArray[np.float64]
 #: What held-out recordings are called that were given as such.
 SEPARATE = "separate recordings"
-#: Standard deviations above its mean that a normal number exceeds once in a hundred times.
-_ONCE_IN_A_HUNDRED = 2.326
 
 
 def _physical(values: Mapping[str, float]) -> dict[str, float]:
@@ -42,9 +39,14 @@ class HoldOut:
         self.continued = not separate
         reach = largest_deflection(train)
         self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
-        self._benches: dict[tuple[str, tuple[str, ...], float], Bench] = {}
+        self._benches: dict[tuple[str, tuple[str, ...], float, tuple[str, ...]], Bench] = {}
         self._shares: dict[tuple[str, tuple[str, ...], float], float] = {}
         self._wild: set[object] = set()
+
+    @property
+    def holds(self) -> bool:
+        """Whether anything is held out."""
+        return bool(self.separate) or any(e.fitted_samples is not None for e in self.train)
 
     @property
     def kind(self) -> str:
@@ -57,13 +59,21 @@ class HoldOut:
         """Return the predictions of the held-out recordings by each model (model, values, training predictions)."""
         if self.continued:
             return [on_train for _, _, on_train in models]
-        kernel = bench.base, bench.effects
         sets = [(model, values) for model, values, _ in models]
-        step = self._share(bench, sets) * bench.shortest
-        key = (*kernel, step)
+        return held_out(sets, self.separate, self.simulators(bench, sets, self.separate), self.units)
+
+    def simulators(
+        self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float]]], experiments: Sequence[Experiment]
+    ) -> Bench:
+        """Return simulators of held-out recordings with the base and the effects of a bench, made once.
+
+        Their steps are those that these recordings need by the first of the models that moves through them.
+        """
+        step = self._share(bench, models) * bench.shortest
+        key = (bench.base, bench.effects, step, tuple(e.recording.name for e in experiments))
         if key not in self._benches:
-            self._benches[key] = Bench(*kernel, self.separate, step)
-        return held_out(sets, self.separate, self._benches[key], self.units)
+            self._benches[key] = Bench(bench.base, bench.effects, experiments, step)
+        return self._benches[key]
 
     def _share(self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float]]]) -> float:
         """Return how much finer steps the held-out recordings need than the fitted ones, over these.
@@ -107,57 +117,9 @@ class HoldOut:
         inside = [i for i, flag in enumerate(self.inside) if flag]
         return inside or list(range(len(self.experiments)))
 
-    # Shortly before a blow-up squares may be too large for a number.
-    @np.errstate(over="ignore")
-    def score(self, predictions: Sequence[FloatArray]) -> tuple[float, int, float]:
-        """Return chi-square, number of samples and systematic residual of the deciding recordings.
-
-        Both measures are infinite where a sample is not predicted: a motion blew up.
-        """
-        chi2, count = 0.0, 0
-        parts: list[float] = []
-        outputs = self.outputs()
-        for i in self.deciding():
-            e = self.experiments[i]
-            normal = (predictions[i] - outputs[i]) / e.recording.noise
-            measured = np.isfinite(outputs[i])
-            count += int(measured.sum())
-            if not np.isfinite(normal[measured]).all():
-                chi2 = np.inf
-                parts.append(np.inf)
-                continue
-            chi2 += float(np.sum(normal[measured] ** 2))
-            parts.append(systematic_share(normal, e.recording.time, 2 * np.pi * self.units.time))
-        return chi2, count, float(np.sqrt(np.mean(np.square(parts))))
-
-    def chance(self) -> float:
-        """Return the systematic residual [noise sds] that noise alone exceeds once in a hundred."""
-        outputs, period = self.outputs(), 2 * np.pi * self.units.time
-        each = [
-            chance_variance(np.isfinite(outputs[i]), self.experiments[i].recording.time, period)
-            for i in self.deciding()
-        ]
-        return float(np.sqrt(_ONCE_IN_A_HUNDRED * np.sqrt(sum(each)) / len(each)))
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def uncertainty(self, fit: Fit) -> float:
-        """Return the rms standard deviation of a fit's deciding predictions [noise sds], infinite if one blows up."""
-        half = 0.5 * principal_spread(fit.covariance)
-        low, high = fit.problem.bounds
-        points = np.clip(fit.minimum.x[:, None] + np.hstack([half, -half]), low[:, None], high[:, None])
-        on_train = fit.problem.bench.predict(*fit.problem.expand(points))
-        models = [
-            (fit.model, fit.problem.named(point), [channels[:, :, i] for channels in on_train])
-            for i, point in enumerate(points.T)
-        ]
-        predicted, outputs = self.predictions(fit.problem.bench, models), self.outputs()
-        squares = []
-        for i in self.deciding():
-            noise, held = self.experiments[i].recording.noise, np.isfinite(outputs[i])
-            pairs = zip(predicted[: half.shape[1]], predicted[half.shape[1] :], strict=True)
-            squares.append(np.sum([np.square((up[i] - down[i]) / noise) for up, down in pairs], axis=0)[held].mean())
-        uncertainty = float(np.sqrt(np.mean(squares)))
-        return uncertainty if np.isfinite(uncertainty) else np.inf
+    def held(self, fit: Fit, on_train: list[FloatArray]) -> list[FloatArray]:
+        """Return a fit's predictions of the held-out recordings, from those of the training recordings."""
+        return self.predictions(fit.problem.bench, [(fit.model, fit.values, on_train)])[0]
 
     def errors(self, predictions: Sequence[FloatArray]) -> dict[str, dict[str, float]]:
         """Return errors over all held-out recordings, and apart inside and outside the trained deflection."""

@@ -15,12 +15,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from discovery.errors import InputError, suggestion
+from discovery.errors import ComputationError, InputError, suggestion
 from discovery.text_table import parse_text
 
-__all__ = ["Table", "atomic_write", "read_table"]
+__all__ = ["Table", "atomic_write", "read_table", "reason", "shown"]
 
 _CSV = (".csv", ".tsv", ".txt", ".dat")
+#: Larger numbers leave the range of floating-point numbers in another unit.
+_LARGEST = 1e200
+#: Letters of a path in a message.
+_SHOWN = 300
 _KNOWN = (*_CSV, ".parquet", ".pq", ".mat", ".h5", ".hdf5")
 
 
@@ -108,12 +112,13 @@ class Table:
                 )
         else:
             values = np.asarray(column, np.float64)
-        infinite = np.isinf(values)
+        infinite = np.abs(values) > _LARGEST
         if infinite.any():
             row = int(np.argmax(infinite))
+            size = "infinite" if np.isinf(values[row]) else f"{values[row]:.3g}, which nothing reads"
             raise InputError(
-                f"{self.path}, column {name!r}, {self.where(row)}: the value is infinite. "
-                "Leave the cell empty where there is no reading."
+                f"{self.path}, column {name!r}, {self.where(row)}: the value is {size}. "
+                "Leave the cell empty where there is no reading. Correct the unit or the scale if all are that large."
             )
         return values
 
@@ -123,7 +128,7 @@ def _parse(column: npt.NDArray[Any]) -> tuple[npt.NDArray[np.float64], int | Non
     import pandas as pd
 
     text = pd.Series(column, dtype=object)
-    empty = text.isna() | text.astype(str).str.strip().str.lower().isin(["", "nan", "na", "null", "none"])
+    empty = text.isna() | text.map(str).str.strip().str.lower().isin(["", "nan", "na", "null", "none"])
     values = pd.to_numeric(text.where(~empty), errors="coerce").to_numpy(np.float64)
     wrong = np.isnan(values) & ~empty.to_numpy()
     return values, int(np.argmax(wrong)) if wrong.any() else None
@@ -150,8 +155,8 @@ def read_table(path: str | os.PathLike[str], header: Sequence[str] | None = None
         raise InputError(f"{path}: the format {suffix or 'without a suffix'!r} is not known. Use {', '.join(_KNOWN)}.")
     try:
         content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}. Check the path of the recording.") from error
+    except (OSError, ValueError) as error:  # a name may hold what no file's name can
+        raise InputError(f"{shown(path)} cannot be read: {reason(error)}. Check the path of the recording.") from error
     if not content.strip():
         raise InputError(f"{path} is empty. Export the recording again.")
     sha256 = hashlib.sha256(content).hexdigest()
@@ -235,16 +240,38 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         Where to write; the same suffix, the same folder. It is removed if the block raises, and whatever stood at
         `path` before is then still there.
 
+    Raises
+    ------
+    ComputationError
+        If the system refuses: the disk is full, a folder lies in the file's place.
+
     Examples
     --------
     >>> with atomic_write("out/fit.json") as temporary:  # doctest: +SKIP
     ...     temporary.write_text("{}")
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         os.replace(temporary, path)
+    except OSError as error:
+        raise ComputationError(
+            f"{shown(path)} cannot be written: {reason(error)}. Nothing of it is half-written, and what stood there "
+            "before is still there. Make room, or name another folder, and give the same command again."
+        ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def reason(error: OSError | ValueError) -> str:
+    """Return what the system says about a file, without the file's name."""
+    return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
+
+
+def shown(path: str | os.PathLike[str]) -> str:
+    """Return a path for a message: a name that is no file's may be of any length."""
+    text = os.fspath(path)
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN // 2]}...{text[-_SHOWN // 2 :]}"

@@ -1,4 +1,4 @@
-"""The closed loop: refit the declared model, find the effect that it lacks, add it, and say what is left."""
+"""The closed loop: refit the declared model, find the effects that it lacks, add them, and say what is left."""
 
 from __future__ import annotations
 
@@ -10,20 +10,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.bench import Bench
-from discovery.case import Case, LoopSettings, Step
-from discovery.contradiction import ContradictionReport, check_contradictions, grossly_unlike
+from discovery.contradiction import ContradictionReport, check_contradictions
 from discovery.experiment import Experiment
-from discovery.fit import Fit, declared_model, fit, prolonged, rig_uncertainty, widened
+from discovery.fit import Fit, declared_model, fit, fit_near, rig_uncertainty
 from discovery.holdout import HoldOut
 from discovery.mechanics import upgrades
-from discovery.problem import NaturalUnits, natural_units
+from discovery.problem import natural_units
 from discovery.quantisation import resolution
 from discovery.recording import Recording
-from discovery.refits import Refit, quickened
+from discovery.refits import Refit
 from discovery.registry import catalogue
 from discovery.residual import ResidualReport, errors, examine
-from discovery.search import Search
+from discovery.selection.contender import Contender, contenders
+from discovery.selection.context import Context
+from discovery.selection.decision import Decision
+from discovery.selection.final import finished, prolonged
+from discovery.selection.search import Search
+from discovery.selection.settings import LoopSettings
+from discovery.selection.verdict import (
+    Lead,
+    ModelErrorReport,
+    Named,
+    is_complete,
+    least_error,
+    named,
+    strongest_lead,
+    verdict_of,
+)
 from discovery.separation import Separation, separate
 from discovery.simulate import THREADS
 from discovery.solver_error import error_unit
@@ -37,12 +50,14 @@ FloatArray = NDArray[np.float64]
 UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 #: The exact arm on which effects are searched.
 _EXACT = UPGRADES[-1][0]
-#: Without the exact mechanics a search must leave so much less of the held-out chi-square to be believed.
-_MUCH_LESS = 0.9
 #: A trajectory error below so many noise sds at every sample is none to the search.
 _HIDDEN = 0.06
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
 _DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
+#: Rivals of one effect for which a manoeuvre is designed.
+_RIVALS = 2
+#: A state on which the residual depends explains so much of its variance.
+_DEPENDS = 0.1
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,61 +67,65 @@ class LoopResult:
     Parameters
     ----------
     verdict : str
-        "explained", "nothing_missing" or "unexplained".
+        "explained", "partly_explained", "nothing_missing" or "unexplained".
     declared : tuple of str
         The declared model.
     added : tuple of str
         Effects in the order in which they were added, base upgrades first.
+    named : mapping of str to Named
+        How sure each added effect is, base upgrades left out.
     before, after : Fit
         The declared model refitted, and the final one.
-    steps : tuple of Step
-        The story.
-    evidence, ambiguous : mapping
-        By added effect.
+    steps : tuple of Decision
+        What was decided, in order.
     errors : mapping
         As in loop.json.
+    model_error : ModelErrorReport
+        The error that the model keeps beside the noise.
+    lead : Lead or None
+        The strongest candidate that is not named, where something is left.
     residual_before, residual_after : ResidualReport
         On the training recordings.
     predictions : mapping
         "before" and "after": prediction of every recording, training first.
-    test : str
-        The test by which the held-out residual counts as noise, with its numbers.
+    complete : bool
+        Whether the model error cannot be told from none.
     contradiction : ContradictionReport, optional
         Fitted values against what the rig and the elastica predict.
     separations : tuple of Separation
         The manoeuvres that would tell apart what these recordings cannot.
     recordings : tuple of Recording
         Training first.
-    noise : bool
-        Whether what the final model leaves counts as noise: if so, an "unexplained" motion contradicts the rig.
-    unlike : float
-        How far the laws of the added effects may be from nature's, see `discovery.covariance.covariance_of`.
     """
 
     verdict: str
     declared: tuple[str, ...]
     added: tuple[str, ...]
+    named: Mapping[str, Named]
     before: Fit
     after: Fit
-    steps: tuple[Step, ...]
-    evidence: Mapping[str, Mapping[str, float]]
-    ambiguous: Mapping[str, tuple[str, ...]]
+    steps: tuple[Decision, ...]
     errors: Mapping[str, Any]
+    model_error: ModelErrorReport
+    lead: Lead | None
     residual_before: ResidualReport
     residual_after: ResidualReport
     predictions: Mapping[str, list[FloatArray]]
-    test: str
+    complete: bool
     contradiction: ContradictionReport | None = None
     separations: tuple[Separation, ...] = ()
     recordings: tuple[Recording, ...] = ()
-    noise: bool = False
-    unlike: float = 0.0
 
     def __repr__(self) -> str:
         """Return the answer; all that led to it would fill pages."""
         before, after = (self.errors[k]["holdout"]["rms"] for k in ("before", "after"))
         change = f"holdout rms {before:.4g} -> {after:.4g} {self.errors['unit']}"
         return f"<LoopResult {self.verdict}, added {', '.join(self.added) or 'nothing'}, {change}>"
+
+    @property
+    def ambiguous(self) -> dict[str, tuple[str, ...]]:
+        """What else would serve, by added effect."""
+        return {effect: found.group for effect, found in self.named.items()}
 
     @property
     def stand_ins(self) -> dict[str, StandIn]:
@@ -116,57 +135,53 @@ class LoopResult:
 
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
-        return widened(prolonged(self.after), self.unlike)
+        experiments = self.after.problem.bench.experiments
+        noise = float(min(e.recording.noise.min() for e in experiments))
+        return prolonged(self.after, self.model_error.after / noise, experiments)
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
-        sd, values, others = dict(self.after.sd), self.after.values, self.stand_ins
-        effects = []
-        for effect in self.added:
-            if other := others.get(effect):
-                # No reading is surer than the ruler.
-                sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
-            names = [p.name for p in catalogue()[effect].parameters()] if effect in catalogue() else []
-            effects.append(
-                {
-                    "id": effect,
-                    "parameters": {
-                        n: {
-                            "value": values[n],
-                            "sd": None if n in self.after.reasons else sd[n],
-                            "unit": self.after.model.parameters[n].unit,
-                        }
-                        for n in names
-                        if n in values
-                    },
-                    "evidence": dict(self.evidence.get(effect, {})),
-                    "ambiguous_with": list(self.ambiguous.get(effect, ())),
-                    **({"stands_for": other.summary()} if other else {}),
-                }
-            )
         return {
             "verdict": self.verdict,
             "declared": list(self.declared),
             "recordings": [{"name": r.name, "notes": list(r.notes)} for r in self.recordings],
-            "effects": effects,
+            "effects": [self._described(effect) for effect in self.added],
             "errors": dict(self.errors),
-            "test": self.test,
-            "noise": self.noise,
+            "model_error": self.model_error.summary(),
+            "complete": self.complete,
+            **({"lead": self.lead.summary()} if self.lead else {}),
             **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
             "residual": {"before": self.residual_before.summary(), "after": self.residual_after.summary()},
-            "steps": [
-                {
-                    "action": s.action,
-                    "effect": s.effect,
-                    "accepted": s.accepted,
-                    "reason": s.reason,
-                    "numbers": dict(s.numbers),
-                    "ranking": [dict(r) for r in s.ranking],
-                }
-                for s in self.steps
-            ],
+            "steps": [s.summary() for s in self.steps],
+        }
+
+    def _described(self, effect: str) -> dict[str, Any]:
+        """Return what loop.json holds of an added effect."""
+        sd, values, other = dict(self.after.sd), self.after.values, self.stand_ins.get(effect)
+        if other:
+            # No reading is surer than the ruler.
+            sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
+        names = [p.name for p in catalogue()[effect].parameters()] if effect in catalogue() else []
+        parameters = {
+            n: {
+                "value": values[n],
+                "sd": None if n in self.after.reasons else sd[n],
+                "unit": self.after.model.parameters[n].unit,
+            }
+            for n in names
+            if n in values
+        }
+        found = self.named.get(effect)
+        return {
+            "id": effect,
+            "parameters": parameters,
+            "evidence": found.evidence() if found else {},
+            "probability": found.probability if found else None,
+            "group_probability": found.group_probability if found else None,
+            "ambiguous_with": list(found.group if found else ()),
+            **({"stands_for": other.summary()} if other else {}),
         }
 
 
@@ -182,11 +197,11 @@ def close_loop(
     Parameters
     ----------
     train : sequence of Experiment
-        Recordings to fit; where `holdout` is empty, their last third should be excluded by `fitted_samples`.
+        Recordings to fit; where `holdout` is empty, a last part of them should be excluded by `fitted_samples`.
     holdout : sequence of Experiment
         Recordings that are never fitted, but for their initial states.
     settings : LoopSettings, optional
-        Thresholds.
+        The numbers that decide.
     progress : callable, optional
         Receives one sentence before every longer piece of work.
 
@@ -196,131 +211,177 @@ def close_loop(
     """
     units = natural_units(train)
     settings = settings or LoopSettings()
-    settings = replace(settings, tolerance=max(settings.tolerance, _HIDDEN * _least_noise([*train, *holdout], units)))
+    least = min(float(e.recording.noise.min()) for e in (*train, *holdout)) / error_unit(train, units)
+    rounding = _rounding([*train, *holdout])
+    settings = replace(
+        settings,
+        tolerance=max(settings.tolerance, _HIDDEN * least),
+        # The error of rounding follows the motion: it is none of the model's.
+        error_scale=float(np.hypot(settings.error_scale, rounding)),
+    )
     judge = HoldOut(train, holdout, units, settings.tolerance)
-    case = Case(train, judge, _attainable(settings, train, judge), units, progress or (lambda _: None))
+    context = Context(train, judge, settings, units, progress or (lambda _: None))
     # Matrices are tall and narrow: a second thread of theirs would only wait in the way of the simulations.
     with single_algebra():
-        return _closed(case)
+        return _closed(context)
 
 
-def _closed(case: Case) -> LoopResult:
-    """Return what the loop finds."""
-    train, holdout, units = case.train, case.judge.separate, case.units
-    declared = declared_model(train[0])
-    case.tell("refitting the declared model")
-    before = fit(declared, train, units=units)
-    if train[0].is_arm:
-        search, geometry, steps = _search_arm(before, case)
-    else:
-        search, geometry, steps = Search(before, case), [], []
-        search.run()
-
-    # Laws that differ by no more than this share of what they remove could not have been told apart.
-    moved = sum(e["effect_rms"] ** 2 for e in search.evidence.values())
-    unlike = float(np.sqrt(case.form(search.best.refit.problem.model) * moved))
-    # Both leave threads idle most of the time: the answer is one fit.
-    last: list[Callable[[], Any]] = [partial(_final, search, case), partial(_separations, search, case)]
-    (after, after_held), separations = at_once(last, threads=THREADS)
-    after = widened(after, unlike)
-    before_train, after_train = before.predict(), after.predict()
-    before_held = case.held(before)
-    noise, test = case.is_noise(after, after_held, (search.root.rough, search.root.held_rough))
-    added = (*geometry, *search.added)
-    contradiction = _contradiction(after, search, case, noise=noise)
-    excluded = contradiction.gross if noise and contradiction else ()
-    if excluded:
-        # Whatever else the motion was explained with, it is not the motion of the arm that the rig file describes.
-        test = f"what is left is noise, but {excluded[0].sentence}"
-    verdict = "unexplained" if excluded or not noise else "explained" if added else "nothing_missing"
-    period = 2 * np.pi * units.time
-    only_train = case.judge.continued
-    return LoopResult(
-        verdict=verdict,
-        declared=declared.effects,
-        added=added,
-        before=before,
-        after=after,
-        steps=(*steps, *search.steps),
-        evidence={**{s.effect: s.numbers for s in steps if s.accepted}, **search.evidence},
-        ambiguous=search.ambiguous,
-        errors={
-            "unit": train[0].recording.units[0],
-            "noise_floor": float(np.sqrt(np.sum(np.square(train[0].recording.noise)))),
-            "holdout_kind": case.judge.kind,
-            "before": {"train": _train_errors(train, before_train), **case.judge.errors(before_held)},
-            "after": {"train": _train_errors(train, after_train), **case.judge.errors(after_held)},
-        },
-        residual_before=examine(train, before_train, period),
-        residual_after=examine(train, after_train, period),
-        predictions={
-            "before": before_train if only_train else [*before_train, *before_held],
-            "after": after_train if only_train else [*after_train, *after_held],
-        },
-        test=test,
-        contradiction=contradiction,
-        separations=separations,
-        recordings=tuple(e.recording for e in (*train, *holdout)),
-        noise=noise,
-        unlike=unlike,
+def _rounding(experiments: Sequence[Experiment]) -> float:
+    """Return the largest error of rounding of any channel [noise sds]."""
+    return max(
+        resolution(column) / noise
+        for e in experiments
+        for column, noise in zip(e.recording.output.T, e.recording.noise, strict=True)
     )
 
 
-def _least_noise(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
-    """Return the smallest noise of any channel, in the unit of the error that `discovery.step.choose_step` bounds."""
-    return min(float(e.recording.noise.min()) for e in experiments) / error_unit(experiments, units)
+def _closed(context: Context) -> LoopResult:
+    """Return what the loop finds."""
+    train = context.train
+    context.tell("refitting the declared model")
+    before = fit(declared_model(train[0]), train, units=context.units)
+    search = Search(_start(before, context), context)
+    search.run()
+    found = {n.effect: n for n in named(search)}
+    best, geometry, steps = _on_best_mechanics(before, search, context)
+    after, last = finished(best, context)
+    complete = is_complete(last, search.root, context)
+    first = _declared(before, context)
+    return _result(context, search, found, (before, first), (after, last), (geometry, steps), complete=complete)
 
 
-def _attainable(settings: LoopSettings, train: Sequence[Experiment], judge: HoldOut) -> LoopSettings:
-    """Return settings that ask no more than chance and rounding, whose error follows the motion, allow."""
-    rounding = [
-        resolution(column) / noise
-        for e in train
-        for column, noise in zip(e.recording.output.T, e.recording.noise, strict=True)
-    ]
-    return replace(settings, floor=max(settings.floor, judge.chance(), *rounding))
+def _start(before: Fit, context: Context) -> Fit:
+    """Return the fit to which effects are added: an arm's on its exact mechanics."""
+    first = context.train[0]
+    if first.is_arm:
+        context.tell("refitting on the exact mechanics of the arm")
+        known = {n: v for n, v in before.values.items() if n in ("alpha", "xi")}
+        return context.fit(before.model.on_base(_EXACT), known, rig_uncertainty(first))
+    if before.problem.bench.effects == context.kernel_effects(before.model):
+        return before
+    return context.fit(before.model, before.values, before.problem.gaussian)
 
 
-def _contradiction(after: Fit, search: Search, case: Case, *, noise: bool) -> ContradictionReport | None:
-    """Test the final values against what the rig and the elastica predict; None where nothing asks for it.
+def _declared(before: Fit, context: Context) -> Contender:
+    """Return the declared model as a contender."""
+    return contenders(context, [((), Refit("", before.problem, before.minimum))])[0]
 
-    Where more than noise is left and the search names nothing, nothing is named that would reconcile them either.
-    """
-    follow_up, seed = case.settings.follow_up, [case.settings.seed, 1]
-    arm = case.train[0].is_arm
-    if arm and not (noise and follow_up):
-        gross = grossly_unlike(after, np.random.default_rng(seed))
-        if not noise or not gross.contradictions:
-            return gross if follow_up else None
-    elif not follow_up:
+
+def _on_best_mechanics(
+    before: Fit, search: Search, context: Context
+) -> tuple[Contender, tuple[str, ...], list[Decision]]:
+    """Return the set found on the mechanics with the highest evidence, the steps to it, and why."""
+    if not context.train[0].is_arm:
+        return search.best, (), []
+    context.tell("comparing mechanics")
+    bases = ["constant_radius", *(base for base, _ in UPGRADES)]
+    tasks = [partial(_with_base, base, before, search, context) for base in bases]
+    answers = at_once(tasks, threads=THREADS)
+    best, geometry, steps = answers[0], [], []
+    for (_, name), other in zip(UPGRADES, answers[1:], strict=True):
+        gain = -np.inf if other is None else other.joint - (-np.inf if best is None else best.joint)
+        accepted = bool(gain >= context.settings.nats)
+        numbers = {"odds": float(gain)} if np.isfinite(gain) else {}
+        steps.append(Decision("mechanics", (name,), accepted, "accepted" if accepted else "training", numbers))
+        if accepted and other is not None:
+            best = other
+            geometry.append(name)
+    return best or search.best, tuple(geometry), steps
+
+
+def _with_base(base: str, before: Fit, search: Search, context: Context) -> Contender | None:
+    """Return the set that was found on other mechanics; None where it blows up there."""
+    if base == _EXACT:
+        return search.finest()
+    added = search.best.added
+    model = before.model.with_effect(*[e for e in added if e not in before.model.effects]).on_base(base)
+    values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
+    fitted = context.fit(model, values, {}) if added or base != before.model.base else before
+    return contenders(context, [(added, Refit("", fitted.problem, fitted.minimum))])[0]
+
+
+def _result(
+    context: Context,
+    search: Search,
+    found: Mapping[str, Named],
+    before: tuple[Fit, Contender],
+    after: tuple[Fit, Contender],
+    mechanics: tuple[tuple[str, ...], list[Decision]],
+    *,
+    complete: bool,
+) -> LoopResult:
+    train, holdout, judge = context.train, context.judge.separate, context.judge
+    geometry, steps = mechanics
+    fits = {"before": before[0], "after": after[0]}
+    on_train = {when: f.predict() for when, f in fits.items()}
+    held = {when: judge.held(f, on_train[when]) for when, f in fits.items()}
+    reports = {when: examine(train, p, context.period) for when, p in on_train.items()}
+    verdict = verdict_of(search.best.added, geometry, complete=complete)
+    lead = None if complete else strongest_lead(search)
+    return LoopResult(
+        verdict=verdict,
+        declared=before[0].model.effects,
+        added=(*geometry, *search.best.added),
+        named=found,
+        before=before[0],
+        after=after[0],
+        steps=(*steps, *search.decisions),
+        errors={
+            "unit": train[0].recording.units[0],
+            "noise_floor": float(np.sqrt(np.sum(np.square(train[0].recording.noise)))),
+            "holdout_kind": judge.kind,
+            **{w: {"train": _train_errors(train, on_train[w]), **judge.errors(held[w])} for w in fits},
+        },
+        model_error=_model_error(context, search.root, before[1], after[1], reports["after"]),
+        lead=lead,
+        residual_before=reports["before"],
+        residual_after=reports["after"],
+        predictions={w: on_train[w] if judge.continued else [*on_train[w], *held[w]] for w in fits},
+        complete=complete,
+        contradiction=_contradiction(after[0], search, context, complete=complete),
+        separations=_separations(search, found, context),
+        recordings=tuple(e.recording for e in (*train, *holdout)),
+    )
+
+
+def _model_error(
+    context: Context, root: Contender, before: Contender, after: Contender, left: ResidualReport
+) -> ModelErrorReport:
+    """Return the model error before and after in the unit of the output."""
+    recording = context.train[0].recording
+    noise = float(recording.noise.min())
+    sizes = [c.evidence.error * noise for c in (before, after)]
+    depends = tuple(d.variable for d in left.dependence if d.share > _DEPENDS and d.p_value < 1e-3)
+    share = sizes[1] / sizes[0] if sizes[0] > 0 and np.isfinite(sizes[0]) else 1.0
+    least = least_error(after, root, context) * noise
+    return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, depends)
+
+
+def _contradiction(after: Fit, search: Search, context: Context, *, complete: bool) -> ContradictionReport | None:
+    """Test the final values against what the rig and the elastica predict; None where nothing asks for it."""
+    if not context.settings.follow_up or not (complete or search.best.added):
         return None
-    case.tell("comparing with the rig")
-    names = None if noise or search.added else ()
+    context.tell("comparing with the rig")
     bench = search.best.refit.problem.bench
-    rng = np.random.default_rng(seed)
-    return check_contradictions(after, rng, candidates=names, bench=bench, progress=case.tell)
+    rng = np.random.default_rng([context.settings.seed, 1])
+    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, progress=context.tell)
 
 
-def _separations(search: Search, case: Case) -> tuple[Separation, ...]:
+def _separations(search: Search, found: Mapping[str, Named], context: Context) -> tuple[Separation, ...]:
     """Design a manoeuvre, within the limits of the motor, for every added effect that others explain as well."""
-    if not (case.settings.follow_up and case.train[0].is_arm):
+    if not (context.settings.follow_up and context.train[0].is_arm):
         return ()
-    found = []
-    for effect, rivals in search.rivals().items():
-        case.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
-        # All on the mechanics on which the search began, where they do: what tells them apart must be the effects.
-        refits = {effect: search.best.refit, **rivals}
-        fitting = [partial(_quickly, r, search.bench, case) for r in refits.values()]
-        fits = dict(zip(refits, at_once(fitting, threads=THREADS), strict=True))
+    designs = []
+    for effect, own in found.items():
+        if not own.rivals:
+            continue
+        context.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(own.group[:_RIVALS])}")
+        sets = dict(zip((effect, *own.group[:_RIVALS]), (search.best, *own.rivals[:_RIVALS]), strict=True))
+        fits = {name: fit_near(c.refit.problem, c.refit.values) for name, c in sets.items()}
         steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
-        rng = np.random.default_rng([case.settings.seed, 2])
-        found.append(separate(fits, rng, evaluations=_designs(steps)))
-    return tuple(found)
-
-
-def _quickly(found: Refit, bench: Bench, case: Case) -> Fit:
-    """Return a refit with its intervals, on the mechanics of a bench where these do."""
-    return case.finished(quickened(found, bench))
+        rng = np.random.default_rng([context.settings.seed, 2])
+        designs.append(separate(fits, rng, evaluations=_designs(steps)))
+    return tuple(designs)
 
 
 def _designs(steps: float) -> int:
@@ -333,79 +394,3 @@ def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]
         np.concatenate([p[e.fitted] for e, p in zip(train, predictions, strict=True)]),
         np.concatenate([e.recording.output[e.fitted] for e in train]),
     )
-
-
-def _final(search: Search, case: Case) -> tuple[Fit, list[FloatArray]]:
-    """Return the final fit of what was found, and its predictions of the held-out recordings."""
-    found, _ = search.finest()
-    if search.added and not search.settled:
-        found = case.reshaped(found, search.added)
-    # On steps that are finer than a search needs any fit takes several times as long: only the answer is worth it.
-    found = case.polish(found)
-    return found, case.held(found)
-
-
-def _search_arm(before: Fit, case: Case) -> tuple[Search, list[str], list[Step]]:
-    """Search on the exact mechanics first: what geometry explains must not be explained by effects."""
-    case.tell("refitting on the exact mechanics of the arm")
-    start = {n: v for n, v in before.values.items() if n in ("alpha", "xi")}
-    exact = case.fit(before.model.on_base(_EXACT), start, rig_uncertainty(case.train[0]))
-    search = Search(exact, case)
-    search.run()
-    geometry, steps = _judge_geometry(before, search, case)
-    if "elastica_geometry" not in geometry:
-        # Rare: the exact mechanics predicts no better than a simpler one. It is given up only where it fails and the
-        # declared one, searched alike, leaves nothing but noise, or predicts as well where the exact one names nothing.
-        if not search.settled:
-            # Both searches begin at the same fit, on the kernel of the whole catalogue.
-            declared = case.fit(before.model, before.values, before.problem.gaussian)
-            plain = Search(declared, case)
-            plain.run(search.least)
-            if plain.settled and plain.best.held < _MUCH_LESS * search.best.held:
-                return plain, [], steps
-            if not search.added and not search.best.held < plain.root.held:
-                idle = "the error is smaller, but the exact arm's is not, and no effect is named upon that"
-                refused = [replace(s, accepted=False, reason=idle) if s.accepted else s for s in steps]
-                return Search(declared, case), [], [*refused, *search.steps]
-        geometry.append("elastica_geometry")
-    return search, geometry, steps
-
-
-def _judge_geometry(before: Fit, search: Search, case: Case) -> tuple[list[str], list[Step]]:
-    """Ask, with the other effects in the model, which steps of the mechanics lower the error."""
-    geometry: list[str] = []
-    steps: list[Step] = []
-    held_before, train_before = float("inf"), float("inf")
-    bases = [("constant_radius", ""), *UPGRADES]
-    case.tell(f"comparing mechanics: {', '.join(base for base, _ in bases)}")
-
-    def fitted(base: str) -> tuple[Fit, list[FloatArray]]:
-        if base == _EXACT:
-            return search.finest()
-        if base == "constant_radius" and not search.added:
-            return before, case.held(before)
-        model = before.model.with_effect(*[e for e in search.added if e not in before.model.effects]).on_base(base)
-        values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
-        found = case.fit(model, values, case.conventions(model))
-        return found, case.held(found)
-
-    answers = at_once([partial(fitted, base) for base, _ in bases], threads=THREADS)
-    for (_, name), (found, predicted) in zip(bases, answers, strict=True):
-        held, count, _ = case.judge.score(predicted)
-        if name:
-            # Fewer free parameters and a better fit of everything, or a smaller held-out error alone.
-            better = held < 0.98 * held_before or held + found.chi2 < 0.98 * (held_before + train_before)
-            reason = "no effect is added for it, and the error is smaller" if better else "the error is not smaller"
-            numbers = {
-                "chi2_train_before": train_before,
-                "chi2_train_after": found.chi2,
-                "chi2_holdout_before": held_before,
-                "chi2_holdout_after": held,
-                "n_holdout": float(count),
-            }
-            steps.append(Step("upgrade", name, better, reason, numbers))
-            if not better:
-                continue
-            geometry.append(name)
-        held_before, train_before = held, found.chi2
-    return geometry, steps

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -20,6 +19,7 @@ from discovery.export import FittedModel
 from discovery.fit import Fit
 from discovery.io import atomic_write
 from discovery.loop import LoopResult
+from discovery.manifest import SAVING, hashes, move_in_place
 from discovery.missing_force import MissingForce
 from discovery.predict import held_out, predict
 from discovery.problem import natural_units
@@ -31,18 +31,6 @@ from discovery.units import si_symbol
 __all__ = ["run", "save_prediction", "write_loop"]
 
 FloatArray = NDArray[np.float64]
-#: Files of a finished run, the one that says that it is finished last.
-RESULTS = (
-    "posterior.nc",
-    "predictive.nc",
-    "trajectories.nc",
-    "amplitude.nc",
-    "laws.nc",
-    "multisine.nc",
-    "force.nc",
-    "loop.json",
-    "results.json",
-)
 
 
 def _describe(dataset: Dataset) -> dict[str, Any]:
@@ -251,7 +239,7 @@ def run(
     # Results of one run belong together: they are written beside and moved in place when all are there.
     # An interrupted command beside this one may have removed the folder while it was empty.
     out.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=out, prefix=".saving-") as folder:
+    with TemporaryDirectory(dir=out, prefix=SAVING) as folder:
         beside = Path(folder)
         if posterior is not None:
             posterior.to_netcdf(beside / "posterior.nc", bands=study.bands if study else (), experiments=dataset.train)
@@ -262,13 +250,9 @@ def run(
         if missing is not None:
             curves.save_groups(beside / "force.nc", curves.forces(missing.forces))
         write_loop(beside, loop, alone=False)
+        content["provenance"]["files"] = hashes(beside, sorted(path.name for path in beside.iterdir()))
         write_json(beside / "results.json", content)
-        manoeuvres = {p.name for f in (beside, out) for p in f.glob("manoeuvre_*.csv")}
-        for name in (*sorted(manoeuvres), *RESULTS):
-            if (beside / name).exists():
-                os.replace(beside / name, out / name)
-            else:
-                (out / name).unlink(missing_ok=True)
+        move_in_place(beside, out)
     checkpoint.unlink(missing_ok=True)
     return content
 

@@ -22,6 +22,8 @@ LENGTH_MARGIN = 0.10
 NEAREST = 0.2
 LARGEST_TURN = 4.0 * np.pi
 LARGEST_DEFLECTION = np.pi
+#: Sizes of numbers whose fifth powers can be computed.
+_SMALLEST_NUMBER, _LARGEST_NUMBER = 1e-60, 1e60
 #: So small a share of readings may be wild ones.
 _WILD = 0.01
 # Steps by which times go back where another trial begins.
@@ -62,6 +64,9 @@ def check_signals(
         If times are missing or do not increase, the input has a gap, a sensor is dead or the record is too short.
     """
     label = names.get("time", "")
+    for signal, values in {"time": time, "input": inputs, **outputs}.items():
+        if values is not None:
+            _check_range(table, names.get(signal) or names.get("motor_angle", signal), values)
     if np.isnan(time).any():
         row = int(np.argmax(np.isnan(time)))
         raise InputError(
@@ -112,6 +117,18 @@ def check_signals(
                 f"and at "
                 f"least {fewest} are needed. Close the gaps or record longer."
             )
+
+
+def _check_range(table: Table, column: str, values: FloatArray) -> None:
+    """Refuse numbers whose powers leave the range of floating-point numbers."""
+    sizes = np.where(np.isnan(values), 0.0, np.abs(values))
+    largest = float(np.max(sizes, initial=0.0))
+    if largest > _LARGEST_NUMBER or 0.0 < largest < _SMALLEST_NUMBER:
+        raise InputError(
+            f"{table.path}, column {column!r}, {table.where(int(np.argmax(sizes)))}: the largest number is "
+            f"{largest:.3g} in SI units; what can be computed with lies between {_SMALLEST_NUMBER:g} and "
+            f"{_LARGEST_NUMBER:g}. Correct the unit or the scale in the rig file, or export the recording again."
+        )
 
 
 def _several(steps: FloatArray) -> bool:

@@ -13,6 +13,7 @@ from discovery.bench import Bench
 from discovery.effect import ARM
 from discovery.experiment import Experiment, largest_deflection
 from discovery.model import Model
+from discovery.model_error import ModelError, innovations
 from discovery.parameters import Parameter, natural_scale
 from discovery.registry import get_effect
 
@@ -119,12 +120,15 @@ class Problem:
         Natural units.
     gaussian : mapping of str to (mean, sd)
         Free parameters known from the rig or by convention within an uncertainty; bounded at three standard deviations.
+    error : ModelError, optional
+        The model's own error beside the noise: residuals are made white under both.
     """
 
     model: Model
     bench: Bench
     units: NaturalUnits
     gaussian: Mapping[str, tuple[float, float]]
+    error: ModelError | None = None
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -209,6 +213,20 @@ class Problem:
         if not self._released:
             return parameters, np.zeros((len(self.bench.experiments), 2, x.shape[1]))
         return parameters, x[len(self.free) :].reshape(len(self._released), 2, -1)
+
+    def whitened(self, residuals: FloatArray) -> FloatArray:
+        """Return residuals (n, k) of the bench made white under the model error; the same ones without it."""
+        if self.error is None:
+            return residuals
+        found = np.zeros_like(residuals)
+        for experiment, (rows, present) in zip(self.bench.experiments, self.bench.blocks(), strict=True):
+            own = residuals[rows].reshape(*present.shape, -1)
+            out = found[rows].reshape(own.shape)
+            time = experiment.fitted_part.recording.time
+            for c, here in enumerate(present.T):
+                out[here, c], _ = innovations(time[here], own[here, c], self.error)
+            found[rows] = out.reshape(-1, residuals.shape[1])
+        return found
 
     def named(self, x: FloatArray) -> dict[str, float]:
         """Return a free vector (m,) by name."""

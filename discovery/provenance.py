@@ -6,6 +6,7 @@ import json
 import math
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -17,12 +18,15 @@ from typing import Any
 import numpy as np
 
 from discovery.dataset import Dataset
-from discovery.io import atomic_write
+from discovery.errors import InputError
+from discovery.io import atomic_write, shown
 
 __all__ = ["plain", "provenance", "read_json", "restored", "surroundings", "write_json"]
 
 #: What JSON has no numbers for, in the words of ECMAScript: a motion that blew up errs infinitely.
 _INFINITE = {math.inf: "Infinity", -math.inf: "-Infinity"}
+#: Text that could be taken for one of these words, as the name of a recording, gets one more backslash.
+_WORD = re.compile(r"\\*-?Infinity")
 _PACKAGES = ("discovery", "numpy", "scipy", "sympy", "numba", "pysindy", "emcee", "pandas", "xarray", "matplotlib")
 
 
@@ -88,21 +92,36 @@ def plain(value: Any) -> Any:
         return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else _INFINITE[value]
-    return value
+    return f"\\{value}" if isinstance(value, str) and _WORD.fullmatch(value) else value
 
 
 def read_json(path: Path) -> Any:
-    """Return the content of a file from `write_json`, infinite numbers included."""
-    return restored(json.loads(path.read_text(encoding="utf-8")))
+    """Return the content of a file from `write_json`, infinite numbers included.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    InputError
+        If it cannot be read, or is not JSON.
+    """
+    try:
+        return restored(json.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{shown(path)} cannot be read as JSON: {error}. Make it again.") from error
 
 
 def restored(content: Any) -> Any:
-    """Return what `plain` returned with numbers in the place of the words for infinite ones."""
+    """Return what `plain` was given, but for missing numbers: those that are infinite in the place of their words."""
     if isinstance(content, dict):
         return {k: restored(v) for k, v in content.items()}
     if isinstance(content, list):
         return [restored(v) for v in content]
-    return next((number for number, word in _INFINITE.items() if word == content), content)
+    if isinstance(content, str) and _WORD.fullmatch(content):
+        return content[1:] if content.startswith("\\") else next(n for n, w in _INFINITE.items() if w == content)
+    return content
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

@@ -25,13 +25,10 @@ __all__ = [
     "distances",
     "finish",
     "held_fixed",
-    "quickened",
-    "reduced",
     "refit",
     "refit_pairs",
     "relaxed",
     "resettled",
-    "resettled_together",
     "settle",
     "settled",
 ]
@@ -309,30 +306,6 @@ def relaxed(fitted: Refit, dropped: Sequence[str], *, carried: bool = False) -> 
     return Refit(next(reversed(smaller.model.effects), ""), smaller, minimum)
 
 
-def reduced(fitted: Refit, effect: str, simpler: str) -> Refit:
-    """Return a refit with a simpler law in the place of one that it is where one amplitude vanishes, from its values.
-
-    Parameters
-    ----------
-    fitted : Refit
-        With the effect.
-    effect, simpler : str
-        The effect, and one of those that it `reduces_to`.
-    """
-    problem = fitted.problem
-    rest = problem.model.without([effect]).with_effect(simpler)
-    smaller = Problem(rest, problem.bench, problem.units, problem.gaussian)
-    system = problem.model.mechanics.system
-    (own,) = _amplitudes(simpler, system)
-    starts = [smaller.start({**fitted.values, own: fitted.values[a]}) for a in _amplitudes(effect, system)]
-    minima = settle([smaller] * len(starts), starts)
-    return Refit(simpler, smaller, min(minima, key=lambda m: m.cost))
-
-
-def _amplitudes(effect: str, system: str) -> list[str]:
-    return [p.name for p in get_effect(effect).fitted(system) if not p.shape]
-
-
 def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], there: Sequence[FloatArray]) -> FloatArray:
     """Return how far two predictions of recordings, each (n, c, k), lie apart, shape (k,) [noise sds, squared].
 
@@ -348,31 +321,9 @@ def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], the
 
 def resettled(fitted: Refit, bench: Bench) -> Refit:
     """Return the same model on another bench, of the same mechanics or another, from where it was fitted."""
-    return resettled_together([fitted], bench)[0]
-
-
-def resettled_together(fits: Sequence[Refit], bench: Bench) -> list[Refit]:
-    """Return models on another bench, see `resettled`: those of which the best matter."""
-    problems = [replace(r.problem, model=r.problem.model.on_base(bench.base), bench=bench) for r in fits]
-    minima = settle(problems, [p.start(r.values) for p, r in zip(problems, fits, strict=True)], _CHECKED)
-    return [Refit(r.effect, p, m) for r, p, m in zip(fits, problems, minima, strict=True)]
-
-
-def quickened(fitted: Refit, bench: Bench) -> Refit:
-    """Return the same model on quicker mechanics, on shorter steps where these lose it, or as it is if all blow up."""
-    fine, found = fitted.problem.bench, fitted
-    while bench.base != fine.base and bench.most_steps < fine.most_steps:
-        again = resettled(fitted, bench)
-        if np.isfinite(again.chi2):
-            if not is_far_behind(again.chi2, fitted.chi2, bench.n_data):
-                return again
-            # Where shorter steps do not help, it is the mechanics that leave so much, if not far too much for that.
-            helps = again.chi2 < _NO_HELP * found.chi2 or is_far_behind(found.chi2, fitted.chi2, bench.n_data, SLOW)
-            if found is not fitted and not helps:
-                return found
-            found = again
-        bench = Bench.like(bench, bench.step / 2)
-    return found
+    problem = replace(fitted.problem, model=fitted.problem.model.on_base(bench.base), bench=bench)
+    (minimum,) = settle([problem], [problem.start(fitted.values)], _CHECKED)
+    return Refit(fitted.effect, problem, minimum)
 
 
 def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:

@@ -15,7 +15,6 @@ from discovery.experiment import Experiment
 __all__ = [
     "Dependence",
     "ResidualReport",
-    "chance_variance",
     "correlation_length",
     "errors",
     "examine",
@@ -100,17 +99,6 @@ def systematic_share(residual: FloatArray, time: FloatArray, period: float) -> f
         use = count > 0
         excess.append(float(np.mean((total[use] / count[use]) ** 2 - 1.0 / count[use])))
     return float(np.sqrt(max(0.0, float(np.mean(excess)))))
-
-
-def chance_variance(good: NDArray[np.bool_], time: FloatArray, period: float) -> float:
-    """Return the variance of the square of `systematic_share` where independent noise is all there is.
-
-    `good` (n, c) marks the readings; the square of an average of noise has twice the square of its variance.
-    """
-    label = _bins(time, period)
-    counts = [np.bincount(label[channel]) for channel in good.T]
-    each = [2.0 * float(np.sum(1.0 / count[count > 0] ** 2)) / max(1, (count > 0).sum()) ** 2 for count in counts]
-    return sum(each) / len(each) ** 2
 
 
 # A motion may blow up after the last fitted sample.

@@ -17,6 +17,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from discovery.errors import InputError
+from discovery.io import reason, shown
 from discovery.kinds import KINDS
 from discovery.mechanics import get_base
 from discovery.registry import get_effect
@@ -53,14 +54,16 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     path = Path(path)
     try:
         content = path.read_bytes()
-    except OSError as error:
+    except (OSError, ValueError) as error:  # a name may hold what no file's name can
         raise InputError(
-            f"The rig file {path} cannot be read: {error.strerror}. Give the path of a TOML file."
+            f"The rig file {shown(path)} cannot be read: {reason(error)}. Give the path of a TOML file."
         ) from error
     try:
         text = content.decode("utf-8")
         document = tomllib.loads(text)
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except RecursionError as error:
+        raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
+    except ValueError as error:  # no TOML, no text, or a number of thousands of digits
         raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
     rest, quantities, keys = _quantities(path, text, document)
     try:
@@ -201,8 +204,12 @@ def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[Reco
 
 def _find(path: Path, file: str) -> Path:
     beside = path.parent / file
-    if beside.exists() or not (folder := os.environ.get("DISCOVERY_DATA")):
+    folder = os.environ.get("DISCOVERY_DATA")
+    if not folder or Path(file).is_absolute() or os.path.exists(beside):
         return beside
-    data = Path(folder)
-    found = [data / file, *sorted(data.glob(f"*/{file}"))] if not Path(file).is_absolute() else []
-    return next((candidate for candidate in found if candidate.exists()), beside)
+    try:
+        places = [Path(folder), *sorted(place for place in Path(folder).iterdir() if place.is_dir())]
+    except OSError:
+        return beside
+    # The name may be no file's at all; then it is refused where the recording is read.
+    return next((place / file for place in places if os.path.exists(place / file)), beside)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, get_args
@@ -62,6 +63,16 @@ class _Table(BaseModel):
 
 _Positive = Annotated[FiniteFloat, Field(gt=0)]
 _Text = Annotated[str, Field(min_length=1)]
+
+
+def _no_control(value: str) -> str:
+    # They break the files and pages that the name is written to.
+    if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in value):
+        raise ValueError("must not hold control characters")
+    return value
+
+
+_Name = Annotated[_Text, AfterValidator(_no_control)]
 
 
 def _not_zero(value: float) -> float:
@@ -155,7 +166,7 @@ class RecordsTable(_Table):
 class RigTable(_Table):
     """The whole file, without the keys that carry a unit."""
 
-    name: _Text
+    name: _Name
     kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body"] = "flexible_arm"
     columns: ColumnsTable | None = None
     controller: ControllerTable | None = None

@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from discovery.compiled_function import compiled
+
 __all__ = ["grams"]
 
 FloatArray = NDArray[np.float64]
@@ -19,7 +21,7 @@ def _product(a, b):
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _grams(vectors, rows, target, gram, push):
     count, k = rows.shape
     squares, pushes = np.empty(len(vectors)), np.empty(len(vectors))

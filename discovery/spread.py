@@ -1,4 +1,4 @@
-"""Many cases spread over processes or machines by Dask: each has an outcome, and none is lost with another.
+"""Many cases spread over processes, or over machines by Dask: each has an outcome, and none is lost with another.
 
 A case is a name and whatever its work needs. Its random numbers depend on a common seed and its name alone, so an
 outcome is the same on any number of workers, in any order, and whatever other cases there are.
@@ -13,20 +13,22 @@ import os
 import threading
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
-from typing import TYPE_CHECKING, Any
+from itertools import count, islice
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from discovery.errors import InputError
+from discovery.processes import Died, Pool, pool
 from discovery.provenance import plain, restored
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 __all__ = ["SCHEDULER", "Outcome", "TooLong", "Work", "case_seed", "spread"]
 
@@ -125,6 +127,7 @@ def spread(
     seed: int = 0,
     workers: int = 2,
     scheduler: str | None = None,
+    insecure: bool = False,
     limit: float | None = None,
 ) -> Iterator[Outcome]:
     """Do cases on several processes, or on a cluster, and yield the outcome of each as it is done.
@@ -144,7 +147,9 @@ def spread(
         Processes on this machine, one thread each; a single one is this process.
     scheduler : str, optional
         Address of a Dask scheduler whose workers are used instead, for example ``"tcp://host:8786"``; by default the
-        environment variable ``DISCOVERY_SCHEDULER``.
+        environment variable ``DISCOVERY_SCHEDULER``. Without one, nothing listens on any port.
+    insecure : bool
+        Accept a scheduler of another machine without TLS, through which others of its network can run code.
     limit : float, optional
         Seconds that a case may take. A worker whose work does not heed them is ended; this process is not.
 
@@ -156,43 +161,125 @@ def spread(
     Raises
     ------
     InputError
-        If there is no scheduler at that address, or no worker.
+        If there is no scheduler at that address, no worker, or others could run code through it.
     """
     address = scheduler or os.environ.get(SCHEDULER)
     if address is None and workers == 1:
         for name, case in cases:
             yield _attempt(work, name, case, case_seed(seed, name), limit, False)
         return
-    with _client(address, workers) as client:
-        yield from _stream(client, work, iter(cases), seed, limit)
+    if address is None and workers < 1:
+        raise InputError(f"{workers} workers cannot work; give at least one.")
+    with _here(workers) if address is None else _client(address, insecure) as crew:
+        yield from _stream(crew, work, iter(cases), seed, limit)
+
+
+class _Crew(Protocol):
+    """Who does the work: processes of this machine, or a cluster."""
+
+    def room(self) -> int:
+        """Return how many cases can be done at once."""
+
+    def submit(self, key: int, *arguments: Any) -> None:
+        """Begin with a case: `_attempt` with its arguments."""
+
+    def next(self) -> tuple[int, Callable[[], Outcome]]:
+        """Return the key of the case that ends next, and a function that returns its outcome, or raises."""
+
+
+class _Processes:
+    """Processes of this machine."""
+
+    def __init__(self, made: Pool, size: int) -> None:
+        self._made, self._size = made, size
+
+    def room(self) -> int:
+        return self._size
+
+    def submit(self, key: int, *arguments: Any) -> None:
+        self._made.submit(key, _attempt, *arguments)
+
+    def next(self) -> tuple[int, Callable[[], Outcome]]:
+        return self._made.next()
+
+
+class _Cluster:
+    """The workers of a Dask scheduler."""
+
+    def __init__(self, client: Client) -> None:
+        from distributed import as_completed
+
+        self._client, self._done = client, as_completed()
+        self._keys: dict[Any, int] = {}
+
+    def room(self) -> int:
+        return sum(self._client.ncores().values())
+
+    def submit(self, key: int, *arguments: Any) -> None:
+        # One prefix for all: the scheduler keeps statistics of every prefix for ever.
+        own = ("case", os.urandom(8).hex())
+        self._keys[own] = key
+        self._done.add(self._client.submit(_attempt, *arguments, key=own, pure=False, retries=0))
+
+    def next(self) -> tuple[int, Callable[[], Outcome]]:
+        from distributed import KilledWorker
+
+        future = next(self._done)
+
+        def returned() -> Outcome:
+            try:
+                outcome: Outcome = future.result()
+            except KilledWorker:
+                raise Died from None
+            finally:
+                future.release()
+            return outcome
+
+        return self._keys.pop(future.key), returned
 
 
 @contextmanager
-def _client(address: str | None, workers: int) -> Iterator[Client]:
-    """Yield a client of the scheduler at an address, or of one with processes on this machine."""
+def _here(workers: int) -> Iterator[_Crew]:
+    """Yield processes on this machine."""
+    # The processes share the processors; each would else simulate on all of them.
+    threads = max(1, (os.cpu_count() or 1) // workers)
+    with pool(workers, {"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
+        yield _Processes(made, workers)
+
+
+def _is_safe(address: str) -> bool:
+    """Return whether nobody on the way to a scheduler can read or change what is sent: code, in both directions."""
+    scheme, _, rest = address.rpartition("://")
+    host = rest.rpartition(":")[0].strip("[]")
+    return scheme in ("tls", "inproc") or host == "localhost" or _is_loopback(host)
+
+
+def _is_loopback(host: str) -> bool:
+    from ipaddress import ip_address
+
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:  # a name
+        return False
+
+
+@contextmanager
+def _client(address: str, insecure: bool) -> Iterator[_Crew]:
+    """Yield the workers of the scheduler at an address."""
+    if not (insecure or _is_safe(address)):
+        raise InputError(
+            f"The connection to the Dask scheduler at {address!r} is neither encrypted nor authenticated: anybody on "
+            "its network can run code on the workers and here. Give it a tls:// address (distributed.comm.tls in "
+            "Dask's configuration names the certificates), or accept that with --insecure."
+        )
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     # A worker that dies is replaced; what it did is tried again here, not by the scheduler, which keeps a short diary.
     with dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.admin.log-length": 500}):
-        if address is None:
-            if workers < 1:
-                raise InputError(f"{workers} workers cannot work; give at least one.")
-            # The processes share the processors; each would else simulate on all of them.
-            threads = max(1, (os.cpu_count() or 1) // workers)
-            local = LocalCluster(
-                workers,
-                threads_per_worker=1,
-                dashboard_address=":0",
-                silence_logs="CRITICAL",
-                env={"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))},
-            )
-            with local, Client(local) as client:
-                yield client
-            return
         try:
             client = Client(address, timeout=_PATIENCE)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TypeError) as error:
             raise InputError(f"No Dask scheduler answers at {address!r}: {error}") from error
         with client:
             # Workers that died are replaced after a while.
@@ -201,55 +288,57 @@ def _client(address: str | None, workers: int) -> Iterator[Client]:
             except TimeoutError as error:
                 said = f"The Dask scheduler at {address!r} has no workers. Start some: dask worker {address}"
                 raise InputError(said) from error
-            yield client
+            yield _Cluster(client)
 
 
 def _stream(
-    client: Client, work: Work, cases: Iterator[tuple[str, Any]], seed: int, limit: float | None
+    crew: _Crew, work: Work, cases: Iterator[tuple[str, Any]], seed: int, limit: float | None
 ) -> Iterator[Outcome]:
-    from distributed import as_completed
-
-    running: dict[Any, tuple[str, Any, int, float]] = {}
-    done = as_completed()
+    running: dict[int, tuple[str, Any, int, float]] = {}
+    keys = count()
+    lost: deque[Outcome] = deque()
 
     def submit(name: str, case: Any, tries: int) -> None:
-        # One prefix for all: the scheduler keeps statistics of every prefix for ever.
-        key = ("case", os.urandom(8).hex())
+        key = next(keys)
         running[key] = name, case, tries, time.perf_counter()
-        arguments = (work, name, case, case_seed(seed, name), limit, True)
-        done.add(client.submit(_attempt, *arguments, key=key, pure=False, retries=0))
+        try:
+            crew.submit(key, work, name, case, case_seed(seed, name), limit, True)
+        except Exception as error:
+            # The case cannot be sent.
+            del running[key]
+            lost.append(Outcome(name, 0.0, None, f"{type(error).__name__}: {error}", traceback.format_exc()))
 
     # No more at once than there are workers: a case that takes its worker down harms no other that waits there.
-    for name, case in islice(cases, sum(client.ncores().values())):
+    for name, case in islice(cases, crew.room()):
         submit(name, case, 1)
-    while running:
-        future = next(done)
-        name, case, tries, start = running.pop(future.key)
-        seconds = time.perf_counter() - start
-        outcome = _outcome(future, name, seconds)
-        future.release()
+    while running or lost:
+        outcome = lost.popleft() if lost else _ended(crew, running, submit, limit)
+        if outcome is None:
+            continue
+        if (following := next(cases, None)) is not None:
+            submit(*following, 1)
+        yield outcome
+
+
+def _ended(
+    crew: _Crew,
+    running: dict[int, tuple[str, Any, int, float]],
+    submit: Callable[[str, Any, int], None],
+    limit: float | None,
+) -> Outcome | None:
+    """Return the outcome of the case that ends next, None where its worker died and it is tried again."""
+    key, returned = crew.next()
+    name, case, tries, start = running.pop(key)
+    seconds = time.perf_counter() - start
+    try:
+        return returned()
+    except Died:
         # A process that does not heed its limit ends itself; one that died sooner may have died of the case before,
         # behind which this one waited.
-        if outcome is None and tries < _TRIES and (limit is None or seconds < limit + _GRACE):
+        if tries < _TRIES and (limit is None or seconds < limit + _GRACE):
             submit(name, case, tries + 1)
-            continue
-        following = next(cases, None)
-        if following is not None:
-            submit(*following, 1)
-        yield outcome or Outcome(
-            name, seconds, None, "WorkerDied: its process crashed, or took too much memory or time"
-        )
-
-
-def _outcome(future: Future, name: str, seconds: float) -> Outcome | None:
-    """Return the outcome of a case, None where its worker died."""
-    from distributed import KilledWorker
-
-    try:
-        outcome: Outcome = future.result()
-    except KilledWorker:
-        return None
+            return None
+        return Outcome(name, seconds, None, "WorkerDied: its process crashed, or took too much memory or time")
     except Exception as error:
         # The case or its outcome could not be sent.
         return Outcome(name, seconds, None, f"{type(error).__name__}: {error}", traceback.format_exc())
-    return outcome

@@ -11,7 +11,6 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from discovery.angles import within_half_a_turn
-from discovery.case import LoopSettings
 from discovery.dataset import Dataset
 from discovery.effect import ARM
 from discovery.errors import ComputationError, InputError
@@ -26,6 +25,7 @@ from discovery.noise import GAUSSIAN, words_of
 from discovery.problem import natural_units
 from discovery.residual import errors
 from discovery.rig import Rig
+from discovery.selection.settings import LoopSettings
 from discovery.step import TOLERANCE
 
 if TYPE_CHECKING:
@@ -344,8 +344,8 @@ def continued(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, 
 
 
 def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingForce | None:
-    """Return the force that the final model lacks where it leaves more than noise; None where it does not."""
-    if result.noise:
+    """Return the force that the final model lacks where it is not complete; None where it is."""
+    if result.complete:
         return None
     if not result.after.model.mechanics.reads_state:
         tell("no missing force: it is reconstructed where the instrument reads the position")

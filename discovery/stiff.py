@@ -17,7 +17,7 @@ from discovery.problem import Problem
 from discovery.race import SLOW, is_far_behind
 from discovery.refits import Refit, distances, refit, resettled, settled
 
-__all__ = ["coarsened", "resolved", "shortened", "unstiffened"]
+__all__ = ["coarsened", "unstiffened"]
 
 #: Finer steps are tried for so many of the best by chi-square and by score,
 _LEADING, _PROMISING = 3, 8
@@ -144,50 +144,6 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
                 return again
         coarse = Bench.like(coarse, coarse.step / 2)
     return fine
-
-
-def resolved(fitted: Refit, least: float) -> Refit:
-    """Return a refit on far shorter steps where these show that the solver has erred, else the same.
-
-    Parameters
-    ----------
-    fitted : Refit
-        The refit.
-    least : float
-        By so much the solver must move its readings, and shorter steps, if these are not too many, lower chi-square
-        [noise sds, squared].
-    """
-    bench = fitted.problem.bench
-    if _solver_errors([fitted], Bench.like(bench, bench.step / 2))[fitted.effect] <= least:
-        return fitted
-    fine = Bench.like(bench, bench.step / _FAR_SHORTER)
-    if fine.most_steps > MOST_STEPS or fitted.chi2 - _foreseen(fitted, fine) < _PROMISED * least:
-        return fitted
-    (again,) = settled([replace(fitted.problem, bench=fine)], [fitted.minimum.x]) or [fitted]
-    return again if again.chi2 < fitted.chi2 - least else fitted
-
-
-def _foreseen(fitted: Refit, bench: Bench) -> float:
-    """Return what a refit would leave of chi-square on another bench to first order."""
-    minimum = fitted.minimum
-    # What is known beside the recordings stays.
-    residual = minimum.residual.copy()
-    residual[: bench.n_rows] = bench.residuals(*fitted.problem.expand(minimum.x[:, None]))[:, 0]
-    if not np.isfinite(residual).all():
-        return np.inf
-    size = np.maximum(np.linalg.norm(minimum.jacobian, axis=0), 1e-300)
-    scaled = minimum.jacobian / size
-    left = residual - scaled @ np.linalg.lstsq(scaled, residual, rcond=None)[0]
-    return float(left @ left)
-
-
-def shortened(fitted: Refit, bench: Bench) -> Refit:
-    """Return a refit on another bench of the same mechanics where its steps are shorter and it leaves less there."""
-    own = fitted.problem.bench
-    if own.base != bench.base or own.step <= _SAME * bench.step:
-        return fitted
-    again = resettled(fitted, bench)
-    return again if again.chi2 < fitted.chi2 else fitted
 
 
 def _worth(refit: Refit, least: float) -> float:

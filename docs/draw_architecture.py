@@ -15,7 +15,7 @@ WIDTH, LEFT, BOX, STEP, TALL = 860, 20, 560, 74, 58
 LAYERS = [
     ("#f6e8d5", "cli, report, export, reproduction", "commands, pages, exports; the source paper", "report.html"),
     ("#f6e8d5", "pipeline, stages, curves", "every stage in order, each saved as it is done", "results.json, *.nc"),
-    ("#dbe9f4", "loop, search, attribution", "what is missing: screen, refit, search over sets, judge", "loop.json"),
+    ("#dbe9f4", "loop, selection, attribution", "what is missing: screen, refit, compare log evidences", "loop.json"),
     ("#dbe9f4", "sindy, fit, posterior, elastica", "discover, estimate, sample, check", "equation, estimates"),
     ("#dcefe3", "library, differentiate, problem", "candidate columns; residuals of a model on recordings", "motion"),
     ("#dcefe3", "rig, recording, drive, simulate", "files in; smooth input; batches of simulations", "rig.toml, *.csv"),

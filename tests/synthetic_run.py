@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+
+from discovery.provenance import write_json
 
 ARM_DECLARED = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"]
 TIME = np.arange(0.0, 20.0, 0.05)
@@ -67,17 +70,54 @@ def _equation(terms: list[str], coefficients: list[float], share: float) -> dict
     }
 
 
-def _step(action: str, effect: str, accepted: bool, **extra: Any) -> dict[str, Any]:
-    reason = "it removes 412 of 500 excess chi-square on the training recordings"
-    return {
-        "action": action,
-        "effect": effect,
-        "accepted": accepted,
-        "reason": reason,
-        "numbers": {},
-        "ranking": [],
-        **extra,
-    }
+def decision(action: str, *effects: str, accepted: bool, code: str = "accepted", **extra: Any) -> dict[str, Any]:
+    """Return one step of the search as in loop.json."""
+    made = {"action": action, "effects": list(effects), "accepted": accepted, "code": code}
+    return {**made, "numbers": {}, "candidates": [], **extra}
+
+
+def odds(train: float, held: float, size: float = 2.0, gain: float = 400.0) -> dict[str, float]:
+    """Return the numbers of an effect against its absence, as in loop.json."""
+    against = 0.5 * (size / 0.7) ** 2
+    each = {"train": train, "held": held, "size": size, "against_error": against, "gain": gain}
+    return {**each, "odds": min(train, train + held, against)}
+
+
+def candidate(*effects: str, train: float, held: float, chi2: float = 812.0, error: float = 0.05) -> dict[str, Any]:
+    """Return one set that was weighed, as in loop.json."""
+    found = {"effects": list(effects), "train": train, "held": held, "size": 2.0, "model_error": error}
+    return {**found, "chi2": chi2, "parameters": 4 + len(effects)}
+
+
+def model_error(before: float, after: float, unit: str, *depends: str) -> dict[str, Any]:
+    """Return the model error before and after, as in loop.json."""
+    share = after / before
+    return {"before": before, "after": after, "unit": unit, "share": share, "least": 4.5e-5, "depends_on": [*depends]}
+
+
+def _arm_steps() -> list[dict[str, Any]]:
+    """Return a search that finds dry friction on better mechanics, tries three more, and then leaves noise."""
+    first = [
+        candidate("coulomb_friction", train=724.4, held=311.5),
+        candidate("quadratic_drag", train=723.5, held=311.2, chi2=820.0),
+        candidate("table_tilt", train=12.3, held=-812.0, chi2=198100.0, error=6.5),
+    ]
+    beside = [
+        candidate("table_tilt", train=4.2, held=0.7, error=0.01),
+        candidate("encoder_ripple", train=3.9, held=0.2, error=0.01),
+        candidate("hysteresis", "base_compliance", train=-9.4, held=-0.5),
+        candidate("sensor_delay", train=-math.inf, held=0.0),
+    ]
+    return [
+        decision("mechanics", "radius_inertia", accepted=False, code="training", numbers={"odds": -7.25}),
+        decision("mechanics", "elastica_geometry", accepted=True, numbers={"odds": 2086.1}),
+        decision("add", "coulomb_friction", accepted=True, numbers=odds(724.4, 311.5, 8.0, 186705.0), candidates=first),
+        *(
+            decision("add", e, accepted=False, code=code, numbers=odds(4.2, held, 0.5, 12.3), candidates=beside)
+            for e, code, held in (("table_tilt", "held_out", 0.7), ("encoder_ripple", "chance", 2.2))
+        ),
+        decision("stop", accepted=True, code="complete", numbers={"promise": 14.8, "chance": 20.4}),
+    ]
 
 
 def _provenance() -> dict[str, Any]:
@@ -310,23 +350,6 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
         "tau_r": (0.0, None, "s"),
         "mu": (0.28477, 1.4e-5, "1"),
     }
-    ranking = [
-        {"effect": "coulomb_friction", "score": 190000.0, "chi2": 11736.0, "parameters": 1},
-        {"effect": "table_tilt", "score": 400.0, "chi2": 198100.0, "parameters": 2},
-    ]
-    beside = [
-        {"effect": e, "score": 30.0, "chi2": chi2, "parameters": 2}
-        for e, chi2 in (("table_tilt", 11720.0), ("encoder_ripple", 11722.0), ("hysteresis", 11735.0))
-    ]
-    held = {
-        "chi2_before": 198441.0,
-        "chi2_after": 11736.0,
-        "chi2_holdout_before": 9000.0,
-        "chi2_holdout_after": 810.0,
-        "n_holdout": 800.0,
-    }
-    in_vain = {**held, "chi2_before": 11736.0, "chi2_after": 11720.0, "chi2_holdout_before": 810.0}
-    upgrade = {"mean_chi2_holdout_before": 63.4, "mean_chi2_holdout_after": 1.01}
     groups_before = {
         "train": _errors(2.31e-3),
         "holdout": _errors(3.19e-3),
@@ -442,20 +465,20 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
             "verdict": "explained",
             "declared": ARM_DECLARED,
             "effects": [
-                {"id": "elastica_geometry", "parameters": {}, "evidence": {}, "ambiguous_with": []},
+                {
+                    "id": "elastica_geometry",
+                    "parameters": {},
+                    "evidence": {},
+                    "probability": None,
+                    "group_probability": None,
+                    "ambiguous_with": [],
+                },
                 {
                     "id": "coulomb_friction",
                     "parameters": {"f_c": {"value": 0.012815, "sd": 2.3e-5, "unit": "s^-2 q"}},
-                    "evidence": {
-                        "delta_chi2_train": 186705.0,
-                        "delta_chi2_holdout": 8190.0,
-                        "share_of_residual_power": 0.94086,
-                        "effect_rms": 1.857e-3,
-                        "chance_gain_99": 22.5,
-                        "p_value": 1 / 201,
-                        "largest_similarity": 0.93,
-                        "similarity_quadratic_drag": 0.9123,
-                    },
+                    "evidence": odds(724.4, 311.5, 8.0, 186705.0),
+                    "probability": 0.76852,
+                    "group_probability": 1 - 4.9e-11,
                     "ambiguous_with": ["quadratic_drag"],
                 },
             ],
@@ -466,25 +489,18 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
                 "before": groups_before,
                 "after": groups_after,
             },
-            "test": "systematic part of the held-out residual: 0.1 noise sds, at most 0.35",
+            "model_error": model_error(1.1554e-3, 9.127e-6, "m"),
+            "complete": True,
             "model": {
                 "before": _fit("constant_radius", ARM_DECLARED, declared),
                 "after": _fit("elastica", ["viscous_damping", "linear_stiffness", "coulomb_friction"], final),
             },
             "residual": {"before": _residual(8.5), "after": _residual(0.99)},
-            "steps": [
-                _step("upgrade", "radius_inertia", False, numbers={**upgrade, "mean_chi2_holdout_after": 70.0}),
-                _step("upgrade", "elastica_geometry", True, numbers=upgrade),
-                _step("add", "coulomb_friction", True, numbers=held, ranking=ranking),
-                *(_step("add", e, False, numbers=in_vain, ranking=beside) for e in ("table_tilt", "encoder_ripple")),
-                _step("add", "hysteresis", False, numbers={**in_vain, "chi2_after": 11735.0}, ranking=beside),
-                _step("remove", "coulomb_friction", False),
-                _step("stop", "", True),
-            ],
+            "steps": _arm_steps(),
         },
         "clean": {"hold_in": {m: _errors(size) for m, size in (("before", 2.33e-3), ("after", 1.62e-5))}},
     }
-    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    write_json(folder / "results.json", results)
     return results
 
 
@@ -594,12 +610,13 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
                 "before": errors,
                 "after": errors,
             },
-            "test": "systematic part: 0.1 noise sds, at most 0.35",
+            "model_error": model_error(4e-6, 4e-6, "V"),
+            "complete": True,
             "model": {"before": fit, "after": fit},
             "residual": {"before": _residual(1.0), "after": _residual(1.0)},
-            "steps": [_step("stop", "", True)],
+            "steps": [decision("stop", accepted=True, code="complete", numbers={"promise": 8.1, "chance": 20.4})],
         },
         "clean": None,
     }
-    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    write_json(folder / "results.json", results)
     return results

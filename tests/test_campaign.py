@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import synthetic_run
 from click.testing import CliRunner
 
 from discovery.campaign import campaign, collect, rows, unfinished, watched
 from discovery.cli import campaign_cases, campaigns
 from discovery.errors import ComputationError, InputError
-from discovery.spread import SCHEDULER, case_seed, spread
+from discovery.spread import SCHEDULER, _is_safe, case_seed, spread
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 
@@ -128,6 +131,112 @@ def test_workers_of_a_scheduler_are_used(cluster, monkeypatch):
     monkeypatch.setenv(SCHEDULER, cluster)
     found = {o.result["process"] for o in spread(where, CASES, workers=1)}
     assert os.getpid() not in found
+
+
+def test_what_raises_dies_or_hangs_on_this_machine_takes_no_other_with_it():
+    cases = [("raises", "raise"), ("dies", "die"), ("hangs", "slow"), ("odd", "odd"), ("unsent", lambda: 1), *CASES]
+    outcomes = {o.name: o for o in spread(troubled, cases, workers=2, limit=1.5)}
+    assert set(outcomes) == {name for name, _ in cases}
+    assert values(outcomes[name] for name, _ in CASES) == values(spread(drawn, CASES, workers=1))
+    assert outcomes["raises"].error == "ArithmeticError: no such luck"
+    assert outcomes["dies"].error.startswith("WorkerDied")
+    assert outcomes["hangs"].error == "TooLong: the case took longer than its limit of 1.5 s"
+    assert "pickle" in outcomes["unsent"].error
+
+
+def listening(case, _seed):
+    """Return the ports of the whole machine on which this process or the one that gave the case listens."""
+    tables = [Path(f"/proc/net/{name}") for name in ("tcp", "tcp6")]
+    rows = [row.split() for table in tables if table.exists() for row in table.read_text().splitlines()[1:]]
+    inodes = {row[9] for row in rows if row[3] == "0A"}
+    owned = set()
+    for process in (os.getpid(), os.getppid()):
+        for link in Path(f"/proc/{process}/fd").glob("*"):
+            try:
+                owned.add(os.readlink(link).removeprefix("socket:[").removesuffix("]"))
+            except OSError:
+                continue
+    return {"ports": sorted(inodes & owned), "process": os.getpid(), "threads": os.environ["DISCOVERY_THREADS"]}
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="this system does not tell who listens")
+def test_nothing_listens_on_any_port():
+    code = """
+import sys
+from test_campaign import CASES, listening
+from discovery.spread import spread
+if __name__ == "__main__":
+    found = [o.result for o in spread(listening, CASES, workers=2)]
+    assert 1 <= len({one["process"] for one in found}) <= 2
+    print([one["ports"] for one in found])
+"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.strip() == str([[]] * len(CASES))
+
+
+@pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "host:8786", "tcp://127.evil.org:1", "10.0.0.1"])
+def test_a_scheduler_through_which_others_can_run_code_is_refused(address, monkeypatch):
+    monkeypatch.setattr("discovery.spread._PATIENCE", 0.2)
+    with pytest.raises(InputError, match=r"neither encrypted nor authenticated.*tls://.*--insecure"):
+        list(spread(drawn, CASES, scheduler=address))
+
+
+@pytest.mark.parametrize("address", ["tls://10.0.0.1:8786", "tcp://127.0.0.1:1", "tcp://localhost:1", "tcp://[::1]:1"])
+def test_what_nobody_else_can_use_needs_no_word(address):
+    assert _is_safe(address)
+
+
+def test_a_scheduler_may_be_accepted_all_the_same(monkeypatch):
+    monkeypatch.setattr("discovery.spread._PATIENCE", 0.2)
+    monkeypatch.setattr("discovery.spread._is_safe", lambda _: False)
+    with pytest.raises(InputError, match="No Dask scheduler answers"):
+        list(spread(drawn, CASES, scheduler="127.0.0.1:1", insecure=True))
+
+
+@pytest.mark.parametrize("signalled", ["stream", "parent"])
+def test_processes_end_with_what_started_them(signalled, tmp_path):
+    code = f"""
+import sys, time
+from pathlib import Path
+from test_campaign import sleeping
+from discovery.spread import spread
+if __name__ == "__main__":
+    stream = spread(sleeping, [("quick", 0), ("a", {str(tmp_path)!r}), ("b", {str(tmp_path)!r})], workers=2)
+    next(stream)
+    while len([*Path({str(tmp_path)!r}).glob("*")]) < 2:
+        time.sleep(0.01)
+    print("ready", flush=True)
+    if {signalled == "parent"}:
+        time.sleep(600)
+    stream.close()
+"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    with subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "ready\n"
+        if signalled == "parent":
+            process.kill()
+    assert process.returncode == (-9 if signalled == "parent" else 0)
+    workers, end = [int(path.name) for path in tmp_path.iterdir()], time.monotonic() + 10.0
+    while any(map(alive, workers)) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not any(map(alive, workers))
+
+
+def sleeping(case, _seed):
+    """Sleep, and leave a file named by the process in the folder that is the case."""
+    if case:
+        (Path(case) / str(os.getpid())).touch()
+        time.sleep(600)
+    return {}
+
+
+def alive(process):
+    try:
+        return Path(f"/proc/{process}/stat").read_text().split()[2] != "Z"
+    except OSError:
+        return False
 
 
 def test_no_workers_are_refused():
@@ -373,7 +482,7 @@ def counted(monkeypatch):
         if case.out.name == "bad":
             raise InputError("there is nothing to fit")
         value = {"parameter": "xi", "value": 0.5, "sd": 0.1}
-        return {"verdict": "explained", "effects": "sensor_delay", "test": "0 of 1", "parameters": [value]}
+        return {"verdict": "explained", "effects": "sensor_delay", "because": "0 of 1", "parameters": [value]}
 
     monkeypatch.setattr(campaigns, "close", close)
     return ran
@@ -495,7 +604,7 @@ def looped(monkeypatch):
     seen = {}
     content = {
         "verdict": "explained",
-        "test": "0.1 of at most 0.35",
+        "model_error": synthetic_run.model_error(1e-3, 1e-5, "m"),
         "effects": [{"id": "quadratic_drag", "parameters": {"c_2": {}}}],
         "errors": {"unit": "m", **{w: {r: {"rms": 1e-3} for r in ("train", "holdout")} for w in ("before", "after")}},
         "model": {
@@ -521,7 +630,8 @@ def test_one_case_returns_verdict_errors_and_parameters(tmp_path, looped):
     (tmp_path / "loop.json").write_text("of before")
     result = campaigns.close(case, case_seed(0, "arm"))
     assert not (tmp_path / "loop.json").exists()
-    assert (result["verdict"], result["test"]) == ("explained", "0.1 of at most 0.35")
+    assert result["verdict"] == "explained"
+    assert result["because"] == ("the model error falls from 1.00 to 0.0100 mm, which counts as none (up to 0.0450 mm)")
     assert [result[f"{r}_rms_{w}"] for r in ("train", "holdout") for w in ("before", "after")] == [1e-3] * 4
     assert result["parameters"] == [
         {"parameter": "xi", "effect": "", "value": 0.2, "sd": None, "unit": "s^-1", "reason": "at its bound"},

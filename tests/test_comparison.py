@@ -64,7 +64,9 @@ def results(tmp_path: Path) -> dict[str, Any]:
         {
             "id": "coulomb_friction",
             "parameters": {"f_c": {"value": 0.1, "sd": 0.02, "unit": "s^-2 q"}},
-            "evidence": {"p_value": 0.005, "delta_chi2_holdout": 1234.0},
+            "evidence": synthetic_run.odds(6.0, 2.0, 3.0),
+            "probability": 0.6,
+            "group_probability": 0.9973,
             "ambiguous_with": ["stribeck_friction"],
         }
     ]
@@ -133,6 +135,20 @@ def test_goals_are_judged_by_the_numbers(results):
     assert outcomes[5].sentence.endswith("what was added: coulomb friction or stribeck friction")
     assert "it is “explained”" in outcomes[8].sentence
     assert "4 are fitted" in outcomes[9].sentence
+
+
+def test_what_is_named_beside_a_model_error_counts_as_named(results):
+    results["loop"] |= {
+        "verdict": "partly_explained",
+        "model_error": synthetic_run.model_error(4e-3, 2e-3, "V", "rate"),
+    }
+    goal = {"errors": {"holdout": 1.0}, "named": [["coulomb_friction"]], "not_named": ["coulomb_friction"]}
+    known = Known.model_validate({"unit": "mV", "goal": goal})
+    held, named, not_named = entry(results, known).outcomes
+    assert "the verdict says: what is left is a model error of 2.00 mV, 50 % of that before" in held.sentence
+    assert (named.reached, not_named.reached) == (True, False)
+    results["loop"]["verdict"] = "unexplained"
+    assert [o.reached for o in entry(results, known).outcomes[1:]] == [False, True]
 
 
 def test_best_known_counts_the_reference_model(results):
@@ -234,6 +250,8 @@ def test_the_page_holds_what_the_files_say(page: Path) -> None:
     assert "first: coarse readings" in text
     assert 'href="set/rig/report.html"' in text
     assert "test circuit &amp; more" in text.lower()
+    assert "Odds of 400 to 1 over its absence, probability 0.60, of the group 0.997." in text
+    assert "The verdict rests on the model error: the model error goes from 0.00400 to 0.00400 mV" in text
     rows = text[text.index('id="table-laws"') :]
     assert rows.index("Heavy ball") < rows.index("Light ball")
     assert "rig_absent" not in text

@@ -70,16 +70,6 @@ def test_what_a_base_idealises_widens_intervals_where_noise_hides_it(stated: boo
         assert share[2] < 0.8
 
 
-def test_what_the_law_of_an_effect_idealises_counts_like_what_the_base_does() -> None:
-    estimate, sd = fitted(np.random.default_rng(2).standard_normal(N), 0.2)
-    white = np.random.default_rng(2).standard_normal(N)
-    residual = SLOPES @ estimate - white
-    minimum = Minimum(estimate, 0.5 * float(residual @ residual), residual, SLOPES, np.zeros(3, bool), True, 1)
-    for base, unlike in ((0.0, 0.2), (0.12, 0.16)):
-        covariance, _, _ = covariance_of(problem(base), minimum, unlike=unlike)
-        assert np.sqrt(np.diag(covariance)) == pytest.approx(sd, rel=1e-12)
-
-
 def test_white_residuals_below_the_stated_noise_do_not_narrow_the_interval() -> None:
     quiet = 0.1 * np.random.default_rng(1).standard_normal(N)
     _, sd = fitted(quiet)

@@ -229,7 +229,7 @@ def test_fetching_downloads_to_the_cache_and_checks_the_hash(toy, no_data, monke
 def copying(source):
     """Stand-in for a download that obeys the same contract: target folder, name and hash."""
 
-    def retrieve(url, known_hash, fname, path):
+    def retrieve(url, known_hash, fname, path, downloader):
         assert url == source.as_uri()
         content = source.read_bytes()
         if f"sha256:{hashlib.sha256(content).hexdigest()}" != known_hash:
@@ -238,6 +238,24 @@ def copying(source):
         (path / fname).write_bytes(content)
 
     return retrieve
+
+
+def test_a_download_has_an_end(tmp_path, monkeypatch):
+    class Downloader:
+        def __init__(self, timeout):
+            assert timeout > 0
+
+        def __call__(self, url, output_file, _):
+            for _ in range(int(url)):
+                output_file.write(b"x")
+
+    monkeypatch.setattr("pooch.HTTPDownloader", Downloader)
+    monkeypatch.setattr(registry, "LARGEST", 10)
+    registry._download("10", tmp_path / "x", None)
+    assert (tmp_path / "x").read_bytes() == b"x" * 10
+    with pytest.raises(ValueError, match="larger than"):
+        registry._download("11", tmp_path / "y", None)
+    assert (tmp_path / "y").stat().st_size == 10
 
 
 def test_a_download_that_is_not_the_registered_file_is_refused(toy, monkeypatch):

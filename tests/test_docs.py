@@ -6,16 +6,20 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from discovery.case import LoopSettings
 from discovery.catalogue_page import catalogue_page, main
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.registry import catalogue
+from discovery.selection.decision import Candidacy, Decision
+from discovery.selection.odds import Odds
+from discovery.selection.sentences import OUTCOMES
+from discovery.selection.settings import LoopSettings
+from discovery.selection.verdict import VERDICTS, Lead, ModelErrorReport
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -140,21 +144,35 @@ def test_the_architecture_page_names_every_module() -> None:
     assert not modules - named
 
 
-def test_the_attribution_page_states_the_thresholds_of_the_loop() -> None:
-    text = (DOCS / "ATTRIBUTION.md").read_text(encoding="utf-8")
-    table = {name: float(value) for name, value in re.findall(r"^\| `(\w+)` \| ([\d.e-]+) \|", text, re.MULTILINE)}
-    settings = {f.name: f.default for f in fields(LoopSettings) if f.name not in ("seed", "follow_up")}
-    assert table == settings
+@pytest.fixture(scope="module")
+def attribution() -> str:
+    return (DOCS / "ATTRIBUTION.md").read_text(encoding="utf-8")
 
 
-def test_the_attribution_page_explains_every_number_of_the_evidence() -> None:
-    text = (DOCS / "ATTRIBUTION.md").read_text(encoding="utf-8")
-    source = (ROOT / "discovery" / "standing.py").read_text(encoding="utf-8")
-    collected = re.search(r"return \{(.*?)\n    \}", source, re.DOTALL)
-    assert collected
-    names = re.findall(r'^ +"(\w+)":', collected[1], re.MULTILINE)
-    assert len(names) > 5
-    assert not [n for n in names if f"`{n}`" not in text]
+def numbers_of(text: str) -> dict[str, float]:
+    """Return the values of the rows "| `name` | value | ..." of a page."""
+    return {name: float(value) for name, value in re.findall(r"^\| `(\w+)` \| ([\d.e-]+) \|", text, re.MULTILINE)}
+
+
+def test_the_attribution_page_states_the_numbers_that_decide(attribution: str) -> None:
+    decide, _, work = attribution.partition("### The budget of work")
+    settings = {f.name: f.default for f in fields(LoopSettings) if f.name not in ("seed", "follow_up", "budget")}
+    assert numbers_of(decide) == settings
+    assert numbers_of(work) == asdict(LoopSettings().budget)
+
+
+def test_the_attribution_page_explains_every_field_of_the_evidence(attribution: str) -> None:
+    rows = attribution.partition("| in `effects[].evidence` |")[2].partition("\n\n")[0]
+    assert re.findall(r"^\| `(\w+)` \|", rows, re.MULTILINE) == [*(f.name for f in fields(Odds)), "odds"]
+
+
+def test_the_attribution_page_names_every_verdict_and_record(attribution: str) -> None:
+    shown = re.findall(r"^\| `(\w+)` \| [^|]+ \| [^|]+ \|$", attribution.partition("## 8.")[2], re.MULTILINE)
+    assert set(shown[: len(VERDICTS)]) == set(VERDICTS)
+    content = attribution.partition("## 9.")[2].partition("## 10.")[0]
+    for record in (ModelErrorReport, Lead, Decision, Candidacy):
+        assert not [f.name for f in fields(record) if f"`{f.name}`" not in content], record.__name__
+    assert not [code for code in OUTCOMES if f"`{code}`" not in attribution]
 
 
 def test_the_picture_is_what_its_script_draws(tmp_path: Path) -> None:

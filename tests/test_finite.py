@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_search import DECLARED, EFFECTS, TRUTH, UNITS, pushes, recorded
+from pushed_oscillator import DECLARED, EFFECTS, TRUTH, UNITS, pushes, recorded
 
 from discovery.attribution import screen
 from discovery.bench import Bench

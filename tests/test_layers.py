@@ -18,12 +18,12 @@ CONTRACTS = Path(__file__).parents[1] / ".importlinter"
 HOMES = {
     "numba": {
         "discovery.compile",  # hears of the compiler, once a kernel is loaded
+        "discovery.compiled_function",
         "discovery.vectormath",
         "discovery.noise.filters",
         "discovery.noise.tails",
         "discovery.scalar_products",
-        "discovery_datasets.beam",
-        "discovery_datasets.engine",
+        "discovery_datasets.compiled",
     },
     "pysindy": {"discovery.sindy", "discovery.subset", "discovery.candidates", "discovery.force_law"},
     "emcee": {"discovery.ensembles", "discovery.moves", "discovery.checkpoint", "discovery.diagnostics"},

@@ -5,7 +5,6 @@ import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -19,13 +18,11 @@ from discovery_datasets.quick_effects import TipRotaryInertia
 from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
-from discovery.case import Case, LoopSettings
 from discovery.dataset import load_dataset
-from discovery.fit import fit_near
-from discovery.loop import LoopResult, _designs, _search_arm, close_loop
-from discovery.mechanics.elastica import ElasticaCalm
+from discovery.loop import LoopResult, _designs, close_loop
 from discovery.provenance import plain
-from discovery.search import Search
+from discovery.selection.context import Context
+from discovery.selection.settings import LoopSettings
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 GEOMETRY = ["radius_inertia", "elastica_geometry"]
@@ -82,11 +79,6 @@ def test_on_the_clean_twin_the_loop_finds_the_geometry_and_nothing_else() -> Non
     assert result.declared == ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
     assert result.after.model.base == "elastica_4"
     assert result.before.model.base == "constant_radius"
-
-
-def test_more_coordinates_that_fit_worse_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ElasticaCalm, "finer", ("elastica_1", "elastica"))
-    assert alone(DATASETS / "arm" / "train_large.csv").after.model.base == "elastica"
 
 
 def test_the_clean_twin_is_predicted_inside_and_beyond_the_trained_deflection() -> None:
@@ -178,43 +170,41 @@ def test_the_tilt_is_that_of_the_card() -> None:
         assert found.sd[f"phi_{axis}"] < 5e-5
 
 
-# The story.
+# The decisions.
 
 
 @pytest.mark.parametrize("name", ["arm", *HIDDEN])
-def test_the_story_says_why(name: str) -> None:
+def test_the_decisions_say_what_was_compared(name: str) -> None:
     result = closed(name)
-    accepted = [s.effect for s in result.steps if s.accepted and s.action in ("upgrade", "add")]
-    assert accepted == list(result.added)
+    done = [s for s in result.steps if s.accepted and s.action in ("mechanics", "add", "exchange")]
+    assert {*result.added} <= {e for s in done for e in s.effects}
+    assert [s.code for s in result.steps if s.action == "stop"][-1] in ("complete", "exhausted")
     for step in result.steps:
-        assert step.action in ("upgrade", "add", "remove", "stop")
-        assert step.reason
+        assert step.action in ("mechanics", "add", "remove", "exchange", "stop")
         if step.action == "add":
-            assert [r["chi2"] for r in step.ranking] == sorted(r["chi2"] for r in step.ranking)
-            assert step.effect in [r["effect"] for r in step.ranking]
-            if step.accepted:
-                assert step.numbers["chi2_after"] < step.numbers["chi2_before"]
-                assert step.numbers["chi2_holdout_after"] < step.numbers["chi2_holdout_before"]
-    assert "at most" in result.test
+            gains = [c.train + c.held for c in step.candidates]
+            assert gains == sorted(gains, reverse=True)
 
 
-def test_the_evidence_of_an_effect_is_what_it_removes() -> None:
-    result = closed("arm_delay")
-    (step,) = [s for s in result.steps if s.action == "add"]
-    evidence = result.evidence["sensor_delay"]
-    assert evidence["delta_chi2_train"] == pytest.approx(step.numbers["chi2_before"] - step.numbers["chi2_after"])
-    assert evidence["share_of_excess"] > 0.9
-    assert evidence["runner_up_delta_chi2"] < evidence["delta_chi2_train"]
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_hidden_effect_is_beyond_doubt_and_leaves_no_model_error(name: str) -> None:
+    result = closed(name)
+    found = result.named[HIDDEN[name]]
+    assert found.odds.total > 10
+    assert found.group_probability > 0.99
+    assert result.complete
+    assert result.model_error.after <= result.model_error.least < 0.1 * result.model_error.before
 
 
 @pytest.mark.parametrize("name", ["arm", *HIDDEN])
 def test_the_summary_keeps_the_contract(name: str) -> None:
     result = closed(name)
     text = json.loads(json.dumps(plain(result.summary()), allow_nan=False))
-    assert set(text) >= {"verdict", "declared", "effects", "errors"}
+    assert set(text) >= {"verdict", "declared", "effects", "errors", "model_error", "complete"}
+    assert set(text["model_error"]) == {"before", "after", "unit", "share", "least", "depends_on"}
     assert [e["id"] for e in text["effects"]] == list(result.added)
     for effect in text["effects"]:
-        assert set(effect) >= {"id", "parameters", "evidence", "ambiguous_with"}
+        assert set(effect) >= {"id", "parameters", "evidence", "ambiguous_with", "probability", "group_probability"}
         for parameter in effect["parameters"].values():
             assert set(parameter) >= {"value", "sd", "unit"}
     assert [r["name"] for r in text["recordings"]][:2] == ["train_paper", "train_large"]
@@ -277,6 +267,7 @@ def of_another_arm(tmp_path: Path, rig: ArmRig, hidden: Disturbance, rate: float
     return close_loop(load_dataset(tmp_path / "rig.toml", [tmp_path / "train.csv"]).train)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time", [0.0086, 0.025])
 def test_strong_damping_of_the_rod_is_found_although_it_makes_the_motion_stiff(tmp_path: Path, time: float) -> None:
     """At the steps that suit the bare arm its refit blows up, and a camera ahead of the encoder would be named."""
@@ -289,6 +280,7 @@ def test_strong_damping_of_the_rod_is_found_although_it_makes_the_motion_stiff(t
 # Where the phase of a swing or of the ringing has many minima.
 
 
+@pytest.mark.slow
 def test_a_large_inertia_of_the_tip_is_found_although_the_ringing_slips(tmp_path: Path) -> None:
     """Fitted without it the arm starts ringing where it was at rest, and refits of the whole end a period off."""
     rig = ArmRig(1.1017, 0.07045, 0.003066, 0.1666, disc_friction=5e-4, retardation=6e-5)
@@ -298,14 +290,12 @@ def test_a_large_inertia_of_the_tip_is_found_although_the_ringing_slips(tmp_path
     assert [e for e in result.added if e not in GEOMETRY] == ["tip_rotary_inertia"]
     assert result.verdict == "explained"
     assert result.after.values["J"] == pytest.approx(inertia, rel=0.01)
-    # Three modes leave most of a noise sd beside it, which is not for other effects to explain.
-    (refined,) = (s for s in result.steps if s.action == "refine")
-    assert refined.numbers["chi2_after"] < 0.7 * refined.numbers["chi2_before"]
 
 
 # Where the mechanics of the search decide.
 
 
+@pytest.mark.slow
 def test_a_force_that_bends_the_rod_in_more_modes_than_the_search_follows_is_judged_on_finer_mechanics(
     tmp_path: Path,
 ) -> None:
@@ -316,35 +306,6 @@ def test_a_force_that_bends_the_rod_in_more_modes_than_the_search_follows_is_jud
     assert [e for e in result.added if e not in GEOMETRY] == ["periodic_disturbance"]
     assert result.verdict == "explained"
     assert result.after.values["Omega"] == pytest.approx(13.6, rel=1e-3)
-
-
-def test_the_exact_arm_is_given_up_only_for_one_that_predicts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = {"exact": 500.0, "declared": 5000.0}
-
-    class Told:
-        """A search that leaves so much and names nothing."""
-
-        def __init__(self, start, case) -> None:
-            self.best = self.root = SimpleNamespace(held=found[start])
-            self.settled, self.added, self.steps, self.least = False, (), [], 1.0
-
-        def run(self, rival: float = np.inf) -> None:
-            """Find nothing."""
-
-    monkeypatch.setattr("discovery.loop.Search", Told)
-    monkeypatch.setattr("discovery.loop._judge_geometry", lambda *_: (["radius_inertia"], []))
-    monkeypatch.setattr("discovery.loop.rig_uncertainty", lambda _: {})
-    model = SimpleNamespace(on_base=lambda name: "exact")
-    before = SimpleNamespace(model=model, values={}, problem=SimpleNamespace(gaussian={}))
-    fitted = lambda model, *_: "exact" if model == "exact" else "declared"  # noqa: E731
-    case = SimpleNamespace(tell=lambda _: None, train=[None], fit=fitted)
-    search, geometry, _ = _search_arm(before, case)
-    assert search.best.held == 500.0
-    assert geometry == ["radius_inertia", "elastica_geometry"]
-    found["declared"] = 400.0
-    search, geometry, _ = _search_arm(before, case)
-    assert search.best.held == 400.0
-    assert geometry == []
 
 
 # What nobody can explain.
@@ -358,31 +319,18 @@ class Gusts(Disturbance):
         return 0.006j * sum(s * np.exp(-(((time - at) / 0.1) ** 2)) for at, s in ((3.1, 1), (5.7, -1), (9.0, 1)))
 
 
+@pytest.mark.slow
 def test_gusts_stay_unexplained(tmp_path: Path) -> None:
     motion = simulate(PAPER_RIG, MANOEUVRES["train_large"], np.arange(601) / 50, disturbances=(Gusts(),))
     record(motion, rng=np.random.default_rng(5)).to_csv(tmp_path / "gusts.csv", index=False)
     result = alone(tmp_path / "gusts.csv")
     assert result.verdict == "unexplained"
     assert {*result.added} <= {*GEOMETRY}
-    assert "above" in result.test
+    assert not result.complete
+    assert result.model_error.after > result.model_error.least
 
 
-def test_mechanics_that_predict_no_better_are_not_reported_where_nothing_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    frame = pd.read_csv(DATASETS / "arm" / "train_paper.csv")
-    frame.assign(tip_y_m=-frame["tip_y_m"]).to_csv(tmp_path / "mirrored.csv", index=False)
-    monkeypatch.setattr(Search, "run", lambda search, rival=np.inf: None)
-    result = alone(tmp_path / "mirrored.csv")
-    assert result.verdict == "unexplained"
-    assert result.added == ()
-    assert result.after.model.base == "constant_radius"
-    upgrades = [s for s in result.steps if s.action == "upgrade"]
-    assert [s.accepted for s in upgrades] == [False, False]
-    # The file says what may be wrong.
-    assert "beside the motor's direction" in result.summary()["recordings"][0]["notes"][0]
-
-
+@pytest.mark.slow
 def test_a_camera_that_is_knocked_about_stays_unexplained(tmp_path: Path) -> None:
     frame = pd.read_csv(DATASETS / "arm" / "train_large.csv")
     knocks = ((4.3, 4, -3), (7.9, -2, 5), (12.6, -5, -4), (18.2, 6, 1), (22.4, -4, 4))
@@ -392,22 +340,6 @@ def test_a_camera_that_is_knocked_about_stays_unexplained(tmp_path: Path) -> Non
     result = alone(tmp_path / "knocked.csv")
     assert result.verdict == "unexplained"
     assert {*result.added} <= {*GEOMETRY}
-
-
-def test_a_motion_that_is_explained_with_a_stiffness_that_the_rig_excludes_is_not_explained(tmp_path: Path) -> None:
-    described = (DATASETS / "arm" / "rig.toml").read_text(encoding="utf-8")
-    wrong = re.sub(r"(flexural_rigidity_N_m2 = )([\d.]+)", lambda m: f"{m[1]}{3 * float(m[2])}", described)
-    assert wrong != described
-    (tmp_path / "rig.toml").write_text(wrong, encoding="utf-8")
-    data = load_dataset(tmp_path / "rig.toml", [DATASETS / "arm" / "train_large.csv"])
-    for follow_up in (False, True):
-        result = close_loop(data.train, settings=LoopSettings(follow_up=follow_up))
-        assert result.verdict == "unexplained"
-        assert result.test.startswith("what is left is noise, but alpha = ")
-        assert result.test.endswith("Is the rig file right?")
-        assert result.contradiction is not None
-        assert [c.check.parameter for c in result.contradiction.gross] == ["alpha"]
-    assert by_the_last_third("arm").verdict == "explained"
 
 
 def test_what_a_law_holds_by_convention_is_free_in_the_answer(tmp_path: Path) -> None:
@@ -420,20 +352,6 @@ def test_what_a_law_holds_by_convention_is_free_in_the_answer(tmp_path: Path) ->
     assert free.values["f_c"] == pytest.approx(force, abs=2 * free.sd["f_c"])
     assert free.values["v_c"] == pytest.approx(2e-3 / rig.length, abs=2 * free.sd["v_c"])
     assert result.summary()["effects"][-1]["parameters"]["v_c"]["sd"] == free.sd["v_c"]
-    known = {n: g for n, g in free.problem.gaussian.items() if n != "v_c"}
-    held = fit_near(replace(free.problem, gaussian=known), free.values)
-    assert held.chi2 > free.chi2 + 1
-    assert held.sd["f_c"] < 0.7 * free.sd["f_c"]
-
-
-def test_friction_that_turns_within_another_speed_is_not_taken_for_one_with_a_peak(tmp_path: Path) -> None:
-    """Strong friction, by a tanh: held at the convention, the speed leaves 900 that a Stribeck peak would take."""
-    rig = ArmRig(1.156, 0.0363, 0.00128, 1.123, disc_friction=3.5e-3, retardation=1.2e-4)
-    result = of_another_arm(tmp_path, rig, CoulombFriction(0.012, 4e-3), 100)
-    assert [e for e in result.added if e not in GEOMETRY] == ["coulomb_friction"]
-    assert ("exchange", "stribeck_friction") in [(s.action, s.effect) for s in result.steps]
-    force = 0.012 / ((rig.tip_mass + 33 / 140 * rig.beam_mass) * rig.length)
-    assert result.after.values["f_c"] == pytest.approx(force, abs=2 * result.after.sd["f_c"])
 
 
 def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -441,7 +359,7 @@ def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest
     (train,) = dataset.train
     asked: list[float] = []
 
-    def noted(case: Case) -> None:
+    def noted(case: Context) -> None:
         asked.append(case.settings.tolerance)
         assert case.judge.tolerance == case.settings.tolerance
 

@@ -340,13 +340,13 @@ def test_limits_as_shown_change_nothing() -> None:
 def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ("table_tilt", "encoder_ripple")
     fits = stating(pair, motor_speed_limit=0.7)
-    monkeypatch.setattr("discovery.loop._quickly", lambda refit, bench, case: refit)
-    search: Any = SimpleNamespace(
-        rivals=lambda: {pair[0]: {pair[1]: fits[pair[1]]}}, best=SimpleNamespace(refit=fits[pair[0]]), bench=None
-    )
+    monkeypatch.setattr("discovery.loop.fit_near", lambda problem, values: problem)
+    chosen, other = (SimpleNamespace(refit=SimpleNamespace(problem=fits[name], values={})) for name in pair)
     settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(is_arm=True)]
-    case: Any = SimpleNamespace(tell=lambda text: None, settings=settings, train=train)
-    (found,) = _separations(search, case)
+    context: Any = SimpleNamespace(tell=lambda text: None, settings=settings, train=train)
+    named: Any = {pair[0]: SimpleNamespace(rivals=(other,), group=(pair[1],))}
+    search: Any = SimpleNamespace(best=chosen)
+    (found,) = _separations(search, named, context)
     assert found.limits.speed == 0.7
     assert 0 < max(m.speed for m in found.moves) <= 0.7
 

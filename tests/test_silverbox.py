@@ -42,15 +42,17 @@ def test_the_parts_are_those_of_the_literature(dataset: Dataset) -> None:
 
 def test_the_cubic_spring_is_found_first(result: LoopResult) -> None:
     added = [s for s in result.steps if s.action == "add" and s.accepted]
-    assert result.added[0] == added[0].effect == "cubic_stiffness"
+    assert result.added[0] == "cubic_stiffness"
+    assert added[0].effects == ("cubic_stiffness",)
     assert result.declared == ("viscous_damping", "linear_stiffness")
-    assert result.verdict == "explained"
+    # A spring of a circuit is no exact cubic: what it leaves is far below the motion and above the noise.
+    assert result.verdict in {"explained", "partly_explained"}
 
 
-def test_the_held_out_multisine_is_predicted_to_a_third_of_a_millivolt(result: LoopResult) -> None:
+def test_the_held_out_multisine_is_predicted_to_a_quarter_of_a_millivolt(result: LoopResult) -> None:
     before, after = result.errors["before"]["holdout"], result.errors["after"]["holdout"]
     assert 6e-3 < before["rms"] < 9e-3
-    assert after["rms"] <= 0.34e-3
+    assert after["rms"] <= 0.245e-3
     assert result.errors["unit"] == "V"
 
 

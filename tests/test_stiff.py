@@ -15,8 +15,8 @@ from discovery.dataset import load_dataset
 from discovery.fit import Fit, fit
 from discovery.model import Model
 from discovery.problem import Problem, known_values, natural_units
-from discovery.refits import Refit, refit, settled
-from discovery.stiff import coarsened, resolved, shortened, unstiffened
+from discovery.refits import Refit, refit
+from discovery.stiff import coarsened, unstiffened
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 EFFECTS = ("linear_stiffness", "structural_damping", "viscous_damping")
@@ -178,37 +178,3 @@ def test_what_gains_nothing_there_begins_small_on_steps_that_are_finer_still(mon
     unstiffened(found.problem.model, found.minimum, found.problem, scored, quick)
     # What blew up at first only: the names of the first round are none.
     assert [names for _, names in asked[:2]] == [[], sorted(same)]
-
-
-def test_a_fit_that_the_solver_spoils_is_resolved_and_another_stays() -> None:
-    fine = fitted(0.001)
-    assert resolved(fine, 5.0) is fine
-    (coarse,) = settled([replace(fine.problem, bench=Bench.like(fine.problem.bench, 0.016))], [fine.minimum.x])
-    assert coarse.chi2 > fine.chi2 + 20
-    again = resolved(coarse, 5.0)
-    assert again.problem.bench.step == pytest.approx(0.002)
-    assert again.chi2 < fine.chi2 + 5
-    # What the solver errs is less than what is asked.
-    assert resolved(coarse, 1e9) is coarse
-    assert shortened(coarse, fine.problem.bench).chi2 < fine.chi2 + 5
-    assert shortened(fine, coarse.problem.bench) is fine
-    other = Model("elastica_calm", fine.problem.model.effects, fine.problem.model.known)
-    assert shortened(coarse, Bench(other.base, EFFECTS, fine.problem.bench.experiments, 0.001)) is coarse
-
-
-def test_shorter_steps_are_not_fitted_on_where_they_cannot_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    fine = fitted(0.001)
-    bench = Bench.like(fine.problem.bench, 0.016)
-    (coarse,) = settled([replace(fine.problem, bench=bench)], [fine.minimum.x])
-    # Recordings that are what the solver makes of the fit on long steps.
-    pairs = zip(bench.experiments, coarse.predict(), strict=True)
-    read = [replace(e, recording=replace(e.recording, output=seen)) for e, seen in pairs]
-    same = Bench(bench.base, EFFECTS, read, bench.step)
-    (wrong,) = settled([replace(coarse.problem, bench=same)], [coarse.minimum.x])
-    assert wrong.chi2 < 1
-    fits: list[object] = []
-    monkeypatch.setattr(stiff, "settled", lambda *a: fits.append(a) or settled(*a))
-    assert resolved(wrong, 5.0) is wrong
-    assert not fits
-    assert resolved(coarse, 5.0) is not coarse
-    assert len(fits) == 1

@@ -19,6 +19,7 @@ import pytest
 from discovery.cli import main
 from discovery.kinds import KINDS
 from discovery.registry import catalogue
+from discovery.selection.verdict import VERDICTS
 
 PAGE = Path(__file__).parents[1] / "docs" / "YOUR_RECORDING.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -134,7 +135,7 @@ def test_the_table_of_kinds_is_that_of_the_package() -> None:
 def test_the_verdicts_and_effects_are_known() -> None:
     source = (PAGE.parents[1] / "docs" / "ATTRIBUTION.md").read_text(encoding="utf-8")
     verdicts = set(re.findall(r"^\| `(\w+)`", TEXT.partition("## 6.")[2].partition("## 7.")[0], re.MULTILINE))
-    assert verdicts == {"nothing_missing", "explained", "unexplained"}
+    assert verdicts == set(VERDICTS)
     assert all(f"| `{verdict}` |" in source for verdict in verdicts)
     assert {"quadratic_drag", "periodic_disturbance", "viscous_damping", "gravity_torque"} <= set(catalogue())
 

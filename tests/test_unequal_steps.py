@@ -10,18 +10,14 @@ import pytest
 
 from discovery import unequal_steps
 from discovery.bench import Bench
-from discovery.case import Case, LoopSettings
 from discovery.drive import Drive
 from discovery.experiment import Experiment
 from discovery.fit import fit, refined
 from discovery.holdout import HoldOut
-from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import NaturalUnits, Problem
 from discovery.recording import Recording
-from discovery.refits import Refit
 from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.solver_error import Probe
 from discovery.step import choose_step
 from discovery.unequal_steps import unequal_bench
 
@@ -115,22 +111,6 @@ def test_each_recording_has_its_pace() -> None:
     exact = Problem(model, Bench(bench.base, bench.effects, [slow, late], bench.shortest / 4), UNITS, {})
     both = zip(problem.predict(problem.start(values)), exact.predict(exact.start(values)), strict=True)
     assert all(np.linalg.norm(a - b, axis=1).max() < TOLERANCE for a, b in both)
-
-
-def test_finer_mechanics_keep_a_pace_that_saves_steps(paced: Bench) -> None:
-    experiment, model = arm(VIOLENT)
-    case = Case([experiment], HoldOut([experiment], [], UNITS, TOLERANCE), LoopSettings(), UNITS, lambda _: None)
-    problem = Problem(model, Bench(paced.base, case.kernel_effects(model), paced.experiments, paced.step), UNITS, {})
-    x = problem.start(VALUES)
-    nowhere = np.zeros(x.size, bool)
-    fitted = Refit("", problem, Minimum(x, 0.0, np.zeros(0), np.zeros((0, x.size)), nowhere, True, 0))
-    bench = next(case._on_finer(fitted)).bench
-    assert bench.base == "elastica_4"
-    assert [e.pace for e in bench.experiments] == [e.pace for e in paced.experiments]
-    finer = model.on_base("elastica_4")
-    assert Probe.of(finer, EFFECTS, UNITS, VALUES).error(bench) <= TOLERANCE
-    equal = choose_step(finer, [experiment], UNITS, VALUES, TOLERANCE)
-    assert bench.most_steps < 0.9 * 16.0 / equal
 
 
 def test_a_slow_arm_has_equal_steps() -> None:

@@ -8,10 +8,12 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from typing import NoReturn
 
 import click
 
 from discovery.cli import campaigns, export, sources, stages
+from discovery.cli.streams import is_of_output, open_streams, unwritten
 
 __all__ = ["cli", "main"]
 
@@ -47,6 +49,8 @@ def main(arguments: list[str] | None = None) -> None:
     """
     from discovery.errors import ComputationError, InputError
 
+    if arguments is None:
+        open_streams()
     try:
         cli.main(arguments, prog_name="discovery", standalone_mode=False)
     except click.exceptions.Abort:
@@ -57,14 +61,45 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         _leave(arguments)
     except click.ClickException as error:
-        error.show()
+        with suppress(OSError):
+            error.show()
         sys.exit(2)
     except InputError as error:
-        click.echo(f"discovery: {error}", err=True)
-        sys.exit(2)
+        _end(str(error), 2)
     except ComputationError as error:
-        click.echo(f"discovery: {error}", err=True)
-        sys.exit(3)
+        _end(str(error), 3)
+    except MemoryError:
+        _end("The memory of this machine is not enough. Give shorter or fewer recordings.", 3)
+    except OSError as error:
+        _end(_refused(error), 3)
+    if (lost := unwritten()) is not None:
+        _end(_lost(lost), 3)
+
+
+def _end(message: str, status: int) -> NoReturn:
+    """Say why a command did not succeed, and exit."""
+    unwritten()
+    with suppress(OSError):
+        click.echo(f"discovery: {message}", err=True)
+    sys.exit(status)
+
+
+def _refused(error: OSError) -> str:
+    """Return what the system refused, and what to do about it."""
+    if is_of_output(error):
+        return _lost(error)
+    place = f"{error.filename}: " if error.filename else ""
+    return (
+        f"{place}{error.strerror or error}. The system refused it; no file of results is half-written. Make room or "
+        "correct the permissions, and give the same command again."
+    )
+
+
+def _lost(error: OSError) -> str:
+    return (
+        f"Standard output cannot be written: {error.strerror or error}. What was to be printed is lost; files that "
+        "were written before are whole. Make room, or send the output elsewhere, and give the same command again."
+    )
 
 
 def _leave(arguments: list[str] | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,10 +54,11 @@ def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
         If there is none, or the one that is named cannot be read.
     """
     from discovery.errors import InputError
+    from discovery.io import shown
     from discovery.rig_file import read_rig
 
-    if not where.exists():
-        raise InputError(f"{where} does not exist. Give a folder with rig files in it, or a rig file.")
+    if not os.path.exists(where):
+        raise InputError(f"{shown(where)} does not exist. Give a folder with rig files in it, or a rig file.")
     if not where.is_dir():
         read_rig(where)
         return [where], []
@@ -79,7 +81,7 @@ def _is_rig(path: Path) -> bool:
 
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     described = str(content.get("kind")) in KINDS or isinstance(content.get("columns"), dict)
     return isinstance(content.get("name"), str) and (
@@ -152,7 +154,7 @@ def origins(cases: Sequence[tuple[str, Case]]) -> dict[str, dict[str, Any]]:
 
     @cache
     def sha256(path: Path) -> str | None:
-        if path.exists():
+        if os.path.exists(path):
             with path.open("rb") as file:
                 return file_digest(file, "sha256").hexdigest()
         # Public measured data lie in the user's data folder, and are used only as they were registered.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from discovery.cli.campaign_cases import Case, beside, found_cases, listed, origins, rig_files
-from discovery.cli.options import PATH, options, results_folder
+from discovery.cli.options import PATH, note, options, results_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -27,6 +27,7 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     from discovery.input_choice import choose_interpolation
     from discovery.pipeline import write_loop
     from discovery.rig_file import read_rig
+    from discovery.selection.sentences import verdict_sentence
     from discovery.stages import loop, unexplained
 
     # A case that is done again and fails leaves nothing of before.
@@ -53,7 +54,7 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     return {
         "verdict": content["verdict"],
         "effects": ", ".join(effect["id"] for effect in content["effects"]),
-        "test": content["test"],
+        "because": verdict_sentence(content),
         "unit": content["errors"]["unit"],
         **errors,
         "rig": dataset.rig.name,
@@ -68,16 +69,16 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
 def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases: Sequence[tuple[str, Case]]) -> None:
     """Say which rigs were found, and which recordings are used."""
     found = f"{_count(len(rigs), 'rig')} found at {where}, {_count(len(cases), 'case')}"
-    click.echo(found + listed(skipped), err=True)
+    note(found + listed(skipped))
     own = {case.rig: case.own for _, case in cases if case.train}
     told = {True: "the rig file's own [records]", False: "train*.csv and holdout*.csv beside the rig file"}
     for kind in sorted(set(own.values()), reverse=True):
-        click.echo(f"recordings of {_count(list(own.values()).count(kind), 'rig')}: {told[kind]}", err=True)
+        note(f"recordings of {_count(list(own.values()).count(kind), 'rig')}: {told[kind]}")
     used = {path for _, case in cases for path in (*case.train, *case.holdout)}
     for rig in (rig for rig, named in own.items() if named):
         unused = [path.name for role in ("train", "holdout") for path in beside(rig, role) if path not in used]
         if unused:
-            click.echo(f"{rig}: not in its [records], not used: {', '.join(unused)}", err=True)
+            note(f"{rig}: not in its [records], not used: {', '.join(unused)}")
 
 
 def _count(number: int, word: str) -> str:
@@ -95,9 +96,22 @@ def _count(number: int, word: str) -> str:
     show_envvar=True,
     help="Address of a Dask scheduler whose workers are used instead, for example tcp://host:8786.",
 )
+@click.option(
+    "--insecure",
+    is_flag=True,
+    help="Accept a scheduler of another machine without TLS: others of its network can run code through it.",
+)
 @click.option("--limit", type=click.FloatRange(0, min_open=True), help="Seconds that one case may take.")
 def campaign(
-    where: Path, out: Path, seed: int, quiet: bool, each: bool, workers: int, scheduler: str | None, limit: float | None
+    where: Path,
+    out: Path,
+    seed: int,
+    quiet: bool,
+    each: bool,
+    workers: int,
+    scheduler: str | None,
+    insecure: bool,
+    limit: float | None,
 ) -> None:
     """Run the loop on every rig file below a folder, or on one: find what the declared model lacks.
 
@@ -106,14 +120,15 @@ def campaign(
     *_clean.csv. With --each every training recording is a case of its own, with the same hold-outs.
 
     Into the folder of --out go CASE/loop.json for every case, cases/CASE.json with its outcome or its error, and two
-    tables of the cases of this call, as Parquet and as CSV: results (verdict, its test, effects added, errors before
+    tables of the cases of this call, as Parquet and as CSV: results (verdict and why, effects added, errors before
     and after) and parameters (a row for every parameter of every final model: value, sd, unit, effect).
 
     The same command again does what is left after an interruption, what failed, and every case whose rig file,
     recordings or version of discovery have changed.
 
     With --scheduler, or the address in DISCOVERY_SCHEDULER, a Dask cluster works instead of this machine. Its workers
-    must have this package installed and see rig files, recordings and --out under the same paths.
+    must have this package installed and see rig files, recordings and --out under the same paths. A scheduler of
+    another machine needs a tls:// address. Without a scheduler nothing listens on any port.
     """
     from discovery.campaign import campaign as run
     from discovery.campaign import collect, unfinished, watched
@@ -122,18 +137,26 @@ def campaign(
     rigs, skipped = rig_files(where)
     cases = found_cases(rigs, where if where.is_dir() else where.parent, out, seed=seed, each=each)
     made = origins(cases)
-    folder = results_folder(out)
+    folder = results_folder(out, "campaign.json", "results.parquet", "results.csv")
     outcomes = run(
-        close, cases, folder, settings={"seed": seed}, origins=made, workers=workers, scheduler=scheduler, limit=limit
+        close,
+        cases,
+        folder,
+        settings={"seed": seed},
+        origins=made,
+        workers=workers,
+        scheduler=scheduler,
+        insecure=insecure,
+        limit=limit,
     )
     left = list(unfinished(cases, folder, made))
     if not quiet:
         _say_found(where, rigs, skipped, cases)
         if len(left) < len(cases):
-            click.echo(f"{len(cases) - len(left)} of {_count(len(cases), 'case')} were done before", err=True)
+            note(f"{len(cases) - len(left)} of {_count(len(cases), 'case')} were done before")
         for name, _, reason in left:
             if reason:
-                click.echo(f"{name} is done again: {reason}", err=True)
+                note(f"{name} is done again: {reason}")
     failed = 0
     for outcome in watched(outcomes, len(left), "cases") if left and not quiet else outcomes:
         failed += outcome.result is None

@@ -24,8 +24,8 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
 
     notes = {recording.name: recording.notes for recording in result.recordings}
     held = [e.recording for e in dataset.holdout or dataset.train]
-    # A stated noise that is too small says the same.
-    known = result.verdict == "unexplained" or any(understated(recording.notes) for recording in held)
+    # A model error is said, and a stated noise that is too small says the same.
+    known = not result.complete or any(understated(recording.notes) for recording in held)
     return [
         *misread(notes),
         *misstated(notes),

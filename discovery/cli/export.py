@@ -24,11 +24,12 @@ __all__ = ["COMMANDS"]
 @click.option("--format", "formats", default="sympy,latex,numpy,json", show_default=True, help="Which files to write.")
 def export(folder: Path, out: Path, what: str, formats: str) -> None:
     """Write the model of a finished run or loop as sympy, LaTeX, a numpy file and JSON."""
-    from discovery.export import export_model, read_fitted
+    from discovery.export import FORMATS, export_model, read_fitted
 
     found = read_fitted(folder, what)
     chosen = [f.strip() for f in formats.split(",") if f.strip()]
-    for path in export_model(found, results_folder(out), chosen):
+    files = (FORMATS[name][0] for name in chosen if name in FORMATS)
+    for path in export_model(found, results_folder(out, *files), chosen):
         click.echo(f"{path}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
@@ -13,9 +14,19 @@ import click
 if TYPE_CHECKING:
     from discovery.dataset import Dataset
 
-__all__ = ["PATH", "SEED", "estimate_text", "load", "once", "options", "progress", "results_folder"]
+__all__ = ["PATH", "SEED", "estimate_text", "held", "load", "note", "once", "options", "progress", "results_folder"]
 
-PATH = click.Path(path_type=Path)
+
+class _Path(click.Path):
+    """A path that is named: without a name, it would be the current folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not str(value) or "\0" in str(value):
+            self.fail("a path without a name; name a file or a folder.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = _Path(path_type=Path)
 SEED = click.IntRange(0)
 #: Without a word of it the first loop on a machine would seem to hang.
 _COMPILING = "compiling a simulator, up to a minute: each only once, then it is kept on disk"
@@ -46,6 +57,12 @@ def options(*names: str) -> Callable[[Any], Any]:
     return decorate
 
 
+def note(message: str) -> None:
+    """Say something on standard error; where that cannot be written, the work goes on."""
+    with suppress(OSError):
+        click.echo(message, err=True)
+
+
 def once(_: click.Context, parameter: click.Parameter, values: tuple[Any, ...]) -> Any:
     """Return the value of an option that may be given once, and refuse it given again: the last would win unseen."""
     if len(values) > 1:
@@ -74,10 +91,10 @@ def progress(quiet: bool):
             nonlocal last
             kind = message.partition(":")[0]
             if kind != last:
-                click.echo(message, err=True)
+                note(message)
             last = kind
 
-        with heard_compiling(lambda: click.echo(_COMPILING, err=True)):
+        with heard_compiling(lambda: note(_COMPILING)):
             yield tell
         return
     from rich.console import Console
@@ -103,23 +120,34 @@ def load(
 
     dataset = choose_interpolation(load_dataset(rig, train, holdout, keep_third=keep_third))
     for _, experiment in () if quiet else dataset.everything:
-        for note in experiment.recording.notes:
-            click.echo(f"{experiment.recording.source}: {note}", err=True)
+        for told in experiment.recording.notes:
+            note(f"{experiment.recording.source}: {told}")
     return dataset
 
 
-def results_folder(out: Path) -> Path:
+def results_folder(out: Path, *files: str) -> Path:
     """Return the folder of ``--out``, made if need be; refuse one in which nothing can be written.
 
-    What is made, and is still empty when the command ends, is removed.
+    No other command writes to it until this one ends. What is made, and is still empty then, is removed.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    *files : str
+        Names of the files that will be written to it.
     """
     from tempfile import TemporaryFile
 
     from discovery.errors import InputError
+    from discovery.io import reason, shown
 
-    if out.exists() and not out.is_dir():
+    if os.path.exists(out) and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder with --out.")
-    made = [folder for folder in (out, *out.parents) if not folder.exists()]
+    for name in files:
+        if os.path.isdir(out / name):
+            raise InputError(f"{out / name} is a folder; move it away, or give another folder with --out.")
+    made = [folder for folder in (out, *out.parents) if not os.path.exists(folder)]
 
     @click.get_current_context().call_on_close
     def _() -> None:
@@ -133,6 +161,19 @@ def results_folder(out: Path) -> Path:
             pass
     except OSError as error:
         raise InputError(
-            f"Nothing can be written to {out}: {error.strerror}. Give another folder with --out."
+            f"Nothing can be written to {shown(out)}: {reason(error)}. Give another folder with --out."
         ) from None
-    return out
+    return held(out)
+
+
+def held(folder: Path) -> Path:
+    """Return a folder that no other command writes to until this one ends; refuse one to which another does."""
+    from discovery.errors import InputError
+    from discovery.locks import folder_lock
+
+    if not click.get_current_context().with_resource(folder_lock(folder)):
+        raise InputError(
+            f"Another discovery command is writing to {folder}. Wait until it has ended, or give this one another "
+            "folder."
+        )
+    return folder

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state, read_state
-from discovery.cli.options import PATH, estimate_text, load, once, options, progress, results_folder
+from discovery.cli.options import PATH, estimate_text, held, load, note, once, options, progress, results_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 __all__ = ["COMMANDS", "NOISES"]
 
@@ -20,18 +25,20 @@ NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
 @click.command()
 @click.argument("rig", type=PATH)
 @options("train", "holdout", "out", "seed", "quiet")
-@click.option("--note", default="", help="Plain words on the data for the top of the report.")
+@click.option("--note", "data_note", default="", help="Plain words on the data for the top of the report.")
 @click.option(
     "--posterior/--no-posterior", "with_posterior", default=True, help="Sample the posterior, the longest part."
 )
-def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, note: str, with_posterior: bool) -> None:
+def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, data_note: str, with_posterior: bool) -> None:
     """Run the whole pipeline and write its report."""
+    from discovery.manifest import RESULTS, remove_unfinished
     from discovery.pipeline import run as run_pipeline
 
     dataset = load(rig, train, holdout, quiet)
-    folder = results_folder(out)
+    folder = results_folder(out, *RESULTS, "report.html")
+    remove_unfinished(folder)
     with progress(quiet) as tell:
-        run_pipeline(dataset, folder, seed=seed, tell=tell, note=note, with_posterior=with_posterior)
+        run_pipeline(dataset, folder, seed=seed, tell=tell, note=data_note, with_posterior=with_posterior)
         tell("writing the report")
         from discovery.report import build_report
 
@@ -76,12 +83,11 @@ def loop(
 
         wanted = make_experiment(read_recording(target, dataset.rig, with_output=False), dataset.rig)
         if initial is None and wanted.drive is None:
-            click.echo(
+            note(
                 f"{target}: without --initial-state the prediction starts at rest, and nothing drives this system: it "
-                "stays there. Give the state at the first time with --initial-state ANGLE,RATE.",
-                err=True,
+                "stays there. Give the state at the first time with --initial-state ANGLE,RATE."
             )
-    folder, why = results_folder(out), ""
+    folder, why = results_folder(out, "loop.json", "prediction.csv"), ""
     failed: ComputationError | None = None
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, tell=tell)
@@ -98,7 +104,7 @@ def loop(
             except ComputationError as failure:
                 failed = failure
     if why:
-        click.echo(f"{target}: the declared model does not predict it, its columns are left empty. {why}", err=True)
+        note(f"{target}: the declared model does not predict it, its columns are left empty. {why}")
     _say_loop(result)
     for doubt in doubts(result, dataset):
         click.echo(f"doubt: {doubt}")
@@ -115,38 +121,52 @@ def loop(
 
 
 def _say_loop(result) -> None:
-    from discovery.holdout import SEPARATE
-    from discovery.loop import UPGRADES
+    """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
+    from discovery.selection.sentences import lead_sentence, model_error_words
 
-    click.echo(f"verdict: {result.verdict}")
-    if result.verdict == "unexplained":
-        click.echo(f"because: {result.test}")
-    mechanics = {name for _, name in UPGRADES}
-    for effect in result.summary()["effects"]:
-        # What leaves more than noise explains a part only.
-        role = "mechanics" if effect["id"] in mechanics else "added" if result.noise else "partly"
-        values = ", ".join(
-            f"{n} = {estimate_text(p['value'], p['sd'], p['unit'])}" for n, p in effect["parameters"].items()
-        )
-        rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
-        click.echo(f"{role}: {effect['id']}" + (f" ({values})" if values else "") + rivals)
+    content = result.summary()
+    click.echo(f"verdict: {content['verdict']}")
+    for effect in content["effects"]:
+        click.echo(_effect_line(effect))
+    click.echo(f"model error: {model_error_words(content['model_error'])}")
+    if content.get("lead"):
+        click.echo(f"lead: {lead_sentence(content['lead'])}")
     for contradiction in result.contradiction.contradictions if result.contradiction else ():
-        if contradiction.sentence in result.test:
-            continue
         click.echo(f"contradiction: {contradiction.sentence}")
     for separation in result.separations:
         click.echo(separation.sentence)
+    _say_errors(content["errors"])
+
+
+def _effect_line(effect: Mapping[str, Any]) -> str:
+    """Return an added effect with its values, what serves as well, and how sure it is."""
+    from discovery.loop import UPGRADES
+    from discovery.selection.sentences import effect_sentence
+
+    role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"
+    values = ", ".join(
+        f"{n} = {estimate_text(p['value'], p['sd'], p['unit'])}" for n, p in effect["parameters"].items()
+    )
+    rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
+    sure = effect_sentence(effect)
+    return f"{role}: {effect['id']}" + (f" ({values})" if values else "") + rivals + (f"; {sure}" if sure else "")
+
+
+def _say_errors(errors: Mapping[str, Any]) -> None:
+    """Say the errors before and after, and what was held out where no recording was."""
+    from discovery.holdout import SEPARATE
+
     for when in ("before", "after"):
-        found = result.errors[when]
+        found = errors[when]
         # All held-out recordings may lie inside the trained range, or all beyond it.
         shown = {k: v for k, v in found.items() if k == "holdout" or v != found["holdout"]}
         click.echo(
             f"{when:>6}: "
             + ", ".join(f"{k} rms {v['rms']:.4g} (mean {v['mean']:.4g})" for k, v in shown.items())
-            + f" {result.errors['unit']}"
+            + f" {errors['unit']}"
         )
-    if result.errors["holdout_kind"] != SEPARATE:
-        click.echo(f"holdout: the {result.errors['holdout_kind']}; --holdout names a recording of its own")
+    if errors["holdout_kind"] != SEPARATE:
+        click.echo(f"holdout: the {errors['holdout_kind']}; --holdout names a recording of its own")
 
 
 @click.command()
@@ -158,7 +178,7 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.provenance import provenance, write_json
 
     dataset = load(rig, train, (), quiet, keep_third=False)
-    folder = results_folder(out)
+    folder = results_folder(out, "discovery.json")
     with progress(quiet) as tell:
         found = stages.discover(dataset, seed=seed, tell=tell)
     summary = found.summary()
@@ -177,7 +197,7 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.provenance import provenance, write_json
 
     dataset = load(rig, train, (), quiet, keep_third=False)
-    folder = results_folder(out)
+    folder = results_folder(out, "fit.json")
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
     write_json(folder / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
@@ -206,7 +226,7 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, noise: str) -
     from discovery.provenance import provenance, write_json
 
     dataset = load(rig, train, (), quiet, keep_third=False)
-    folder = results_folder(out)
+    folder = results_folder(out, "posterior.json", "posterior.nc", "posterior_chains.h5")
     checkpoint = folder / "posterior_chains.h5"
     with progress(quiet) as tell:
         fitted = stages.estimate(dataset, tell=tell).models["declared"]
@@ -249,7 +269,7 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool) -> None
     recorded = train or described.records
     dataset = load(rig, train, (), quiet, keep_third=False) if recorded else Dataset(described, (), ())
     saved = None if out is None else out / "posterior.nc"
-    posterior = Posterior.from_netcdf(saved) if saved is not None and saved.exists() else None
+    posterior = Posterior.from_netcdf(saved) if saved is not None and os.path.exists(saved) else None
     with progress(quiet) as tell:
         found = stages.predicted(dataset, posterior, seed=seed, tell=tell)
     if found is None:
@@ -257,7 +277,10 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool) -> None
             f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file."
         )
     if out is not None:
-        write_json(results_folder(out) / "elastica.json", {"provenance": provenance(dataset, seed=seed), **found})
+        write_json(
+            results_folder(out, "elastica.json") / "elastica.json",
+            {"provenance": provenance(dataset, seed=seed), **found},
+        )
     for row in found["prediction"]:
         value = estimate_text(row["mean"], row["sd"], row["unit"])
         click.echo(f"{row['mass']:12} {row['law']:22} {row['parameter']:10} {value}")
@@ -274,7 +297,7 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     from discovery.residual import examine
 
     dataset = load(rig, train, (), quiet, keep_third=False)
-    folder = results_folder(out)
+    folder = results_folder(out, "residual.json")
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, tell=tell)
     report = examine(dataset.train, fits.predictions["declared"], 2 * math.pi * natural_units(dataset.train).time)
@@ -290,11 +313,12 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
 def report(folder: Path) -> None:
     """Write the page of a finished run again from its result files."""
     from discovery.errors import InputError
+    from discovery.io import shown
     from discovery.report import build_report
 
-    if not (folder / "results.json").exists():
-        raise InputError(f"{folder} holds no results.json; make one with `discovery run`.")
-    click.echo(f"{build_report(folder)}")
+    if not os.path.exists(folder / "results.json"):
+        raise InputError(f"{shown(folder)} holds no results.json; make one with `discovery run`.")
+    click.echo(f"{build_report(held(folder))}")
 
 
 COMMANDS: tuple[click.Command, ...] = (run, loop, discover, fit, posterior, elastica, residual, report)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,13 @@ from discovery.provenance import read_json
 from discovery.report.numbers import scale_for, significant, unit_text
 from discovery.report.results import Run, read_run
 from discovery.report.words import effect_name, listed
+from discovery.selection.sentences import verdict_sentence
 from discovery.units import si_factor
 
 __all__ = ["Entry", "Outcome", "read_entry"]
 
+#: Verdicts under which effects are named.
+_NAMED = ("explained", "partly_explained")
 _GROUPS = {
     "train": "training",
     "holdout": "held out",
@@ -162,7 +165,7 @@ class Entry:
             found.append(Outcome(reached, what + ("" if reached else self._why(group, limit))))
         for names in goal.named:
             found.append(self._named(names))
-        added = {e["id"] for e in self.run.loop["effects"]}
+        added = {e["id"] for e in self.named}
         for name in goal.not_named:
             found.append(Outcome(name not in added, f"{effect_name(name)} is {'not ' * (name not in added)}added"))
         if goal.verdict is not None:
@@ -186,10 +189,9 @@ class Entry:
     def _named(self, names: tuple[str, ...]) -> Outcome:
         """Return whether one of several effects was added, or explains the recordings as well as one that was."""
         what = " or ".join(effect_name(n) for n in names)
-        effects = self.run.loop["effects"]
-        if any(e["id"] in names for e in effects):
+        if any(e["id"] in names for e in self.named):
             return Outcome(True, f"{what} is named")
-        for e in effects:
+        for e in self.named:
             if set(names) & set(e["ambiguous_with"]):
                 return Outcome(False, f"{what} is not named first, but explains as much as {effect_name(e['id'])}")
         return Outcome(False, f"{what} is not named; what was added: {listed(self.added) or 'nothing'}")
@@ -209,14 +211,19 @@ class Entry:
         best = self.best_known(group)
         if best is not None:
             parts.append(f"the best known figure is {self.shown(best[0])}, {best[1]}")
-        if self.run.loop["verdict"] == "unexplained":
-            parts.append("the verdict says itself that something is left")
+        if self.run.loop["verdict"] in ("partly_explained", "unexplained"):
+            parts.append(f"the verdict says: {verdict_sentence(self.run.loop)}")
         return f" ({'; '.join(parts)})" if parts else ""
 
     @property
     def parameters(self) -> int:
         """Number of fitted physical parameters of the final model, the initial states not counted."""
         return sum("[" not in name for name in self.run.loop["model"]["after"]["parameters"])
+
+    @property
+    def named(self) -> Sequence[Mapping[str, Any]]:
+        """Effects that the loop names, in full or beside a model error; better mechanics under no such verdict."""
+        return self.run.loop["effects"] if self.run.loop["verdict"] in _NAMED else ()
 
     @property
     def added(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from discovery.report.page import added_effects, embed, environment
 from discovery.report.style import styled
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed, sentence
+from discovery.selection.sentences import verdict_sentence
 
 __all__ = ["build_comparison"]
 
@@ -247,24 +248,12 @@ def _section(entry: Entry) -> dict[str, Any]:
         "report": f"{entry.name}/report.html",
         "verdict": entry.run.loop["verdict"],
         "verdict_words": _verdict(entry),
-        "test": entry.run.loop["test"],
+        "because": verdict_sentence(entry.run.loop),
         "declared": _declared(entry),
-        "added": [_evidence(entry, a) for a in added_effects(entry.run)],
+        "added": added_effects(entry.run),
         "errors": _errors(entry).html(),
         "checks": checks.html() if checks else "",
         "outcomes": entry.outcomes,
         "remarks": entry.known.remarks,
         "notes": list(notes),
     }
-
-
-def _evidence(entry: Entry, added: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an added effect with the evidence for it as a sentence."""
-    (effect,) = (e for e in entry.run.loop["effects"] if effect_name(e["id"]) == added["name"])
-    evidence, parts = effect["evidence"], []
-    if "p_value" in evidence:
-        parts.append(f"chance alone gains as much with a probability of at most {significant(evidence['p_value'], 1)}")
-    if "delta_chi2_holdout" in evidence:
-        change = evidence["delta_chi2_holdout"]
-        parts.append(f"chi-square held out {'falls' if change > 0 else 'rises'} by {significant(abs(change))}")
-    return {**added, "evidence": listed(parts)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,8 @@ from discovery.export.latex import to_latex
 from discovery.export.source import to_numpy
 from discovery.export.sympy_file import to_sympy_file
 from discovery.io import atomic_write
+from discovery.manifest import check_whole
+from discovery.provenance import read_json
 
 __all__ = ["FORMATS", "export_model", "read_fitted"]
 
@@ -50,13 +51,15 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
         raise InputError(
             f"{folder} holds no results.json and no loop.json; make one with `discovery run` or `discovery loop`."
         )
+    content = read_json(path)
+    if path.name == "results.json" and isinstance(content, dict):
+        check_whole(folder, content)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
         described = content.get("models")
         if described is None:
             raise InputError(f"{path} does not hold its models: it was written by an earlier version. Make it again.")
         found = FittedModel.from_dict(described[what])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} cannot be read ({error!r}). Run it again.") from None
     revision = content.get("provenance", {}).get("git_revision")
     return replace(found, provenance={**found.provenance, "git_revision": revision}) if revision else found

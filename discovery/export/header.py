@@ -23,8 +23,8 @@ def origin(found: FittedModel) -> list[str]:
     if "rig" in p:
         lines.append(f"Rig: {p['rig']['name']} (sha256 {p['rig']['sha256'][:16]}).")
     lines += [f"Fitted to {d['source']} (sha256 {d['sha256'][:16]})." for d in p.get("data", ())]
-    # A name may hold line ends, which would leave a comment.
-    return [" ".join(line.split()) for line in lines]
+    # A name may hold line ends, which would leave a comment, and characters that no source may hold.
+    return [" ".join("".join(c if c.isprintable() else " " for c in line).split()) for line in lines]
 
 
 def docstring(*paragraphs: str) -> str:

@@ -14,6 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from discovery.compiled_function import compiled
+
 __all__ = ["FAST", "LANES", "TOGETHER", "exponential", "oscillating", "padded"]
 
 FloatArray = NDArray[np.float64]
@@ -26,7 +28,7 @@ TOGETHER = 8
 _SAME = 1e-10
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@compiled(nogil=True, fastmath=FAST, error_model="numpy")
 def _exponential(time, seen, residual, share, tau, innovation, sums):
     n, c, k = residual.shape
     keep = innovation.shape[2] > 0
@@ -101,7 +103,7 @@ def _transition(step, omega, xi, phi):
         phi[3 * LANES + j] = even - half * odd
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@compiled(nogil=True, fastmath=FAST, error_model="numpy")
 def _oscillating(time, seen, residual, share, omega, xi, slope, innovation, sums):
     n, c, k = residual.shape
     keep = innovation.shape[2] > 0

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from discovery.compiled_function import compiled
 from discovery.noise.filters import FAST, LANES, TOGETHER, padded
 
 __all__ = ["rounded", "scattered"]
@@ -15,7 +16,7 @@ __all__ = ["rounded", "scattered"]
 FloatArray = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+@compiled(nogil=True, fastmath=FAST, error_model="numpy")
 def _scattered(residual, factor, total):
     n, c, k = residual.shape
     prod = np.empty(LANES)
@@ -55,7 +56,7 @@ def _log_cell(u, h):
     return -0.5 * near * near - 0.5 * math.log(2.0 * math.pi) + math.log(between)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(nogil=True, error_model="numpy")
 def _rounded(seen, residual, half, sd, total):
     n, c, k = residual.shape
     for first in range(k):

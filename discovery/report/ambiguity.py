@@ -7,6 +7,7 @@ from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed
+from discovery.selection.sentences import probability_words
 
 __all__ = [
     "contradictions",
@@ -27,15 +28,11 @@ def undecided(run: Run) -> list[str]:
             found.append(f"{other['sentence'][0].upper()}{other['sentence'][1:]}.")
         rivals = e["ambiguous_with"]
         if rivals:
-            alike = [e["evidence"].get(f"similarity_{r}") for r in rivals]
-            others = [
-                effect_name(r) + ("" if v is None else f" (similarity {significant(v, 4)})")
-                for r, v in zip(rivals, alike, strict=True)
-            ]
+            others = " or ".join(effect_name(r) for r in rivals)
             found.append(
-                f"{effect_name(e['id']).capitalize()}, or {' or '.join(others)} in its place: what they leave differs "
-                "by too little. Named is the one with the fewest parameters, then with the smaller error on all data, "
-                "then the simplest."
+                f"{effect_name(e['id']).capitalize()}, or {others} in its place: their odds differ by less than 20 to "
+                f"1. The probability of the one named is {probability_words(e['probability'])}, that of the group "
+                f"{probability_words(e['group_probability'])}."
             )
     return found
 

@@ -9,15 +9,17 @@ from markupsafe import Markup
 
 from discovery.report.numbers import MISSING, scale_for, significant, uncertain
 from discovery.report.results import Run
-from discovery.report.story import searches
+from discovery.report.story import named, searches
 from discovery.report.tables import Table, term_cell
-from discovery.report.words import effect_name, prose
+from discovery.report.words import effect_name, listed, prose
+from discovery.selection.sentences import chances, probability_words, share_words
 
 __all__ = [
     "dependence_table",
     "distortion_table",
     "effects_table",
     "equations_table",
+    "model_error_table",
     "radius_table",
     "ranking_table",
     "residual_table",
@@ -152,85 +154,86 @@ def dependence_table(run: Run) -> Table | None:
 
 def ranking_table(run: Run, best: int = 8) -> Table | None:
     """Return the candidates of every search through the catalogue, and what became of them."""
-    count = run.loop["model"]["after"]["n_data"]
-    rivals = {e["id"]: e["ambiguous_with"] for e in run.loop["effects"]}
+    keys = ("train", "held", "size", "model_error", "chi2", "parameters")
     cells, raw = [], []
     for i, search in enumerate(searches(run), 1):
-        least = min(r["chi2"] for r in search.ranking)
-        as_good = {r for e in search.added for r in rivals.get(e, ())}
-        for place, r in enumerate(search.ranking):
-            name, above = r["effect"], r["chi2"] - least
-            raw.append([i, name, r["parameters"], r["score"], search.without - r["chi2"], r["chi2"]])
-            if name in search.added:
-                outcome = "added" if name in rivals else "added, later dropped"
-            else:
-                outcome = "tried, not enough" if name in search.refused else "as good" if name in as_good else ""
+        for place, c in enumerate(search.candidates):
+            outcome = search.outcome(c["effects"])
+            if outcome == "added" and not named(run, c["effects"]):
+                outcome = "added, later dropped"
+            raw.append([i, "; ".join(c["effects"]), outcome, *(c[k] for k in keys)])
             if place < best or outcome:
-                numbers = [significant(r["chi2"] / count), significant(round(above, 1))]
-                cells.append([f"{i}", effect_name(name), outcome, *numbers, f"{r['parameters']}"])
+                numbers = [significant(c[k]) for k in ("train", "held", "size", "model_error")]
+                cells.append([f"{i}", listed(map(effect_name, c["effects"])), outcome, *numbers, f"{c['parameters']}"])
     if not cells:
         return None
     head = (
         "search",
         "candidate",
         "outcome",
-        "leaves [noise variances]",
-        "chi-square above the best",
+        "training [nats]",
+        "held out [nats]",
+        "size",
+        "model error left [noise sds]",
         "free parameters",
     )
-    keys = ("search", "effect", "parameters", "linear_score", "chi2_removed", "chi2")
     caption = (
-        f"Candidates of every search: the best {best} and all that were tried; the CSV file has all. Leaves: mean "
-        "squared residual in training after a bounded refit of everything; 1 is noise alone. Candidates within a few "
-        "chi-square of each other cannot be told apart."
+        f"The {best} most likely candidates of every search and all that were tried; the CSV file has every one that "
+        "was weighed. Training: log evidence gained over the model of the search. Held out: log predictive score "
+        "gained. Size: movement of the prediction over the model error that is left."
     )
-    return Table("candidates", caption, head, cells, keys, raw, (1, 2))
+    return Table("candidates", caption, head, cells, ("search", "effects", "outcome", *keys), raw, (1, 2))
 
 
 def effects_table(run: Run) -> Table | None:
     """Return the evidence for every effect that was added by a search through the catalogue, an effect a column."""
-    from discovery.significance import REPLICATES
-
-    shown = [e for e in run.loop["effects"] if "delta_chi2_train" in e["evidence"]]
+    shown = [e for e in run.loop["effects"] if e["evidence"]]
     if not shown:
         return None
-    unit = run.loop["errors"]["unit"]
-    sizes = [e["evidence"]["effect_rms"] for e in shown if "effect_rms" in e["evidence"]]
-    scale = scale_for(unit, min(sizes, default=0.0))
-    alike = dict.fromkeys(k for e in shown for k in e["evidence"] if k.startswith("similarity_"))
-    wanted = {
-        "effect_rms": f"moves the prediction by, rms [{scale.symbol}]",
-        "share_of_residual_power": "share of the residual’s power",
-        "share_of_excess": "share of what exceeds the noise",
-        "delta_chi2_train": "chi-square removed, training",
-        "delta_chi2_holdout": "chi-square removed, held out",
-        "chance_gain_99": "removed by chance, at most (99 %)",
-        "p_value": "p value",
-        "runner_up_delta_chi2": "removed by the runner-up",
-        "largest_similarity": "largest similarity",
-        **{k: f"similarity with {effect_name(k.removeprefix('similarity_'))}" for k in alike},
+    rows = {
+        "train": "log evidence gained, training [nats]",
+        "held": "log predictive score gained, held out [nats]",
+        "against_error": "log odds against being model error [nats]",
+        "odds": "odds over its absence",
+        "size": "size, over the model error that is left",
+        "gain": "chi-square removed, training",
+        "probability": "probability",
+        "group_probability": "probability with those that serve as well",
     }
-
-    def printed(key: str, value: float | None) -> str:
-        if key == "p_value" and value is not None and value * (REPLICATES + 1) < 1.5:
-            return f"under {significant(1 / REPLICATES, 1)}"
-        if key == "share_of_excess" and value is not None and value >= 1:
-            return "all"
-        if key.startswith("share") and value is not None:
-            return f"{100 * value:.1f} %"
-        return significant(value and value * scale.factor if key == "effect_rms" else value)
-
-    rows = {k: words for k, words in wanted.items() if any(k in e["evidence"] for e in shown)}
-    cells = [[words, *(printed(k, e["evidence"].get(k)) for e in shown)] for k, words in rows.items()]
-    raw = [[k, *(e["evidence"].get(k) for e in shown)] for k in rows]
+    words = {
+        "odds": lambda v: chances(v).removeprefix("odds of "),
+        "probability": probability_words,
+        "group_probability": probability_words,
+    }
+    values = {key: [{**e["evidence"], **e}.get(key) for e in shown] for key in rows}
+    cells = [[text, *(words.get(key, significant)(v) for v in values[key])] for key, text in rows.items()]
     caption = (
-        "Evidence for each added effect: the final model against the best one without it, everything refitted. By "
-        f"chance: what the best of the whole catalogue removes from noise as correlated as what is left ({REPLICATES} "
-        "simulations, which also give the p value). Similarity: cosine between sensitivities, once the fitted "
-        "parameters have absorbed what they can; at 1 two effects could not be told apart."
+        "Evidence for each added effect: the final model against the best one without it, everything refitted. The "
+        "odds are the smallest of three: training alone, training and held out together, against being model error."
     )
     head = ("", *(effect_name(e["id"]) for e in shown))
+    raw = [[key, *values[key]] for key in rows]
     return Table("evidence", caption, head, cells, ("quantity", *(e["id"] for e in shown)), raw)
+
+
+def model_error_table(run: Run) -> Table:
+    """Return the model error before and after, and the size up to which it counts as none."""
+    error = run.loop["model_error"]
+    sizes = {"before": "declared model", "after": "final model", "least": "counts as none, up to"}
+    scale = scale_for(error["unit"], max((error[k] or 0.0 for k in sizes), default=0.0))
+    cells = [
+        [text, significant(None if error[key] is None else error[key] * scale.factor), scale.symbol]
+        for key, text in sizes.items()
+    ]
+    cells.append(["part that is left", share_words(error) or MISSING, ""])
+    cells.append(["depends on", listed(map(effect_name, error["depends_on"])) or "nothing that was recorded", ""])
+    raw = [[key, error[key], error["unit"]] for key in sizes]
+    raw += [["share", error["share"], "1"], ["depends_on", "; ".join(error["depends_on"]), ""]]
+    caption = (
+        "The model error: what a model leaves beside the noise, correlated over the natural time. Its size is fitted "
+        "with the parameters, and is one standard deviation."
+    )
+    return Table("model_error", caption, ("", "size", "unit"), cells, ("quantity", "value", "unit"), raw, (0, 2))
 
 
 def distortion_table(run: Run) -> Table | None:

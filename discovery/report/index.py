@@ -25,7 +25,7 @@ from discovery.report.words import effect_name, headline, held_group, origin
 __all__ = ["build_index"]
 
 #: Figures of a run that the page over all runs shows, in this order, where the run has them.
-_SHOWN = ("errors", "residual", "spring_law", "radius_law", "steps", "distortion")
+_SHOWN = ("errors", "residual", "spring_law", "radius_law", "model_error", "distortion")
 
 
 def build_index(folder: Path) -> Path:

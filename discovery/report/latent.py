@@ -9,7 +9,7 @@ import numpy as np
 
 from discovery.report.numbers import scale_for, significant, unit_text
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, ORANGE, SKY, Picture, label, new_figure
+from discovery.report.style import BLUE, GREY, ORANGE, SKY, Picture, label, new_figure, verbatim
 from discovery.report.tables import Table
 from discovery.report.words import listed
 
@@ -70,7 +70,7 @@ def draw_time(run: Run) -> Picture | None:
         axes.fill_between(time, mean - 1.645 * sd, mean + 1.645 * sd, color=SKY, alpha=0.5, linewidth=0)
         axes.plot(time, mean, color=BLUE, linewidth=1.0)
         axes.axhline(0.0, color=GREY, linewidth=0.7)
-        axes.set_title(name, fontsize=8.5, color=GREY)
+        axes.set_title(verbatim(name), fontsize=8.5, color=GREY)
         axes.set_ylabel(label("force", _unit(run)))
     rows[-1].set_xlabel("time [s]")
     return Picture(

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import escape
+
 if TYPE_CHECKING:
     import sympy as sp
 
@@ -38,7 +40,8 @@ def block(body: str) -> str:
 def number(text: str) -> str:
     """Return a number as it is printed elsewhere, its minus sign as an operator."""
     minus = "\N{MINUS SIGN}"
-    return row("<mo>−</mo>", f"<mn>{text[1:]}</mn>") if text.startswith(minus) else f"<mn>{text}</mn>"
+    size = escape(text.removeprefix(minus))
+    return row("<mo>−</mo>", f"<mn>{size}</mn>") if text.startswith(minus) else f"<mn>{size}</mn>"
 
 
 def symbol(name: str, dots: int = 0) -> str:
@@ -51,7 +54,8 @@ def symbol(name: str, dots: int = 0) -> str:
     dots : int
         Number of time derivatives.
     """
-    head, *tail = re.sub(r"\\mathrm|[\\{}]", "", name).split("_")
+    # A name comes from a file: nothing in it is markup.
+    head, *tail = str(escape(re.sub(r"\\mathrm|[\\{}]", "", name))).split("_")
     core = f"<mi>{GREEK.get(head, head)}</mi>"
     if dots:
         # Full stops, raised: without a mathematical font, true accents sink into the letter.

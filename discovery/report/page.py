@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
+import re
 from collections.abc import Mapping
 from math import floor, log10
 from pathlib import Path
@@ -26,17 +27,21 @@ from discovery.report.estimates import (
 from discovery.report.figures import draw_all
 from discovery.report.formula import formula
 from discovery.report.mathml import block
-from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
+from discovery.report.numbers import interval, significant, uncertain, unit_text
 from discovery.report.references import effects_used, methods_used
 from discovery.report.results import Run, read_run
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
 from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, prose, sentence
+from discovery.selection.sentences import effect_sentence, lead_sentence, model_error_words, verdict_sentence
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 __all__ = ["added_effects", "build_report", "embed", "environment", "found_terms", "regression_equation", "three_terms"]
+
+#: Letters of the name of a figure's file.
+_LONGEST = 100
 
 
 def build_report(run_dir: str | os.PathLike[str]) -> Path:
@@ -79,7 +84,9 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
 def embed(folder: Path, picture: Picture) -> dict[str, Any]:
     """Write a figure's own file, and return it as the page embeds it."""
     suffix, content = render(picture)
-    with atomic_write(folder / "figures" / f"{picture.name}{suffix}") as temporary:
+    # It may name a recording, whose name is no path.
+    stem = re.sub(r"[^\w.+-]", "_", picture.name)[:_LONGEST]
+    with atomic_write(folder / "figures" / f"{stem}{suffix}") as temporary:
         temporary.write_bytes(content)
     kind = "image/png" if picture.raster else "image/svg+xml"
     width, height = (round(96 * inches) for inches in picture.figure.get_size_inches())
@@ -135,6 +142,7 @@ def _tables(run: Run) -> dict[str, Table]:
         evidence.dependence_table(run),
         evidence.effects_table(run),
         evidence.ranking_table(run),
+        evidence.model_error_table(run),
         latent.dependence_table(run),
         latent.patches_table(run),
         ambiguity.separation_table(run),
@@ -182,9 +190,8 @@ def _digits(value: float, sd: float | None) -> int:
 
 
 def added_effects(run: Run) -> list[dict[str, Any]]:
-    """Return what the loop added, each with its parameters, its size and its rivals in words."""
+    """Return what the loop added, each with its parameters, its odds and its rivals in words."""
     found = []
-    unit = run.loop["errors"]["unit"]
     for e in run.loop["effects"]:
         values = [
             (symbol_of(name), f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
@@ -195,21 +202,11 @@ def added_effects(run: Run) -> list[dict[str, Any]]:
                 "name": effect_name(e["id"]),
                 "title": effect_title(e["id"]),
                 "parameters": values,
-                "size": _size(e["evidence"], unit),
+                "odds": effect_sentence(e),
                 "rivals": listed(effect_name(r) for r in e["ambiguous_with"]),
             }
         )
     return found
-
-
-def _size(evidence: Mapping[str, float], unit: str) -> str:
-    """Return how much an effect matters, as a sentence; empty for what has no such number."""
-    if "effect_rms" not in evidence:
-        return ""
-    scale = scale_for(unit, evidence["effect_rms"])
-    size = f"{significant(evidence['effect_rms'] * scale.factor)} {scale.symbol}"
-    share = f"{100 * evidence['share_of_residual_power']:.1f} %"
-    return f"It moves the prediction by {size} rms and explains {share} of the power that is left without it."
 
 
 def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -221,7 +218,9 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "origin": origin(run),
         "headline": headline(run),
         "verdict": run.loop["verdict"],
-        "test": run.loop["test"],
+        "because": verdict_sentence(run.loop),
+        "model_error": model_error_words(run.loop["model_error"]),
+        "lead": lead_sentence(run.loop["lead"]) if run.loop.get("lead") else "",
         "added": added_effects(run),
         "tables": {name: table.html() for name, table in tables.items()},
         "figures": figures,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from discovery.angles import within_half_a_turn
 from discovery.errors import InputError
 from discovery.kinds import KINDS
+from discovery.manifest import check_whole
 from discovery.provenance import read_json
 
 if TYPE_CHECKING:
@@ -263,7 +264,7 @@ def read_run(folder: Path) -> Run:
     Raises
     ------
     InputError
-        If ``results.json`` is missing or is not what a run writes.
+        If ``results.json`` is missing or is not what a run writes, or other files are not those of its run.
     """
     path = Path(folder) / "results.json"
     try:
@@ -272,11 +273,11 @@ def read_run(folder: Path) -> Run:
         raise InputError(
             f"{path} does not exist: {folder} is not the folder of a finished run. Run the pipeline first."
         ) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read as JSON: {error}. Run the pipeline again.") from error
-    missing = [key for key in ("rig", "recordings", "loop", "provenance") if key not in results]
+    wanted = ("rig", "recordings", "loop", "provenance")
+    missing = [key for key in wanted if not isinstance(results, dict) or key not in results]
     if missing:
         raise InputError(
             f"{path} lacks {', '.join(missing)}: it is not the result of a whole run. Run the pipeline again."
         )
+    check_whole(Path(folder), results)
     return Run(Path(folder), results)

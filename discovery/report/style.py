@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BLUE", "GREEN", "GREY", "LINES", "ORANGE", "PURPLE", "RED", "SKY", "Picture", "decimate", "label", "new_figure",
     "plain_log", "quantity_label", "render", "series",
-    "side_label", "styled",
+    "side_label", "styled", "verbatim",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -117,6 +117,11 @@ def new_figure(height: float, width: float = WIDTH, layout: Any = "constrained")
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout=layout)
+
+
+def verbatim(text: str) -> str:
+    """Return a user's text for a figure: what stands between two dollar signs would be read as mathematics."""
+    return text.replace("$", r"\$")
 
 
 def render(picture: Picture) -> tuple[str, bytes]:

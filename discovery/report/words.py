@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from discovery.mechanics.upgrades import UPGRADES
@@ -11,6 +11,7 @@ from discovery.registry import catalogue
 from discovery.report.mathml import GREEK
 from discovery.report.numbers import Scale, scale_for, significant
 from discovery.report.results import Run
+from discovery.selection.sentences import effect_name, lead_sentence, listed, verdict_sentence
 
 __all__ = [
     "FITS",
@@ -55,18 +56,13 @@ _WRITTEN = (
     *((rf"\^-{digit}\b", f"⁻{power}") for digit, power in zip("12345", "¹²³⁴⁵", strict=True)),
     (r"\+-", "±"),
     (r" - ", " − "),
+    (r" -> ", " → "),
     (r"(?<![\w.-])-(?=\d)", "−"),
     (r"(?<=\d) x (?=\d)", " × "),
 )
 #: Ids, and whole numbers that are long enough to be grouped.
 _ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _LONG = re.compile(r"(?<![\w.])\d{5,}(?![\w.])")
-
-
-def listed(words: Iterable[str]) -> str:
-    """Return words as a reader lists them: a, b and c."""
-    words = list(words)
-    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def prose(text: str) -> str:
@@ -86,11 +82,6 @@ def sentence(text: str) -> str:
 def clause(text: str) -> str:
     """Return a title as part of a sentence."""
     return text[:1].lower() + text[1:]
-
-
-def effect_name(effect_id: str) -> str:
-    """Return an effect's id as words."""
-    return effect_id.replace("_", " ")
 
 
 def effect_title(effect_id: str) -> str:
@@ -135,7 +126,26 @@ def error_scale(run: Run) -> Scale:
 
 
 def headline(run: Run) -> str:
-    """Return the verdict in one sentence."""
+    """Return the verdict in a few sentences."""
+    loop = run.loop
+    verdict, why = loop["verdict"], sentence(verdict_sentence(loop))
+    left, floor, change = _errors_in_words(run)
+    added = [_with_rivals(e) for e in loop["effects"]]
+    found = f"the declared model lacked {listed(added)}; with {'it' if len(added) == 1 else 'them'}, {change}."
+    if verdict == "nothing_missing":
+        return f"Nothing is missing: the declared model leaves {left}, which is noise (floor {floor})."
+    if verdict == "explained":
+        return f"Explained: {found}"
+    if verdict == "partly_explained":
+        return f"Partly explained: {found} {why}."
+    lead = f" {sentence(lead_sentence(loop['lead']))}." if loop.get("lead") else ""
+    if added:
+        return f"Not explained: with {listed(added)}, {change}. {why}.{lead}"
+    return f"Not explained: the declared model leaves {left} (floor {floor}). {why}.{lead}"
+
+
+def _errors_in_words(run: Run) -> tuple[str, str, str]:
+    """Return the error that is left, the noise floor, and how the error changed."""
     errors, scale = run.loop["errors"], error_scale(run)
     group = held_group(errors)
     before, after = (significant(errors[k][group]["rms"] * scale.factor) for k in ("before", "after"))
@@ -145,20 +155,7 @@ def headline(run: Run) -> str:
     )
     better = errors["after"][group]["rms"] < errors["before"][group]["rms"]
     change = f"the rms error {seen} {'falls' if better else 'goes'} from {before} to {after} {scale.symbol}"
-    change += f" (noise floor {floor})"
-    added = [_with_rivals(e) for e in run.loop["effects"]]
-    them = "it" if len(added) == 1 else "them"
-    left = f"{after} {scale.symbol} rms {seen}"
-    if run.loop["verdict"] == "nothing_missing":
-        return f"Nothing is missing: the declared model leaves {left}, which is noise (floor {floor})."
-    if run.loop["verdict"] == "explained":
-        return f"Explained: the declared model lacked {listed(added)}; with {them}, {change}."
-    if run.loop.get("noise"):
-        return f"Contradicts the rig: only noise is left, {left}, but the rig file excludes the fitted stiffness."
-    if added:
-        found = f"the declared model lacked {listed(added)}, and {change}"
-        return f"Not fully explained: {found}, but what is left is not noise."
-    return f"Not explained: no effect of the catalogue removes what the declared model leaves, {left} (floor {floor})."
+    return f"{after} {scale.symbol} rms {seen}", floor, f"{change} (noise floor {floor})"
 
 
 def _with_rivals(effect: Mapping[str, Any]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.report.results import Run, Trajectory
-from discovery.report.style import BLUE, GREY, RED, Picture, decimate, new_figure, side_label
+from discovery.report.style import BLUE, GREY, RED, Picture, decimate, new_figure, side_label, verbatim
 
 __all__ = ["channel_name", "draw", "draw_deflections"]
 
@@ -63,7 +63,7 @@ def draw_deflections(run: Run) -> Picture | None:
             color="black" if role == "training" else RED,
             linewidth=0.8,
         )
-        axis.set_title(f"{trajectory.name} ({role})", fontsize=8.5, color=GREY)
+        axis.set_title(f"{verbatim(trajectory.name)} ({role})", fontsize=8.5, color=GREY)
     figure.supylabel("deflection [rad]", fontsize=9)
     axes[-1].set_xlabel("time [s]")
     sizes = ", ".join(f"{t.name} {_largest(t):.2f} rad" for t in shown)

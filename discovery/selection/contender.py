@@ -1,0 +1,143 @@
+"""One set of effects in the search: fitted, linearised, and weighed by its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.batch import fit_problems
+from discovery.bench import Bench
+from discovery.least_squares import Minimum
+from discovery.model import Model
+from discovery.model_error import ModelError
+from discovery.problem import Problem
+from discovery.refits import Refit
+from discovery.selection.context import Context
+from discovery.selection.evidence import Evidence, evidence_of
+from discovery.selection.linearise import Slopes, linearised
+from discovery.simulate import THREADS
+from discovery.workers import at_once
+
+__all__ = ["Contender", "contenders", "plain"]
+
+FloatArray = NDArray[np.float64]
+#: A first-order step that gains more nats than this is made on the trajectories.
+_WORTH = 1.0
+#: Steps of a generalised least squares fit.
+_ITERATIONS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A set of effects beside the declared ones.
+
+    Parameters
+    ----------
+    added : tuple of str
+        Effects in the order in which they were added.
+    refit : Refit
+        The model with them, at its generalised least squares estimate; residual and Jacobian in noise sds.
+    evidence : Evidence
+        How well it explains the recordings.
+    """
+
+    added: tuple[str, ...]
+    refit: Refit
+    evidence: Evidence
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self.refit.problem.model
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals of the training recordings [noise variances], the rig's part included."""
+        return self.refit.chi2
+
+    @property
+    def joint(self) -> float:
+        """Log evidence of all recordings [nats]."""
+        return self.evidence.joint
+
+
+def contenders(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[Contender]:
+    """Return sets with their evidence, the most likely first; what blows up comes last.
+
+    Parameters
+    ----------
+    context : Context
+        Recordings and settings.
+    sets : sequence of (added effects, Refit)
+        Refitted by least squares.
+    """
+    sets = _freed(context, sets)
+    found: list[Contender] = []
+    for bench in dict.fromkeys(r.problem.bench for _, r in sets):
+        weighed = _weighed(context, bench, [(added, r) for added, r in sets if r.problem.bench is bench])
+        again = [c for c in weighed if c.evidence.gained > _WORTH]
+        better = _weighed(context, bench, [(c.added, r) for c, r in zip(again, _generalised(again), strict=True)])
+        best = {c: max(c, b, key=lambda x: x.joint) for c, b in zip(again, better, strict=True)}
+        found += [best.get(c, c) for c in weighed]
+    return sorted(found, key=lambda c: -c.joint)
+
+
+def _freed(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[tuple[tuple[str, ...], Refit]]:
+    """Return sets with what their laws hold by convention free: held, one law would seem better than another."""
+    problems = [
+        replace(r.problem, gaussian={**r.problem.gaussian, **context.conventions(r.problem.model)}) for _, r in sets
+    ]
+    new = [i for i, (_, r) in enumerate(sets) if len(problems[i].gaussian) > len(r.problem.gaussian)]
+    starts = [problems[i].start(sets[i][1].values) for i in new]
+    minima = fit_problems([problems[i] for i in new], starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True)
+    found = list(sets)
+    for i, minimum in zip(new, minima, strict=True):
+        added, refit = sets[i]
+        found[i] = added, replace(refit, problem=problems[i], minimum=minimum)
+    return found
+
+
+def _generalised(sets: Sequence[Contender]) -> list[Refit]:
+    """Return sets refitted by generalised least squares, each under its model error."""
+    problems = [c.refit.problem for c in sets]
+    errors = [
+        ModelError(c.evidence.error / c.evidence.white, p.units.time) for c, p in zip(sets, problems, strict=True)
+    ]
+    weighted = [replace(p, error=error) for p, error in zip(problems, errors, strict=True)]
+    starts = [c.refit.minimum.x + c.evidence.step for c in sets]
+    minima = fit_problems(weighted, starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True)
+    return [
+        replace(c.refit, minimum=plain(p, m)) if np.isfinite(m.cost) else c.refit
+        for c, p, m in zip(sets, problems, minima, strict=True)
+    ]
+
+
+def plain(problem: Problem, minimum: Minimum) -> Minimum:
+    """Return a minimum of generalised least squares with its residual in noise sds; the Jacobian stays white."""
+    if not np.isfinite(minimum.cost):
+        return minimum
+    residual = problem.bench.residuals(*problem.expand(minimum.x[:, None]))[:, 0]
+    residual = np.append(residual, problem.prior_residuals(minimum.x[:, None])[:, 0])
+    return replace(minimum, residual=residual, cost=0.5 * float(residual @ residual))
+
+
+def _weighed(context: Context, bench: Bench, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[Contender]:
+    """Return sets of one bench with their evidence."""
+    good = [r for _, r in sets if np.isfinite(r.chi2)]
+    slopes = dict(zip(good, linearised(context, bench, good), strict=True))
+    each = at_once([partial(_evidence, slopes.get(r)) for _, r in sets], threads=THREADS)
+    found = []
+    for (added, r), own in zip(sets, each, strict=True):
+        if (known := slopes.get(r)) is not None:
+            jacobian = np.concatenate([known.jacobian, r.minimum.jacobian[bench.n_rows :]])
+            r = replace(r, minimum=replace(r.minimum, jacobian=jacobian))
+        found.append(Contender(added, r, own))
+    return found
+
+
+def _evidence(slopes: Slopes | None) -> Evidence:
+    return Evidence.none() if slopes is None else evidence_of(slopes.problem)

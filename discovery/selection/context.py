@@ -1,0 +1,114 @@
+"""What every part of one search shares: recordings, settings, simulators, and the effects in question."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.attribution import candidates
+from discovery.bench import Bench
+from discovery.experiment import Experiment
+from discovery.fit import MOST_STEPS, Fit, fit
+from discovery.holdout import HoldOut
+from discovery.model import Model
+from discovery.problem import NaturalUnits, conventions
+from discovery.selection.settings import LoopSettings
+from discovery.step import choose_step
+from discovery.unequal_steps import unequal_bench
+
+__all__ = ["Context", "Tell"]
+
+#: Other mechanics may take so many times the steps: the tip does not feel what rings faster still.
+_MORE = 8
+#: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.
+_CREDIBLE = 2.0
+
+FloatArray = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Context:
+    """What every part of one search shares.
+
+    Parameters
+    ----------
+    train : sequence of Experiment
+        Recordings to fit.
+    judge : HoldOut
+        Recordings, or parts of them, that are held out.
+    settings : LoopSettings
+        The numbers that decide, and the budget.
+    units : NaturalUnits
+        Natural units.
+    tell : callable
+        Receives one sentence before every longer piece of work.
+    """
+
+    train: Sequence[Experiment]
+    judge: HoldOut
+    settings: LoopSettings
+    units: NaturalUnits
+    tell: Tell
+
+    @cached_property
+    def period(self) -> float:
+        """Natural period of the motion [s]."""
+        return 2 * np.pi * self.units.time
+
+    def candidates(self, model: Model) -> tuple[str, ...]:
+        """Return the effects that a model of these recordings could lack."""
+        return candidates(model, self.train[0].coordinate_unit)
+
+    def kernel_effects(self, model: Model) -> tuple[str, ...]:
+        """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
+        return tuple(sorted({*model.effects, *self.candidates(model)}))
+
+    def added(self, model: Model) -> tuple[str, ...]:
+        """Return the effects of a model that are not declared."""
+        return tuple(e for e in model.effects if e not in self.train[0].rig.declared)
+
+    def conventions(self, model: Model) -> dict[str, tuple[float, float]]:
+        """Return what the added effects of a model hold by convention, see `discovery.problem.conventions`."""
+        return conventions(self.added(model), self.units)
+
+    def stated_error(self, model: Model) -> float:
+        """Return the error that mechanics state of themselves, over the smallest noise of any channel [noise sds]."""
+        sizes = [
+            model.mechanics.accuracy * (1.0 if unit == "rad" else self.units.length) / noise
+            for e in self.train
+            for unit, noise in zip(e.recording.units, e.recording.noise, strict=True)
+        ]
+        return float(max(sizes))
+
+    def least_error(self, model: Model) -> float:
+        """Return the model error up to which a model counts as complete [noise sds]."""
+        return max(_CREDIBLE * self.settings.error_scale, self.stated_error(model))
+
+    def bench(self, model: Model, values: Mapping[str, float]) -> Bench:
+        """Return simulators with the whole catalogue of a base, on steps that keep the tolerance at some values."""
+        effects, tolerance = self.kernel_effects(model), self.settings.tolerance
+        return unequal_bench(model, effects, self.train, self.units, values, tolerance)
+
+    def bench_on(self, base: str, like: Bench, model: Model, values: Mapping[str, float]) -> Bench:
+        """Return simulators on other mechanics, with as many more steps as these ask for, up to a limit.
+
+        Raises
+        ------
+        ComputationError
+            If no step reaches the tolerance.
+        """
+        other = model.on_base(base)
+        shortest = like.duration / min(MOST_STEPS, _MORE * like.most_steps)
+        effects, tolerance = self.kernel_effects(other), self.settings.tolerance
+        step = choose_step(other, self.train, self.units, values, tolerance, effects, shortest)
+        return Bench(base, effects, self.train, step)
+
+    def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
+        """Fit a model with the kernel that holds the whole catalogue of its base."""
+        bench = self.bench(model, values)
+        return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)

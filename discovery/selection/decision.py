@@ -1,0 +1,77 @@
+"""What the search decided, as records: codes and numbers. Sentences are made from them in one place, see `words`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+__all__ = ["Candidacy", "Decision"]
+
+
+@dataclass(frozen=True)
+class Candidacy:
+    """One set that was compared with another.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        What it has more, or in the place of another.
+    train, held : float
+        Log evidence of the training recordings and log predictive score of the held-out ones, against the set it is
+        compared with [nats].
+    size : float
+        How far it moves the residual over the model error that is left, rms over rms.
+    model_error : float
+        Size of the model error that it leaves [noise sds].
+    chi2 : float
+        What it leaves in training [noise variances].
+    parameters : int
+        Number of parameters that were fitted.
+    """
+
+    effects: tuple[str, ...]
+    train: float
+    held: float
+    size: float
+    model_error: float
+    chi2: float
+    parameters: int
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One decision of the search.
+
+    Parameters
+    ----------
+    action : str
+        "mechanics", "add", "remove", "exchange" or "stop".
+    effects : tuple of str
+        What it is about.
+    accepted : bool
+        Whether it was done.
+    code : str
+        Why: "accepted", "training", "held_out", "chance", "size", "finite" (a motion that blows up), "complete" (what
+        is left is noise), "exhausted" (nothing is accepted), "budget",
+        "rival" (two others explain more).
+    numbers : mapping of str to float
+        What the code is about, see `Candidacy`; "odds" is the smallest of the log odds.
+    candidates : tuple of Candidacy
+        What was compared, the most likely first.
+    """
+
+    action: str
+    effects: tuple[str, ...]
+    accepted: bool
+    code: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    candidates: tuple[Candidacy, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {
+            **asdict(self),
+            "effects": list(self.effects),
+            "candidates": [{**asdict(c), "effects": list(c.effects)} for c in self.candidates],
+        }

@@ -1,0 +1,324 @@
+"""The log evidence of a set of effects: likelihood with noise and model error, priors, and Occam's factor.
+
+The parameters are integrated by Laplace's method around the generalised least squares estimate, the size of the model
+error under a half-Cauchy prior that shrinks it to zero (MacKay, Information Theory, Inference and Learning Algorithms
+(2003), chapters 27 and 28; Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007). Two limits: a model error of
+zero leaves the white chi-square with Occam's factor; one that is far above the noise leaves the number of independent
+pieces of the recording times the logarithm by which it falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.optimize import lsq_linear, minimize_scalar
+
+from discovery.model_error import Channel, ModelError
+from discovery.selection.belief import Belief
+
+__all__ = ["Evidence", "Linearised", "evidence_of"]
+
+FloatArray = NDArray[np.float64]
+_LOG_2PI = float(np.log(2 * np.pi))
+#: Smallest size of a model error that is told from none [noise sds]; factor between the first sizes that are tried.
+_LEAST, _FACTOR = 0.02, 4.0
+#: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
+_NOISE_SCALE, _ROUNDS = 0.1, 3
+
+
+@dataclass(frozen=True)
+class Mode:
+    """The posterior of the parameters for one size of the model error.
+
+    Parameters
+    ----------
+    log_evidence : float
+        The size given.
+    white : float
+        Standard deviation of the noise [stated noise sds], at least one.
+    step : ndarray, shape (p,)
+        From the linearisation to the mode.
+    precision : ndarray, shape (p, p)
+        Inverse covariance.
+    gained : float
+        By how much the step raises the logarithm of the posterior.
+    """
+
+    log_evidence: float
+    white: float
+    step: FloatArray
+    precision: FloatArray
+    gained: float
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """What is believed of the parameters of a linear problem.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (p,)
+        Where the Gaussian ones have their mean.
+    precision : ndarray, shape (p, p)
+        Inverse covariance, of other priors from their widths.
+    pull : ndarray, shape (p, p)
+        The part of it that is Gaussian: others are flat on the scale of the posterior.
+    log_density : float
+        At the linearisation, that of the Gaussian ones at their mean.
+    low, high, frozen
+        As for a belief.
+    """
+
+    mean: FloatArray
+    precision: FloatArray
+    pull: FloatArray
+    log_density: float
+    low: FloatArray
+    high: FloatArray
+    frozen: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, belief: Belief, p: int) -> _Prior:
+        """Return the prior of the first parameters of a belief."""
+        known = np.isfinite(belief.centre[:p])
+        precision = 1.0 / belief.width[:p] ** 2
+        mean = np.where(known, belief.centre[:p], 0.0)
+        pull = np.diag(np.where(known, precision, 0.0))
+        log = float(belief.log_density[:p].sum())
+        return cls(mean, np.diag(precision), pull, log, belief.low[:p], belief.high[:p], belief.frozen[:p])
+
+    def after(self, mode: Mode, belief: Belief) -> _Prior:
+        """Return the prior of held-out recordings: the posterior of the training ones, and initial states."""
+        p, states = len(self.mean), belief.width[len(self.mean) :]
+        whole = block_diag(mode.precision, np.diag(1.0 / states**2))
+        pull = block_diag(mode.precision, np.zeros((states.size, states.size)))
+        log = 0.5 * (float(np.linalg.slogdet(mode.precision)[1]) - p * _LOG_2PI) + float(belief.log_density[p:].sum())
+        mean = np.append(mode.step, np.zeros(states.size))
+        return _Prior(mean, whole, pull, log, belief.low, belief.high, belief.frozen)
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Residuals and their derivatives: one channel for each channel of each recording.
+
+    Parameters
+    ----------
+    train, held : sequence of Channel
+        Columns: derivatives by every parameter, then the residual. Held-out initial states come last.
+    belief : Belief
+        Of every parameter; those of the held-out initial states last.
+    fitted : int
+        Number of parameters of the training recordings.
+    memory : float
+        Of the model error [s].
+    scale : float
+        Of the prior of its size [noise sds].
+    stated : float
+        Error that the mechanics states of itself [noise sds]: intervals are never narrower than it asks.
+    """
+
+    train: Sequence[Channel]
+    held: Sequence[Channel]
+    belief: Belief
+    fitted: int
+    memory: float
+    scale: float
+    stated: float = 0.0
+
+    def mode(self, size: float, after: Mode | None = None) -> Mode:
+        """Return the posterior for a size of the model error over the noise.
+
+        From the training recordings, or, given their own posterior as `after`, from the held-out ones.
+        """
+        blocks = self.train if after is None else self.held
+        prior = _Prior.of(self.belief, self.fitted)
+        prior = prior if after is None else prior.after(after, self.belief)
+        gram, logarithms = np.zeros(()), 0.0
+        for block in blocks:
+            own, log = block.gram(ModelError(size, self.memory))
+            gram, logarithms = gram + own, logarithms + log
+        use = np.append(np.arange(len(prior.mean)), len(self.belief.width))
+        count = sum(block.time.size for block in blocks)
+        return _mode(gram[np.ix_(use, use)], logarithms, count, prior)
+
+
+def _mode(gram: FloatArray, logarithms: float, count: int, prior: _Prior) -> Mode:
+    """Return the posterior mode of a linear problem with scalar products of (derivatives, residual).
+
+    The stated noise may be too small: its size is that of the highest likelihood, never below what is stated.
+    """
+    white = 1.0
+    for _ in range(_ROUNDS):
+        _, left = _at_noise(gram, logarithms, count, prior, white)
+        if not left > count:
+            break
+        white *= float(np.sqrt(left / count))
+    return _at_noise(gram, logarithms, count, prior, white)[0]
+
+
+def _at_noise(gram: FloatArray, logarithms: float, count: int, prior: _Prior, white: float) -> tuple[Mode, float]:
+    """Return the mode for one size of the noise, and the quadratic form of the residual that it leaves."""
+    p, gram = len(gram) - 1, gram / white**2
+    precision = gram[:p, :p] + prior.precision
+    push = gram[:p, p] - prior.pull @ prior.mean
+    size = 1.0 / np.sqrt(np.diag(precision))
+    scaled = precision * np.outer(size, size)
+    step = _bounded(scaled, push * size, prior.low / size, prior.high / size, ~prior.frozen) * size
+    left = gram[p, p] + 2 * step @ gram[:p, p] + step @ gram[:p, :p] @ step
+    pulled, stayed = (float(z @ prior.pull @ z) for z in (step - prior.mean, prior.mean))
+    determinant = float(np.linalg.slogdet(scaled)[1]) - 2 * float(np.sum(np.log(size)))
+    constant = logarithms + count * (_LOG_2PI + 2 * np.log(white)) - p * _LOG_2PI
+    # Half-Cauchy prior of what exceeds the stated noise.
+    exceeds = -float(np.log1p(((white - 1.0) / _NOISE_SCALE) ** 2))
+    log = -0.5 * (left + pulled + constant + determinant) + prior.log_density + exceeds
+    gained = 0.5 * float(gram[p, p] + stayed - left - pulled)
+    return Mode(float(log), white, step, precision, gained), float(left)
+
+
+def _bounded(
+    matrix: FloatArray, push: FloatArray, low: FloatArray, high: FloatArray, free: NDArray[np.bool_]
+) -> FloatArray:
+    """Return the step that minimises a quadratic form within bounds."""
+    step = np.zeros(push.size)
+    own, pushed = matrix[np.ix_(free, free)], push[free]
+    step[free] = -np.linalg.lstsq(own, pushed, rcond=1e-13)[0]
+    if ((step < low) | (step > high)).any():
+        root = np.linalg.cholesky(own + 1e-10 * np.eye(pushed.size))
+        limits = np.minimum(low[free], 0.0), np.maximum(high[free], 1e-300)
+        step[free] = lsq_linear(root.T, -np.linalg.solve(root, pushed), limits, method="bvls").x
+        step[free] = np.clip(step[free], *limits)  # its solver may miss a bound by a rounding
+    return step
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """How well a set of effects explains the recordings.
+
+    Parameters
+    ----------
+    train : float
+        Log evidence of the training recordings [nats].
+    held : float
+        Log predictive score of the held-out ones, given the training ones; zero where nothing is held out [nats].
+    error, error_held : float
+        Size of the model error in training and held out, at its mode [noise sds].
+    white : float
+        Size of the noise at the mode of the training recordings [stated noise sds].
+    nil : float
+        By how much a model error of free size explains the recordings better than none [nats].
+    gained : float
+        What the step to the generalised least squares estimate gained, to first order [nats].
+    step : ndarray, shape (p,)
+        That step.
+    covariance : ndarray, shape (p, p)
+        Of the parameters, from the training recordings.
+    """
+
+    train: float
+    held: float
+    error: float
+    error_held: float
+    white: float
+    nil: float
+    gained: float
+    step: FloatArray
+    covariance: FloatArray
+
+    @property
+    def joint(self) -> float:
+        """Log evidence of all recordings [nats]."""
+        return self.train + self.held
+
+    @classmethod
+    def none(cls) -> Evidence:
+        """Return the evidence of a motion that blows up."""
+        return cls(-np.inf, 0.0, np.inf, np.inf, 1.0, 0.0, 0.0, np.empty(0), np.empty((0, 0)))
+
+
+@dataclass
+class _Sizes:
+    """The size of the model error over the noise, integrated under its prior."""
+
+    problem: Linearised
+    channels: Sequence[Channel]
+    after: Mode | None = None
+
+    def __post_init__(self) -> None:
+        self.modes: dict[float, Mode] = {}
+
+    def mode(self, size: float) -> Mode:
+        """Return the posterior of the parameters for a size."""
+        if size not in self.modes:
+            self.modes[size] = self.problem.mode(size, self.after)
+        return self.modes[size]
+
+    def density(self, log_size: float) -> float:
+        """Return log evidence and prior for the logarithm of a size."""
+        size, scale = float(np.exp(log_size)), self.problem.scale
+        prior = np.log(2 / np.pi) + np.log(scale * size / (scale**2 + size**2))
+        found = self.mode(size).log_evidence + float(prior)
+        return found if np.isfinite(found) else -1e300
+
+    @cached_property
+    def best(self) -> float:
+        """Logarithm of the likeliest size."""
+        rms = np.sqrt([np.mean(c.columns[:, -1] ** 2) for c in self.channels])
+        highest = np.log(10 * max(1.0, *rms.tolist())) + np.log(_FACTOR)
+        grid = np.arange(np.log(_LEAST), highest, np.log(_FACTOR))
+        values = [self.density(u) for u in grid]
+        i = int(np.argmax(values))
+        bracket = (grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
+        found = minimize_scalar(lambda u: -self.density(u), bounds=bracket, method="bounded", options={"xatol": 0.02})
+        return float(found.x) if -found.fun >= values[i] else float(grid[i])
+
+    @property
+    def likeliest(self) -> Mode:
+        """The posterior of the parameters for the likeliest size."""
+        return self.mode(float(np.exp(self.best)))
+
+    @property
+    def size(self) -> float:
+        """Likeliest size of the model error [noise sds], no more than its scale where none explains as much."""
+        size = float(np.exp(self.best)) * self.likeliest.white
+        return size if self.nil > 0 else min(size, self.problem.scale)
+
+    @cached_property
+    def integrated(self) -> float:
+        """The log evidence, the size integrated: none, or around the likeliest."""
+        u, h = self.best, 0.1
+        curvature = (2 * self.density(u) - self.density(u - h) - self.density(u + h)) / h**2
+        width = 1.0 / np.sqrt(max(curvature, 0.25))
+        below = 2 / np.pi * np.arctan(_LEAST / self.problem.scale)
+        none = self.mode(0.0).log_evidence + np.log(below)
+        return float(np.logaddexp(none, self.density(u) + 0.5 * _LOG_2PI + np.log(width)))
+
+    @property
+    def nil(self) -> float:
+        """By how much a free size explains more than none [nats]."""
+        return self.integrated - self.mode(0.0).log_evidence
+
+
+def evidence_of(problem: Linearised) -> Evidence:
+    """Return the evidence of a linearised set; its held-out score is zero where nothing is held out."""
+    train = _Sizes(problem, problem.train)
+    first, size, at = train.integrated, train.size, train.likeliest
+    held = _Sizes(problem, problem.held, at) if problem.held else None
+    wide = train.mode(float(np.hypot(size, problem.stated)) / at.white)
+    scaled = 1.0 / np.sqrt(np.diag(wide.precision))
+    covariance = np.linalg.pinv(wide.precision * np.outer(scaled, scaled), hermitian=True) * np.outer(scaled, scaled)
+    return Evidence(
+        train=first,
+        held=held.integrated if held else 0.0,
+        error=size,
+        error_held=held.size if held else 0.0,
+        white=at.white,
+        nil=train.nil + (held.nil if held else 0.0),
+        gained=at.gained,
+        step=at.step,
+        covariance=covariance,
+    )

@@ -1,0 +1,106 @@
+"""From a contender to the fit that is reported: conventions free, generalised least squares, honest intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from discovery.batch import fit_problems
+from discovery.bench import Bench
+from discovery.covariance import covariance_of, solver_shift
+from discovery.errors import ComputationError
+from discovery.experiment import Experiment
+from discovery.fit import MOST_STEPS, SHIFT, Fit
+from discovery.model_error import ModelError
+from discovery.problem import Problem
+from discovery.refits import Refit
+from discovery.selection.contender import Contender, contenders, plain
+from discovery.selection.context import Context
+
+__all__ = ["finished", "on_mechanics", "prolonged"]
+
+_ITERATIONS = 25
+#: Rounds of finer steps where the solver still shifts an estimate.
+_FINER = 3
+
+
+def on_mechanics(contender: Contender, base: str, context: Context) -> Contender | None:
+    """Return a set refitted on other mechanics from where it is; None where no step is fine enough or it blows up."""
+    problem = contender.refit.problem
+    try:
+        bench = context.bench_on(base, problem.bench, problem.model, contender.refit.values)
+    except ComputationError:
+        return None
+    other = replace(problem, model=problem.model.on_base(base), bench=bench)
+    (minimum,) = fit_problems([other], [other.start(contender.refit.values)], iterations=_ITERATIONS, rough=True)
+    if not np.isfinite(minimum.cost):
+        return None
+    return contenders(context, [(contender.added, replace(contender.refit, problem=other, minimum=minimum))])[0]
+
+
+def finished(contender: Contender, context: Context) -> tuple[Fit, Contender]:
+    """Return the fit of a set, what its laws hold by convention free, and the contender there.
+
+    Estimates are those of generalised least squares under the model error; intervals those of its posterior.
+    """
+    problem = contender.refit.problem
+    free = replace(problem, gaussian={**problem.gaussian, **context.conventions(problem.model)})
+    found = _settled(contender, free, context)
+    fitted = _fit(found)
+    for _ in range(_FINER):
+        bench = found.refit.problem.bench
+        if not fitted.solver_shift > SHIFT or 2 * bench.most_steps > MOST_STEPS:
+            break
+        # The shift falls with the fourth power of the step.
+        step = bench.step * max(0.25, 0.8 * (SHIFT / fitted.solver_shift) ** 0.25)
+        finer = _settled(found, replace(free, bench=Bench.like(bench, step)), context)
+        again = _fit(finer)
+        if not again.solver_shift < fitted.solver_shift:
+            break
+        found, fitted = finer, again
+    return fitted, found
+
+
+def _settled(contender: Contender, problem: Problem, context: Context) -> Contender:
+    """Return a set fitted by generalised least squares as another problem; as it is where that blows up."""
+    refit = _generalised(contender.refit, contender, problem)
+    (found,) = contenders(context, [(contender.added, refit)])
+    return found if np.isfinite(found.joint) else contender
+
+
+def _generalised(refit: Refit, contender: Contender, problem: Problem) -> Refit:
+    error = ModelError(contender.evidence.error / contender.evidence.white, problem.units.time)
+    weighted = replace(problem, error=error)
+    start = weighted.start(contender.refit.values)
+    (minimum,) = fit_problems([weighted], [start], iterations=_ITERATIONS, tolerance=1e-6, rough=True)
+    return replace(refit, problem=problem, minimum=plain(problem, minimum))
+
+
+def _fit(contender: Contender) -> Fit:
+    problem, minimum = contender.refit.problem, contender.refit.minimum
+    _, reasons, directions = covariance_of(problem, minimum)
+    covariance = contender.evidence.covariance.copy()
+    lost = [problem.names.index(n) for n in reasons]
+    covariance[lost, :] = covariance[:, lost] = np.nan
+    return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
+
+
+def prolonged(found: Fit, error: float, experiments: Sequence[Experiment]) -> Fit:
+    """Return the same model fitted to recordings to their end, where a part of them was held out."""
+    if all(e.fitted_samples is None for e in experiments):
+        return found
+    old = found.problem
+    bench = Bench(
+        old.model.base, old.bench.effects, [replace(e, fitted_samples=None) for e in experiments], old.bench.step
+    )
+    whole = replace(old, bench=bench)
+    weighted = replace(whole, error=ModelError(error, old.units.time))
+    (minimum,) = fit_problems(
+        [weighted], [whole.start(found.values)], iterations=_ITERATIONS, tolerance=1e-6, rough=True
+    )
+    if not np.isfinite(minimum.cost):
+        return found
+    covariance, reasons, directions = covariance_of(weighted, minimum)
+    return Fit(whole, minimum, covariance, reasons, directions, found.solver_shift)

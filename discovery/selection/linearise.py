@@ -1,0 +1,165 @@
+"""Residuals of fitted sets and their derivatives, on training and held-out recordings, all sets in one simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.bench import Bench
+from discovery.experiment import Experiment
+from discovery.model_error import Channel
+from discovery.problem import Problem
+from discovery.refits import Refit
+from discovery.selection.belief import belief_of
+from discovery.selection.context import Context
+from discovery.selection.evidence import Linearised
+from discovery.starts import fitted_states
+
+__all__ = ["Slopes", "linearised"]
+
+FloatArray = NDArray[np.float64]
+#: Differences are taken over so many standard deviations that the white noise alone would leave.
+_APART = 0.3
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """A set linearised around its estimate.
+
+    Parameters
+    ----------
+    problem : Linearised
+        What its evidence is made of.
+    jacobian : ndarray, shape (rows of the bench, p)
+        Derivatives on the fitted samples [noise sds], zero in gaps.
+    """
+
+    problem: Linearised
+    jacobian: FloatArray
+
+
+@dataclass(frozen=True)
+class _Probed:
+    """Points around a vector within its bounds, and how far apart those of a parameter are."""
+
+    points: FloatArray
+    apart: FloatArray
+
+    @classmethod
+    def around(cls, problem: Problem, x: FloatArray, size: FloatArray) -> _Probed:
+        low, high = problem.bounds
+        up, down = np.minimum(x + size, high), np.maximum(x - size, low)
+        points = np.repeat(x[:, None], 2 * x.size + 1, axis=1)
+        each = np.arange(x.size)
+        points[each, 1 + each], points[each, 1 + x.size + each] = up, down
+        apart = up - down
+        return cls(points, np.where(apart > 0, apart, 1.0))
+
+    @property
+    def count(self) -> int:
+        return self.points.shape[1]
+
+    def columns(self, experiment: Experiment, channels: FloatArray) -> FloatArray:
+        """Return derivatives by every parameter and the residual, shape (n, c, p + 1) [noise sds]."""
+        p, noise = self.apart.size, experiment.recording.noise[:, None]
+        slopes = (channels[:, :, 1 : p + 1] - channels[:, :, p + 1 :]) / self.apart / noise
+        slopes[:, :, ~np.isfinite(slopes).all(axis=(0, 1))] = 0.0
+        residual = (channels[:, :, :1] - experiment.recording.output[:, :, None]) / noise
+        return np.concatenate([slopes, residual], axis=2)
+
+
+def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[Slopes | None]:
+    """Return refits of one bench linearised; None for what blows up.
+
+    Parameters
+    ----------
+    context : Context
+        Recordings and settings.
+    bench : Bench
+        Of all of them.
+    refits : sequence of Refit
+        With finite residuals.
+    """
+    if not refits:
+        return []
+    probes = [_Probed.around(r.problem, r.minimum.x, _sizes(r)) for r in refits]
+    with np.errstate(over="ignore", invalid="ignore"):
+        train = _simulated(bench, [r.problem for r in refits], probes)
+        held = [[] for _ in refits] if context.judge.continued else _on_held(context, bench, refits)
+        return [_slopes(context, r, own, other) for r, own, other in zip(refits, train, held, strict=True)]
+
+
+def _sizes(refit: Refit) -> FloatArray:
+    """Return by how much every parameter of a refit is moved."""
+    scale = refit.problem.scale
+    slope = np.linalg.norm(refit.minimum.jacobian, axis=0)
+    return np.clip(_APART / np.maximum(slope, 1e-300), 1e-9 * scale, 1e-2 * scale)
+
+
+def _simulated(bench: Bench, problems: Sequence[Problem], probes: Sequence[_Probed]) -> list[list[FloatArray]]:
+    """Return the columns of every recording of a bench, for each problem."""
+    sets = [p.expand(probe.points) for p, probe in zip(problems, probes, strict=True)]
+    edges = np.cumsum([0, *(probe.count for probe in probes)])
+    channels = bench.predict(*(np.concatenate(each, axis=-1) for each in zip(*sets, strict=True)))
+    return [
+        [
+            probe.columns(e, c[:, :, first : first + probe.count])
+            for e, c in zip(bench.experiments, channels, strict=True)
+        ]
+        for first, probe in zip(edges, probes, strict=False)
+    ]
+
+
+def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[list[FloatArray]]:
+    """Return the columns of the held-out recordings: physical parameters, their own initial states, residual."""
+    judge = context.judge
+    models = [(r.problem.model, r.values) for r in refits]
+    held = judge.simulators(bench, models, [judge.separate[i] for i in judge.deciding()])
+    alone = [_with_known(r, held) for r in refits]
+    problems = [replace(r.problem, bench=held) for r in refits]
+    probes = []
+    for r, problem, state in zip(refits, problems, fitted_states(alone), strict=True):
+        free = len(problem.free)
+        size = np.concatenate([_sizes(r)[:free], problem.scale[free:] * 1e-2])
+        probes.append(_Probed.around(problem, np.concatenate([r.minimum.x[:free], state]), size))
+    return _simulated(held, problems, probes)
+
+
+def _with_known(refit: Refit, held: Bench) -> Problem:
+    """Return the problem of the initial states alone, the parameters known."""
+    problem = refit.problem
+    known = {n: v for n, v in refit.values.items() if n in problem.model.parameters}
+    model = replace(problem.model, known={**problem.model.known, **known})
+    return Problem(model, held, problem.units, {})
+
+
+def _slopes(context: Context, refit: Refit, train: list[FloatArray], held: list[FloatArray]) -> Slopes | None:
+    problem, x = refit.problem, refit.minimum.x
+    p, free = x.size, len(problem.free)
+    more = held[0].shape[2] - 1 - free if held else 0
+    jacobian, fitted, judged = [], [], []
+    for e, columns in zip(problem.bench.experiments, train, strict=True):
+        weight, n = e.weights() > 0, len(e.fitted_part.recording.time)
+        jacobian.append(np.where(weight[:n, :, None], columns[:n, :, :-1], 0.0).reshape(-1, p))
+        fitted += _channels(e, np.insert(columns, [p] * more, 0.0, axis=2), weight)
+        if not held:
+            judged += _channels(e, columns, np.isfinite(e.recording.output) & ~weight)
+    for i, columns in zip(context.judge.deciding(), held, strict=False):
+        wide = np.insert(columns, [free] * (p - free), 0.0, axis=2)
+        e = context.judge.separate[i]
+        judged += _channels(e, wide, np.isfinite(e.recording.output))
+    if not all(np.isfinite(c.columns).all() for c in (*fitted, *judged)):
+        return None
+    belief = belief_of(problem, x, refit.minimum.at_bound, more)
+    scale, stated = context.settings.error_scale, context.stated_error(problem.model)
+    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated)
+    return Slopes(linear, np.concatenate(jacobian))
+
+
+def _channels(experiment: Experiment, columns: FloatArray, present: NDArray[np.bool_]) -> list[Channel]:
+    """Return each channel over the samples that are present."""
+    time = experiment.recording.time
+    return [Channel(time[here], columns[here, c]) for c, here in enumerate(present.T) if here.any()]

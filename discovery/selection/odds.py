@@ -1,0 +1,85 @@
+"""Whether a set of effects takes the place of a smaller one: the one rule of the search.
+
+An effect is accepted by its log odds. They are the smallest of three: the evidence that it gains in training; what it
+gains on training and held-out recordings together, where the held-out ones must gain as well; and the odds that it is
+larger than what the model error would do in its direction. For real systems deviate from any catalogue in ways that
+look like what a catalogue holds: a model error of size a is expected to move the residual by form x a in the direction
+of any one effect, so an effect that moves it by s has log odds of (s / (form x a))^2 / 2 against being that. The laws
+that were accepted before idealise too: a share of what they moved counts as model error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from discovery.selection.contender import Contender
+from discovery.selection.decision import Candidacy
+from discovery.selection.settings import LoopSettings
+
+__all__ = ["Odds", "odds_of"]
+
+
+@dataclass(frozen=True)
+class Odds:
+    """Log odds of a larger set against a smaller one [nats].
+
+    Parameters
+    ----------
+    train, held : float
+        What the training recordings and the held-out ones gain.
+    size : float
+        Movement of the residual over the model error that the larger set leaves.
+    against_error : float
+        Log odds against the model error in the direction of the effect.
+    gain : float
+        Chi-square removed in training.
+    """
+
+    train: float
+    held: float
+    size: float
+    against_error: float
+    gain: float
+
+    @property
+    def total(self) -> float:
+        """The log odds that decide."""
+        return min(self.train, self.train + self.held, self.against_error)
+
+    def code(self, settings: LoopSettings, chance: float, *, judged: bool = True) -> str:
+        """Return "accepted", or what is missing; `judged` says whether anything is held out."""
+        if not np.isfinite(self.train + self.held):
+            return "accepted" if self.train + self.held > 0 else "finite"
+        if self.train < settings.nats:
+            return "training"
+        if judged and self.held < 0.5 * settings.nats:
+            return "held_out"
+        if self.against_error < settings.nats:
+            return "size"
+        return "accepted" if self.gain > chance else "chance"
+
+
+def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Odds:
+    """Return the log odds of a larger set against a smaller one; `root` is the model without any added effect."""
+    with np.errstate(invalid="ignore"):
+        train = larger.evidence.train - smaller.evidence.train
+        held = larger.evidence.held - smaller.evidence.held
+    gain = smaller.chi2 - larger.chi2
+    n_data = larger.refit.problem.bench.n_data
+    moved = np.sqrt(max(gain, 0.0) / n_data)
+    before = np.sqrt(max(root.chi2 - smaller.chi2, 0.0) / n_data)
+    error = np.hypot(larger.evidence.error, settings.law_of(larger.model) * before)
+    size = moved / max(float(error), 1e-12)
+    against = 0.5 * (size / settings.form_of(larger.model)) ** 2
+    train, held = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in (train, held))
+    return Odds(train, held, float(size), float(against), float(gain))
+
+
+def candidacy(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Candidacy:
+    """Return the record of a set against a smaller one."""
+    odds = odds_of(larger, smaller, root, settings)
+    new = tuple(e for e in larger.added if e not in smaller.added)
+    count = len(larger.refit.problem.free)
+    return Candidacy(new, odds.train, odds.held, odds.size, larger.evidence.error, larger.chi2, count)

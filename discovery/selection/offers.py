@@ -1,0 +1,157 @@
+"""What the catalogue offers beside a set of effects: every candidate screened and refitted, and promising pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.attribution import Candidate, screen
+from discovery.finite import finite_starts
+from discovery.growing import grown
+from discovery.likeness import likely_pairs
+from discovery.race import SLOW, near_the_best
+from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
+from discovery.registry import catalogue
+from discovery.selection.contender import Contender, contenders
+from discovery.selection.context import Context
+from discovery.significance import chance_gains, surrogates
+from discovery.simulate import THREADS
+from discovery.stiff import unstiffened
+from discovery.workers import at_once
+
+__all__ = ["Offer", "Offers"]
+
+FloatArray = NDArray[np.float64]
+#: Model error [noise sds] above which effects may be of a size at which linear starts fail.
+_FAR = 3.0
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What the catalogue offers beside one set.
+
+    Parameters
+    ----------
+    beside : Contender
+        The set.
+    scored : tuple of Candidate
+        Every candidate, the largest linear score first.
+    contenders : tuple of Contender
+        The set with one effect more, refitted and weighed, the most likely first.
+    ranking : tuple of Refit
+        Every refit, smallest chi-square first.
+    """
+
+    beside: Contender
+    scored: tuple[Candidate, ...]
+    contenders: tuple[Contender, ...]
+    ranking: tuple[Refit, ...]
+
+    @property
+    def promise(self) -> float:
+        """Chi-square that the best candidate would remove to first order."""
+        return self.scored[0].score if self.scored else 0.0
+
+
+class Offers:
+    """What the catalogue offers beside the sets of one search, each made once."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self._made: dict[tuple[frozenset[str], str], Offer] = {}
+        self._pairs: dict[tuple[frozenset[str], str], list[Contender]] = {}
+        self._scored: dict[tuple[frozenset[str], str], tuple[Candidate, ...]] = {}
+
+    def __len__(self) -> int:
+        """Return how many sets were extended by every candidate."""
+        return len(self._made)
+
+    def has(self, node: Contender) -> bool:
+        """Return whether the offer beside a set is made already."""
+        return (frozenset(node.added), node.model.base) in self._made
+
+    def scored(self, node: Contender) -> tuple[Candidate, ...]:
+        """Return every candidate beside a set with its linear score, the largest first."""
+        key = frozenset(node.added), node.model.base
+        if key not in self._scored:
+            problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+            names = self.context.candidates(problem.model)
+            beside = f" beside {' and '.join(node.added)}" if node.added else ""
+            self.context.tell(f"screening the catalogue{beside} ({len(names)} effects)")
+            self._scored[key] = tuple(screen(problem.model, minimum, problem, names))
+        return self._scored[key]
+
+    def beside(self, node: Contender) -> Offer:
+        """Return the offer beside a set: every candidate refitted, the best of them weighed."""
+        key = frozenset(node.added), node.model.base
+        if key not in self._made:
+            self._made[key] = self._make(node)
+        return self._made[key]
+
+    def _make(self, node: Contender) -> Offer:
+        scored = self.scored(node)
+        beside = f" beside {' and '.join(node.added)}" if node.added else ""
+        self.context.tell(f"refitting every candidate{beside}")
+        names = [c.effect for c in scored]
+        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+        far = node.evidence.error > _FAR
+
+        def whole() -> list[Refit]:
+            starts = finite_starts(minimum, problem, names) if far else []
+            quick = refit(problem.model, minimum, problem, scored, finite=starts)
+            quick = unstiffened(problem.model, minimum, problem, scored, quick)
+            near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
+            leading = [quick[i] for i in near[: self.context.settings.budget.finished] if np.isfinite(quick[i].chi2)]
+            return [*finish(node.refit.problem, node.refit.minimum, leading), *quick]
+
+        def growing() -> list[Refit]:
+            return grown(node.refit.minimum, node.refit.problem, names)
+
+        # The first effect may be a ripple whose frequency the whole recording hides.
+        ways = at_once([whole] if node.added else [whole, growing], threads=THREADS)
+        refits = tuple(best_of(r for found in ways for r in found))
+        # Only those with everything free are weighed.
+        known = node.refit.problem.gaussian
+        free = best_of(r for found in ways for r in found if r.problem.gaussian == known)
+        leading = free[: self.context.settings.budget.finished]
+        weighed = contenders(self.context, [((*node.added, r.effect), r) for r in leading])
+        return Offer(node, scored, tuple(weighed), refits)
+
+    def known(self, added: Sequence[str], base: str) -> list[Contender]:
+        """Return sets of these effects on a base that were weighed as an extension of another."""
+        key = frozenset(added), base
+        return [
+            c for offer in self._made.values() for c in offer.contenders if (frozenset(c.added), c.model.base) == key
+        ]
+
+    def pairs(self, node: Contender) -> list[Contender]:
+        """Return sets with two effects more that would explain the residual to first order, the most likely first."""
+        key = frozenset(node.added), node.model.base
+        if key not in self._pairs:
+            self._pairs[key] = self._paired(node)
+        return self._pairs[key]
+
+    def _paired(self, node: Contender) -> list[Contender]:
+        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+        likely = likely_pairs(self.scored(node), minimum.residual, self.context.settings.budget.pairs)
+        self.context.tell("refitting pairs")
+        quick = refit_pairs(problem.model, minimum, problem, likely)
+        near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: self.context.settings.budget.pairs // 2]
+        full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
+        sets = [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
+        return contenders(self.context, sets)
+
+    def chance(self, smaller: Contender, larger: Contender) -> FloatArray:
+        """Return the chi-square that noise alone would let the best candidate beside a set remove, sorted.
+
+        The noise has the spectrum of what the larger set leaves.
+        """
+        bench = larger.refit.problem.bench
+        rng = np.random.default_rng([self.context.settings.seed, len(larger.added)])
+        noise = surrogates(larger.refit.minimum.residual[: bench.n_rows], bench, rng)
+        own = {p.name for e in larger.added if e not in smaller.added for p in catalogue()[e].parameters()}
+        inherited = [i for i, n in enumerate(larger.refit.problem.names) if n not in own]
+        return chance_gains(self.scored(smaller), larger.refit.minimum.jacobian[:, inherited], noise)

@@ -1,0 +1,262 @@
+"""The search: forward by one effect or two, then every member out again or exchanged for another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
+
+from discovery.fit import Fit
+from discovery.refits import Refit, relaxed
+from discovery.registry import catalogue
+from discovery.selection.contender import Contender, contenders
+from discovery.selection.context import Context
+from discovery.selection.decision import Decision
+from discovery.selection.final import on_mechanics
+from discovery.selection.odds import Odds, candidacy, odds_of
+from discovery.selection.offers import Offers
+from discovery.simplicity import imitates
+
+__all__ = ["Search"]
+
+#: Contenders that are tried in the order of their evidence; records of a decision.
+_TRIED, _TOLD = 3, 12
+#: A refused effect that gains so many times the nats of an accepted one may be half of a pair.
+_WORTH = 10.0
+
+
+class Search:
+    """Finds the set of effects that the recordings ask for.
+
+    Parameters
+    ----------
+    start : Fit
+        The model to which effects are added, on simulators that hold the whole catalogue.
+    context : Context
+        Recordings, settings, progress.
+
+    Attributes
+    ----------
+    root, best : Contender
+        The start, and the set found so far.
+    decisions : list of Decision
+        What was decided, in order.
+    """
+
+    def __init__(self, start: Fit, context: Context) -> None:
+        self.context = context
+        self.decisions: list[Decision] = []
+        self.offers = Offers(context)
+        (self.root,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
+        self.best = self.root
+        self._smaller: dict[tuple[Contender, str], Contender] = {}
+        self._finest: dict[Contender, Contender] = {}
+
+    def run(self) -> None:
+        """Search until nothing more is accepted, or what is left is noise."""
+        self._grow()
+        self._simplify()
+        self._prune()
+
+    def _grow(self) -> None:
+        """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
+        budget = self.context.settings.budget
+        while len(self.best.added) < budget.most_effects and self._affords(self.best):
+            if self._is_complete():
+                return
+            before = self.best
+            if not self._forward() and not self._turn():
+                self.decisions.append(Decision("stop", (), True, "exhausted"))
+                self._resolve()
+                return
+            self._backward(before)
+        self.decisions.append(Decision("stop", (), True, "budget"))
+
+    def _simplify(self) -> None:
+        """Let a law take the place of one that contains it where the difference is not accepted."""
+        for effect in self.best.added:
+            near = catalogue()[effect].reduces_to
+            for simpler in (c for c in self.instead_of(effect) if near.intersection(c.added)):
+                odds, code = self._judged(self.best, simpler)
+                if code != "accepted":
+                    (new,) = near.intersection(simpler.added)
+                    self.decisions.append(Decision("exchange", (effect, new), True, code, _numbers(odds)))
+                    self.best = simpler
+                    break
+
+    def _prune(self) -> None:
+        """Take out, the least missed first, what is no larger than what the model error would do in its direction."""
+        while self.best.added:
+            judged = {e: self._judged(self.best, self.without(e)) for e in self.best.added}
+            weak = [e for e, (_, code) in judged.items() if code != "accepted"]
+            if not weak:
+                return
+            effect = max(weak, key=lambda e: self.without(e).joint)
+            odds, code = judged[effect]
+            self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
+            self.best = self.without(effect)
+
+    def finest(self) -> Contender:
+        """Return the set found on the finest mechanics that explain the recordings no worse."""
+        if self.best not in self._finest:
+            finer = (on_mechanics(self.best, base, self.context) for base in self.best.model.mechanics.finer)
+            good = (c for c in finer if c is not None and c.joint > self.best.joint - self.context.settings.nats)
+            self._finest[self.best] = next(good, self.best)
+        return self._finest[self.best]
+
+    def _resolve(self) -> None:
+        """Go over to finer mechanics where much of what a set leaves is the error of quicker ones."""
+        gain = self.finest().joint - self.best.joint
+        if self.best.added and gain > self.context.settings.nats:
+            name = self.finest().model.base
+            self.decisions.append(Decision("mechanics", (name,), True, "accepted", {"odds": gain}))
+            self.best = self.finest()
+
+    def _is_complete(self) -> bool:
+        """Return whether what is left is noise and no candidate promises more than chance would."""
+        if not self._leaves_noise():
+            return False
+        promise = max((c.score for c in self.offers.scored(self.best)), default=0.0)
+        chance = self._chance(self.best, self.best)
+        if promise < chance:
+            self.decisions.append(Decision("stop", (), True, "complete", {"promise": promise, "chance": chance}))
+        return promise < chance
+
+    def _leaves_noise(self) -> bool:
+        """Return whether the model error of the best set is told from none."""
+        found = self.best.evidence
+        return max(found.error, found.error_held) <= self.context.least_error(self.best.model)
+
+    def _chance(self, smaller: Contender, larger: Contender) -> float:
+        """Return the chi-square that chance removes at most, at the level of the settings."""
+        return float(np.quantile(self.offers.chance(smaller, larger), self.context.settings.chance))
+
+    def _forward(self) -> bool:
+        """Add the effect, or else the two effects, with the highest evidence that is accepted."""
+        offered = list(self.offers.beside(self.best).contenders)
+        if any(imitates(e) for c in offered[:1] for e in c.added):
+            # A law so flexible that it imitates others must beat two plain ones as well.
+            offered = sorted([*offered, *self.offers.pairs(self.best)], key=lambda c: -c.joint)
+        if self._take(offered):
+            return True
+        room = len(self.best.added) + 2 <= self.context.settings.budget.most_effects
+        if room and not self._leaves_noise():
+            if self._take(self.offers.pairs(self.best)):
+                return True
+            # Effects hide each other: what is refused alone may be right beside another.
+            for leading in self._leading(offered)[:1] if not self.best.added else ():
+                if self._take(self.offers.beside(leading).contenders):
+                    return True
+        return False
+
+    def _turn(self) -> bool:
+        """Begin with another effect where two that hide each other explain more than the one that came first."""
+        if len(self.best.added) != 1 or self._leaves_noise():
+            return False
+        others = [c for c in self.offers.beside(self.root).contenders if c.added != self.best.added]
+        for runner in others[: self.context.settings.budget.beam]:
+            if not np.isfinite(runner.joint) or not self._affords(runner):
+                continue
+            offered = self.offers.beside(runner).contenders
+            told = tuple(candidacy(c, self.root, self.root, self.context.settings) for c in offered[:_TOLD])
+            for pair in offered[:1]:
+                gain = pair.joint - self.best.joint
+                odds, code = self._judged(pair, self.root)
+                if gain > self.context.settings.nats and code == "accepted":
+                    self.decisions.append(Decision("remove", self.best.added, True, "rival", {"odds": gain}))
+                    self.decisions.append(Decision("add", pair.added, True, code, _numbers(odds), told))
+                    self.best = pair
+                    return True
+        return False
+
+    def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
+        """Return the refused sets that gain most in training: each may be half of a pair."""
+        settings = self.context.settings
+        gains = {c: c.evidence.train - self.best.evidence.train for c in offered if np.isfinite(c.joint)}
+        worth = [c for c in gains if gains[c] > _WORTH * settings.nats and self._affords(c)]
+        return sorted(worth, key=lambda c: -gains[c])[: settings.budget.beam]
+
+    def _take(self, offered: Sequence[Contender]) -> bool:
+        """Make the most likely set that is accepted the best one."""
+        settings, before = self.context.settings, self.best
+        told = tuple(candidacy(c, before, self.root, settings) for c in offered[:_TOLD])
+        for contender in offered[:_TRIED]:
+            odds, code = self._judged(contender, before)
+            new = tuple(e for e in contender.added if e not in before.added)
+            accepted = code == "accepted"
+            self.decisions.append(Decision("add", new, accepted, code, _numbers(odds), told))
+            if accepted:
+                self.best = contender
+                return True
+        return False
+
+    def _judged(self, larger: Contender, smaller: Contender) -> tuple[Odds, str]:
+        """Return the odds of a larger set, and "accepted" or what is missing."""
+        settings = self.context.settings
+        odds = odds_of(larger, smaller, self.root, settings)
+        judged = self.context.judge.holds
+        code = odds.code(settings, -np.inf, judged=judged)
+        if code == "accepted" and np.isfinite(odds.train):
+            code = odds.code(settings, self._chance(smaller, larger), judged=judged)
+        return odds, code
+
+    def _affords(self, node: Contender) -> bool:
+        """Return whether the catalogue may be tried beside a set: not where steps are far finer than at the start."""
+        budget = self.context.settings.budget
+        here, start = (c.refit.problem.bench for c in (node, self.root))
+        known = self.offers.has(node)
+        return known or (len(self.offers) < budget.offers and here.most_steps <= budget.finer * start.most_steps)
+
+    def without(self, effect: str) -> Contender:
+        """Return the best set without one of its members, refitted."""
+        key = self.best, effect
+        if key not in self._smaller:
+            rest = tuple(e for e in self.best.added if e != effect)
+            again = [(rest, relaxed(self.best.refit, [effect]))]
+            known = self.offers.known(rest, self.best.model.base)
+            found = contenders(self.context, again) if rest else []
+            self._smaller[key] = max([*found, *known, *([self.root] if not rest else [])], key=lambda c: c.joint)
+        return self._smaller[key]
+
+    def instead_of(self, effect: str) -> list[Contender]:
+        """Return the sets with another effect in the place of a member, the most likely first."""
+        smaller = self.without(effect)
+        if not self._affords(smaller):
+            return []
+        own = frozenset(self.best.added)
+        offered = self.offers.beside(smaller).contenders
+        return [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
+
+    def _backward(self, before: Contender) -> None:
+        """Take out members that the others make needless; exchange those that another effect serves better."""
+        whole = len({*self.best.added} - {*before.added}) > 1
+        for effect in self.best.added if whole else self.best.added[:-1]:
+            if effect not in self.best.added or len(self.best.added) < 2:
+                continue
+            smaller = self.without(effect)
+            odds, code = self._judged(self.best, smaller)
+            if code != "accepted":
+                self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
+                self.best = smaller
+                continue
+            self._exchange(effect, smaller)
+
+    def _exchange(self, effect: str, smaller: Contender) -> None:
+        """Let another effect take the place of a member where the evidence gains what an effect must gain."""
+        settings = self.context.settings
+        if not self._affords(smaller):
+            return
+        offered = self.offers.beside(smaller).contenders
+        for contender in offered[:1]:
+            gain = contender.joint - self.best.joint
+            if frozenset(contender.added) == frozenset(self.best.added) or not gain > settings.nats:
+                continue
+            told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
+            new = contender.added[-1]
+            self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
+            self.best = contender
+
+
+def _numbers(odds: Odds) -> dict[str, float]:
+    return {**asdict(odds), "odds": odds.total}

@@ -1,0 +1,248 @@
+"""The sentences that say what a search decided, made from the records of loop.json and from nothing else.
+
+The console, the page, the table of a campaign and the comparison of runs all say the same. No program reads a sentence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+__all__ = [
+    "OUTCOMES",
+    "chances",
+    "decision_sentence",
+    "effect_name",
+    "effect_sentence",
+    "lead_sentence",
+    "listed",
+    "model_error_words",
+    "probability_words",
+    "share_words",
+    "verdict_sentence",
+]
+
+Record = Mapping[str, Any]
+#: What became of a candidate, in two or three words, by the code of the decision.
+OUTCOMES = {
+    "accepted": "added",
+    "training": "too little in training",
+    "held_out": "too little held out",
+    "chance": "no more than chance",
+    "size": "within model error",
+    "finite": "blows up",
+}
+#: Odds beyond which a number would promise more than a model of the noise can keep.
+_MOST = 10_000
+#: Units that take a prefix where a size is below a tenth.
+_PREFIXED = ("m", "rad", "V", "s")
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words as a reader lists them: a, b and c."""
+    words = list(words)
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def effect_name(effect_id: str) -> str:
+    """Return an effect's id as words."""
+    return effect_id.replace("_", " ")
+
+
+def chances(log_odds: float | None) -> str:
+    """Return log odds [nats] as odds that a reader can weigh.
+
+    Examples
+    --------
+    >>> chances(3.0), chances(700.0), chances(-3.0)
+    ('odds of 20 to 1', 'odds of more than 10 000 to 1', 'odds of 1 to 20')
+    """
+    if log_odds is None or math.isnan(log_odds):
+        return "odds that cannot be told"
+    if abs(log_odds) >= math.log(_MOST):
+        return "odds of more than 10 000 to 1" if log_odds > 0 else "odds of less than 1 to 10 000"
+    odds = f"{float(f'{math.exp(abs(log_odds)):.1e}'):g}"
+    if odds == "1":
+        return "even odds"
+    return f"odds of {odds} to 1" if log_odds > 0 else f"odds of 1 to {odds}"
+
+
+def probability_words(probability: float | None) -> str:
+    """Return a probability with the digits that mean something.
+
+    Examples
+    --------
+    >>> probability_words(0.8765), probability_words(0.99968), probability_words(1 - 1e-11)
+    ('0.88', '0.9997', 'more than 0.9999')
+    """
+    if probability is None or math.isnan(probability):
+        return "unknown"
+    rest = min(probability, 1 - probability)
+    if rest < 1 / _MOST:
+        return "more than 0.9999" if probability > 0.5 else "less than 0.0001"
+    return f"{probability:.{max(2, -math.floor(math.log10(rest)))}f}"
+
+
+def model_error_words(error: Record) -> str:
+    """Return the model error before and after, the part that is left, and what it depends on."""
+    (before, after, least), unit = _sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    words = f"{before} -> {after} {unit}".strip()
+    words += f", {share_words(error)} is left" if share_words(error) else ""
+    return f"{words}{_depends(error)}; up to {least} {unit}".strip() + " counts as none"
+
+
+def share_words(error: Record) -> str:
+    """Return the part of the model error that is left; empty where there is nothing to compare."""
+    share, before = error["share"], error["before"]
+    if not (share and before) or not all(map(math.isfinite, (share, before))):
+        return ""
+    return f"{_plain(100 * share, 2)} %"
+
+
+def verdict_sentence(loop: Record) -> str:
+    """Return why the verdict is what it is: the model error that is left, and what it depends on.
+
+    Parameters
+    ----------
+    loop : mapping
+        Content of loop.json.
+    """
+    error = loop["model_error"]
+    (before, after, _), unit = _sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    if loop["verdict"] == "nothing_missing":
+        return f"the declared model keeps a model error of {after} {unit}, which {_as_none(error)}"
+    if loop["verdict"] == "explained":
+        moves = "falls" if (error["after"] or 0.0) < (error["before"] or math.inf) else "goes"
+        return f"the model error {moves} from {before} to {after} {unit}, which {_as_none(error)}"
+    part = f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else ""
+    if loop["verdict"] == "partly_explained":
+        return f"what is left is a model error of {after} {unit}{part}{_depends(error)}"
+    return f"a model error of {after} {unit} is left{part}, and no effect is likely enough to be named{_depends(error)}"
+
+
+def lead_sentence(lead: Record) -> str:
+    """Return the strongest candidate that is not named, its odds, and why it is not."""
+    name, numbers = listed(map(effect_name, lead["effects"])), lead["numbers"]
+    reason = _REASONS[lead["code"]](numbers)
+    return f"the strongest lead is {name}, with {chances(numbers.get('odds'))}; it is not named: {reason}"
+
+
+def effect_sentence(effect: Record) -> str:
+    """Return how sure an added effect is; empty for better mechanics, which are no effects of the catalogue."""
+    if not effect["evidence"]:
+        return ""
+    words = f"{chances(effect['evidence']['odds'])} over its absence"
+    if effect["probability"] is None:
+        return words
+    words += f", probability {probability_words(effect['probability'])}"
+    if not effect["ambiguous_with"]:
+        return words
+    return f"{words}, of the group {probability_words(effect['group_probability'])}"
+
+
+def decision_sentence(step: Record) -> str:
+    """Return why a step of the search was taken, or was not."""
+    numbers, code = step["numbers"], step["code"]
+    if step["action"] == "mechanics":
+        return _mechanics(numbers.get("odds"), accepted=step["accepted"])
+    if step["action"] == "exchange":
+        old, new = map(effect_name, step["effects"])
+        if code != "accepted":
+            return f"{old} contains {new}, and has too little beyond it: {_REASONS[code](numbers)}"
+        return f"with {new} in the place of {old} the log evidence is {_plain(numbers['odds'])} nats higher"
+    return _REASONS[code](numbers)
+
+
+def _accepted(numbers: Record) -> str:
+    if math.isinf(numbers["train"]) or math.isinf(numbers["held"]):
+        return "without it the motion blows up"
+    gains = f"{_nats(numbers['train'])} in training and {_plain(numbers['held'])} held out"
+    # Where the smallest of the three log odds is that against the model error, the gains alone would mislead.
+    limited = ", as a model error may look the same" if numbers["odds"] == numbers["against_error"] else ""
+    return f"the log evidence gains {gains}: {chances(numbers['odds'])}{limited}"
+
+
+def _training(numbers: Record) -> str:
+    gain = numbers["train"]
+    change = "gains only" if gain > 0 else "loses"
+    return f"the log evidence {change} {_nats(abs(gain))} in training"
+
+
+def _held_out(numbers: Record) -> str:
+    held = numbers["held"]
+    change = f"only {_plain(held)}" if held > 0 else f"loses {_plain(abs(held))}"
+    return f"the log evidence gains {_nats(numbers['train'])} in training, but {change} on the held-out recordings"
+
+
+def _chance(numbers: Record) -> str:
+    gain = _plain(numbers["gain"])
+    return f"a chi-square of {gain} is removed, no more than noise would give the best of the catalogue"
+
+
+def _size(numbers: Record) -> str:
+    moved = _plain(numbers["size"], 2)
+    return f"the prediction moves by {moved} times the model error that is left, which may look the same"
+
+
+def _complete(numbers: Record) -> str:
+    promise, chance = (_plain(numbers.get(k)) for k in ("promise", "chance"))
+    return f"what is left is noise: the best candidate promises a chi-square of {promise}, chance alone {chance}"
+
+
+_REASONS: Mapping[str, Callable[[Record], str]] = {
+    "accepted": _accepted,
+    "training": _training,
+    "held_out": _held_out,
+    "chance": _chance,
+    "size": _size,
+    "finite": lambda _: "the motion blows up",
+    "complete": _complete,
+    "rival": lambda numbers: f"two others explain more: the log evidence is {_nats(numbers['odds'])} higher with them",
+    "exhausted": lambda _: "no other effect, and no pair, is likely enough",
+    "budget": lambda _: "the model holds as many effects as the search may add",
+}
+
+
+def _mechanics(gain: float | None, *, accepted: bool) -> str:
+    if gain is None:
+        return "the motion blows up on the simpler mechanics" if accepted else "the motion blows up on them"
+    more = "only " if gain > 0 and not accepted else ""
+    return f"the log evidence is {more}{_nats(abs(gain))} {'higher' if gain > 0 else 'lower'} on them"
+
+
+def _as_none(error: Record) -> str:
+    after, least = error["after"], error["least"]
+    if after is None or after > least:
+        return "counts as none"
+    (limit,), unit = _sizes([least], error["unit"])
+    return f"counts as none (up to {limit} {unit})"
+
+
+def _depends(error: Record) -> str:
+    return f"; it depends on {listed(map(effect_name, error['depends_on']))}" if error["depends_on"] else ""
+
+
+def _nats(value: float | None) -> str:
+    return f"{_plain(value)} nats"
+
+
+def _sizes(values: Sequence[float | None], unit: str) -> tuple[list[str], str]:
+    """Return sizes in one unit, thousandths of it where all of them are small, and that unit."""
+    known = [v for v in values if v is not None and math.isfinite(v)]
+    small = unit in _PREFIXED and 0 < max(known, default=0.0) < 0.1
+    scaled = [v * 1e3 if small and v is not None else v for v in values]
+    return [_plain(v) for v in scaled], f"m{unit}" if small else "" if unit == "1" else unit
+
+
+def _plain(value: float | None, digits: int = 3) -> str:
+    """Return a number without an exponent where it has few digits."""
+    if value is None or math.isnan(value):
+        return "unknown"
+    if math.isinf(value):
+        return "beyond all bounds"
+    if value == 0 or not 1e-4 <= abs(value) < 1e7:
+        return f"{value:.{digits}g}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}")))))
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if digits == 2 and "." in text else text

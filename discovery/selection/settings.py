@@ -1,0 +1,87 @@
+"""The numbers that decide, and the budget of work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from discovery.effect import ARM
+from discovery.model import Model
+
+__all__ = ["Budget", "LoopSettings"]
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much work a search may do; none of these numbers decides between two sets.
+
+    Parameters
+    ----------
+    most_effects : int
+        Largest number of effects added.
+    finished : int
+        Best refits beside a set whose evidence is computed.
+    pairs : int
+        Pairs refitted where no single effect is accepted.
+    beam : int
+        Refused effects beside which all others are tried.
+    offers : int
+        Sets beside which the whole catalogue is refitted.
+    finer : float
+        A set whose steps are so many times those of the start is not extended.
+    """
+
+    most_effects: int = 5
+    finished: int = 8
+    pairs: int = 8
+    beam: int = 2
+    offers: int = 7
+    finer: float = 4.0
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """What decides, each number with the study that set it in docs/ATTRIBUTION.md.
+
+    Parameters
+    ----------
+    nats : float
+        Log odds that an effect needs against its absence and against a rival: 20 to 1.
+    chance : float
+        Level of the parametric bootstrap: an effect must remove more than chance would over the whole catalogue.
+    error_scale : float
+        Scale of the half-Cauchy prior of the model error [noise sds]. One below twice this counts as none.
+    form, form_arm : float
+        Model error in the direction of one effect, as a share of the model error that is left: laws idealise, and
+        what no catalogue holds looks like what it holds in part. Of systems with one coordinate, and of an arm, whose
+        geometry and camera have more ways to err.
+    law, law_arm : float
+        Share of what the accepted effects move the residual that their laws may leave for others.
+    tolerance : float
+        Trajectory error of the search [rad or natural coordinate], or what noise hides where that is more.
+    seed : int
+        Of everything random.
+    follow_up : bool
+        Test the answer against the rig, and design manoeuvres for what the recordings cannot tell apart.
+    budget : Budget
+        How much work is done.
+    """
+
+    nats: float = 3.0
+    chance: float = 0.99
+    error_scale: float = 0.15
+    form: float = 0.35
+    form_arm: float = 0.7
+    law: float = 0.005
+    law_arm: float = 0.045
+    tolerance: float = 2e-5
+    seed: int = 1
+    follow_up: bool = True
+    budget: Budget = Budget()
+
+    def form_of(self, model: Model) -> float:
+        """Return the form error of a model's laws."""
+        return self.form_arm if model.mechanics.system == ARM else self.form
+
+    def law_of(self, model: Model) -> float:
+        """Return the share by which a model's added laws idealise."""
+        return self.law_arm if model.mechanics.system == ARM else self.law

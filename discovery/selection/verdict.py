@@ -1,0 +1,167 @@
+"""The verdict: what is named, how sure each name is, and what error the model keeps. It is decided here alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from discovery.selection.contender import Contender
+from discovery.selection.context import Context
+from discovery.selection.odds import Odds, odds_of
+from discovery.selection.search import Search
+
+__all__ = [
+    "VERDICTS",
+    "Lead",
+    "ModelErrorReport",
+    "Named",
+    "is_complete",
+    "least_error",
+    "named",
+    "strongest_lead",
+    "verdict_of",
+]
+
+VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
+
+
+@dataclass(frozen=True)
+class Named:
+    """How sure one named effect is.
+
+    Parameters
+    ----------
+    effect : str
+        Id.
+    odds : Odds
+        Against its absence.
+    probability : float
+        Of the effect, among its absence and everything else in its place.
+    group_probability : float
+        Of the effect or one of those that serve as well in its place.
+    group : tuple of str
+        These others.
+    rivals : tuple of Contender
+        The sets with these in its place.
+    """
+
+    effect: str
+    odds: Odds
+    probability: float
+    group_probability: float
+    group: tuple[str, ...]
+    rivals: tuple[Contender, ...]
+
+    def evidence(self) -> dict[str, float]:
+        """Return the numbers of the report."""
+        return {**asdict(self.odds), "odds": self.odds.total}
+
+
+@dataclass(frozen=True)
+class Lead:
+    """The strongest candidate that is not named.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        The candidate, or two of them.
+    code : str
+        What it lacks, see `discovery.selection.decision.Decision`.
+    numbers : mapping of str to float
+        Its odds.
+    """
+
+    effects: tuple[str, ...]
+    code: str
+    numbers: Mapping[str, float]
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {"effects": list(self.effects), "code": self.code, "numbers": dict(self.numbers)}
+
+
+@dataclass(frozen=True)
+class ModelErrorReport:
+    """The error that a model keeps beside the noise.
+
+    Parameters
+    ----------
+    before, after : float
+        Size for the declared and for the final model [unit of the output].
+    unit : str
+        That unit.
+    share : float
+        After over before.
+    least : float
+        Size up to which it counts as none [unit of the output].
+    depends_on : tuple of str
+        States that explain a part of what the final model leaves, the strongest first.
+    """
+
+    before: float
+    after: float
+    unit: str
+    share: float
+    least: float
+    depends_on: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {**asdict(self), "depends_on": list(self.depends_on)}
+
+
+def least_error(contender: Contender, root: Contender, context: Context) -> float:
+    """Return the model error up to which a set counts as complete [noise sds].
+
+    It is told from none only above its scale, above what the mechanics states of itself, and above what the added laws
+    idealise of all that they move beside the `root`, the model without them.
+    """
+    n_data = contender.refit.problem.bench.n_data
+    moved = np.sqrt(max(root.chi2 - contender.chi2, 0.0) / n_data)
+    law = context.settings.law_of(contender.model) * moved
+    return float(np.hypot(context.least_error(contender.model), law))
+
+
+def is_complete(contender: Contender, root: Contender, context: Context) -> bool:
+    """Return whether the model error of a set, in training and held out, cannot be told from none."""
+    evidence = contender.evidence
+    largest = max(evidence.error, evidence.error_held)
+    return largest <= least_error(contender, root, context) or evidence.nil < context.settings.nats
+
+
+def verdict_of(added: Sequence[str], geometry: Sequence[str], *, complete: bool) -> str:
+    """Return the verdict for the effects that were added, better mechanics among them, and what is left."""
+    if complete:
+        return "explained" if (*geometry, *added) else "nothing_missing"
+    return "partly_explained" if added else "unexplained"
+
+
+def named(search: Search) -> list[Named]:
+    """Return how sure every effect of the set found is: against its absence and against what else serves."""
+    settings = search.context.settings
+    found = []
+    for effect in search.best.added:
+        smaller = search.without(effect)
+        odds = odds_of(search.best, smaller, search.root, settings)
+        others = search.instead_of(effect)
+        weights = {c: float(np.exp(min(c.joint - search.best.joint, 0.0))) for c in others}
+        absent = float(np.exp(-max(odds.total, 0.0)))
+        total = 1.0 + absent + sum(weights.values())
+        group = [c for c in others if search.best.joint - c.joint < settings.nats]
+        names = tuple(next(e for e in c.added if e not in smaller.added) for c in group)
+        shared = 1.0 + sum(weights[c] for c in group)
+        found.append(Named(effect, odds, 1.0 / total, shared / total, names, tuple(group)))
+    return found
+
+
+def strongest_lead(search: Search) -> Lead | None:
+    """Return the most likely candidate that was refused at the end of the search; None where there was none."""
+    refused = [d for d in search.decisions if d.action == "add" and not d.accepted and d.numbers.get("train", 0) > 0]
+    last = [d for d in refused if d.candidates == refused[-1].candidates] if refused else []
+    if not last:
+        return None
+    best = max(last, key=lambda d: d.numbers["train"] + d.numbers["held"])
+    return Lead(best.effects, best.code, best.numbers)

@@ -1,0 +1,141 @@
+"""The log evidence of a set: exact for linear models, and right where the model error or the noise is not as stated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+from scipy.stats import multivariate_normal
+
+from discovery.model_error import Channel, ModelError
+from discovery.selection.belief import Belief
+from discovery.selection.evidence import Linearised, _bounded, evidence_of
+
+TIME = np.arange(0, 30, 0.05)
+MEMORY = 0.5
+
+
+def belief(width: np.ndarray) -> Belief:
+    """Zero-mean Gaussian priors, linearised around zero."""
+    p = width.size
+    free = np.full(p, np.inf)
+    log = -np.log(width * np.sqrt(2 * np.pi))
+    return Belief(log, width, np.zeros(p), -free, free, np.zeros(p, bool))
+
+
+def problem(slopes: np.ndarray, y: np.ndarray, *, held: np.ndarray | None = None, width: float = 3.0) -> Linearised:
+    """y = slopes @ theta + error, as residuals of a model at theta = 0."""
+    own = belief(np.full(slopes.shape[1], width))
+    blocks = [Channel(TIME[: y.size], np.column_stack([-slopes[: y.size], y]))]
+    others = [] if held is None else [Channel(TIME[: held.size], np.column_stack([-slopes[: held.size], held]))]
+    return Linearised(blocks, others, own, slopes.shape[1], MEMORY, 0.15)
+
+
+def drawn(size: float, seed: int, noise: float = 1.0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    lag = np.abs(np.subtract.outer(TIME, TIME))
+    return rng.multivariate_normal(np.zeros(TIME.size), noise**2 * np.eye(TIME.size) + size**2 * np.exp(-lag / MEMORY))
+
+
+SLOPES = np.column_stack([np.sin(1.3 * TIME), np.cos(0.4 * TIME)])
+
+
+@pytest.mark.parametrize("size", [0.0, 0.7, 12.0])
+def test_the_evidence_of_a_linear_model_is_that_of_the_dense_gaussian(size: float) -> None:
+    y = SLOPES @ [0.5, -1.0] + drawn(size, 3)
+    found = problem(SLOPES, y).mode(size)
+    lag = np.abs(np.subtract.outer(TIME, TIME))
+    dense = np.eye(TIME.size) + size**2 * np.exp(-lag / MEMORY) + 9.0 * SLOPES @ SLOPES.T
+    exact = multivariate_normal.logpdf(y, np.zeros(TIME.size), dense)
+    # The noise may exceed what is stated, by as much as chance makes it seem to.
+    assert found.log_evidence == pytest.approx(exact, abs=3.0)
+    assert 1.0 <= found.white < 1.1
+
+
+def test_the_step_is_the_generalised_least_squares_estimate() -> None:
+    y = SLOPES @ [0.5, -1.0] + drawn(4.0, 5)
+    found = problem(SLOPES, y).mode(4.0)
+    lag = np.abs(np.subtract.outer(TIME, TIME))
+    inverse = np.linalg.inv(found.white**2 * (np.eye(TIME.size) + 16.0 * np.exp(-lag / MEMORY)))
+    precision = SLOPES.T @ inverse @ SLOPES + np.eye(2) / 9.0
+    assert found.step == pytest.approx(np.linalg.solve(precision, SLOPES.T @ inverse @ y), rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.5, 3.0, 20.0])
+def test_the_size_of_the_model_error_is_found(size: float) -> None:
+    found = [evidence_of(problem(SLOPES, drawn(size, seed))).error for seed in range(6)]
+    assert np.mean(found) == pytest.approx(size, rel=0.15)
+
+
+def test_noise_alone_has_no_model_error() -> None:
+    found = [evidence_of(problem(SLOPES, drawn(0.0, seed))) for seed in range(20)]
+    assert all(e.error < 0.3 for e in found)
+    assert sum(e.nil < 3.0 for e in found) >= 19
+
+
+def test_noise_that_is_stated_too_small_is_no_model_error() -> None:
+    found = evidence_of(problem(SLOPES, drawn(0.0, 4, noise=5.0)))
+    assert found.white == pytest.approx(5.0, rel=0.1)
+    assert found.error < 0.3 * found.white
+
+
+def test_an_effect_that_is_not_there_loses_and_one_that_is_wins() -> None:
+    extra = np.column_stack([SLOPES, np.sin(2.2 * TIME)])
+    absent = [drawn(2.0, seed) for seed in range(10)]
+    gains = [evidence_of(problem(extra, y)).train - evidence_of(problem(SLOPES, y)).train for y in absent]
+    assert max(gains) < 3.0
+    there = drawn(0.0, 1) + 2.0 * np.sin(2.2 * TIME)
+    assert evidence_of(problem(extra, there)).train - evidence_of(problem(SLOPES, there)).train > 20
+
+
+def test_what_shaves_a_smooth_leftover_gains_little_and_what_halves_it_gains_much() -> None:
+    smooth = 100 * np.sin(0.9 * TIME + np.sin(0.31 * TIME))
+    whole = evidence_of(problem(SLOPES, smooth + drawn(0.0, 2))).train
+    shaved = evidence_of(problem(SLOPES, 0.95 * smooth + drawn(0.0, 2))).train
+    third = evidence_of(problem(SLOPES, smooth / 3 + drawn(0.0, 2))).train
+    pieces = TIME[-1] / MEMORY
+    assert third - whole > 10 * (shaved - whole) > 0
+    assert shaved - whole < 0.1 * TIME.size
+    assert third - whole > 0.5 * pieces
+
+
+def test_the_held_out_score_is_that_of_the_posterior_predictive() -> None:
+    y, held = SLOPES @ [1.0, 0.5] + drawn(0.0, 7), SLOPES @ [1.0, 0.5] + drawn(0.0, 8)
+    both = problem(SLOPES, y, held=held)
+    train = both.mode(0.0)
+    judged = both.mode(0.0, train)
+    posterior = np.linalg.inv(train.precision)
+    dense = np.eye(TIME.size) + SLOPES @ posterior @ SLOPES.T
+    exact = multivariate_normal.logpdf(held, SLOPES @ train.step, dense)
+    assert judged.log_evidence == pytest.approx(exact, abs=3.0)
+
+
+def test_a_model_that_is_wrong_on_the_held_out_part_loses_there() -> None:
+    y = SLOPES @ [1.0, 0.5] + drawn(0.0, 7)
+    right = evidence_of(problem(SLOPES, y, held=SLOPES @ [1.0, 0.5] + drawn(0.0, 8)))
+    wrong = evidence_of(problem(SLOPES, y, held=SLOPES @ [1.0, -2.5] + drawn(0.0, 8)))
+    assert right.held - wrong.held > 50
+    assert wrong.error_held > 5 * wrong.error
+
+
+def test_what_lies_on_a_bound_does_not_move() -> None:
+    y = SLOPES @ [-0.5, 1.0] + drawn(0.0, 9)
+    whole = problem(SLOPES, y)
+    bounded = replace(whole.belief, low=np.array([0.0, -np.inf]), frozen=np.array([False, False]))
+    step = replace(whole, belief=bounded).mode(0.0).step
+    assert step[0] == 0.0
+    alone = problem(SLOPES[:, 1:], y).mode(0.0).step
+    assert step[1] == pytest.approx(alone[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_bounded_step_is_that_of_bounded_least_squares(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix, target = rng.normal(size=(30, 4)), rng.normal(size=30)
+    low, high = -rng.random(4) * 0.2, rng.random(4) * 0.2
+    found = _bounded(matrix.T @ matrix, matrix.T @ target, low, high, np.ones(4, bool))
+    exact = lsq_linear(matrix, -target, (low, high)).x
+    cost, least = (np.sum((matrix @ x + target) ** 2) for x in (found, exact))
+    assert np.all((found >= low) & (found <= high))
+    assert cost <= 1.0001 * least
+    assert ModelError(1.0, 2.0).size == 1.0
