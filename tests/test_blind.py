@@ -376,7 +376,7 @@ def test_all_steps_of_the_benchmark_take_one_seed():
     root = Path(__file__).parents[1]
     plan = subprocess.run(["make", "-n", "blind", "SEED=71"], cwd=root, capture_output=True, text=True, check=True)
     steps = [line for line in plan.stdout.splitlines() if "blind.base" in line or "blind.generate" in line]
-    assert len(steps) == 2
+    assert len(steps) == 3
     assert all("--seed 71" in step for step in steps)
 
 

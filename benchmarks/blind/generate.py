@@ -1,5 +1,8 @@
 """Write the cases of the blind benchmark: ``python -m benchmarks.blind.generate OUT --cases 300 [--seed 1]``.
 
+``--world exact`` (the default) has arms whose mechanics are exact but for the hidden effect. ``--world rough`` has arms
+and systems with one coordinate that have errors of the model beside it, see `benchmarks.blind.rough`.
+
 ``OUT/cases/<case>`` holds what an experimenter has (rig.toml, train.csv, some also train_2.csv, holdout.csv), and
 ``OUT/truth`` what nothing but the scorer reads: the effects, their sizes, and the noise-free hold-out. A finished case
 is kept, so an interrupted run is continued by the same command. A case that cannot be written, because its motion blows
@@ -100,9 +103,9 @@ def settle(draw: CaseDraw, rig: ArmRig, hidden: Hidden, target: float, clean: fl
     return strength
 
 
-def case_name(seed: int, index: int) -> str:
+def case_name(seed: int, index: int, world: str = "exact") -> str:
     """Name of a case."""
-    return f"case_{seed:03d}_{index:04d}"
+    return f"{'case' if world == 'exact' else world}_{seed:03d}_{index:04d}"
 
 
 def write_case(out: Path, seed: int, index: int) -> dict[str, Any]:
@@ -166,18 +169,29 @@ def write_case(out: Path, seed: int, index: int) -> dict[str, Any]:
     return truth
 
 
-def attempt(job: tuple[Path, int, int], _seed: Any) -> dict[str, str]:
+def write_rough_case(out: Path, seed: int, index: int) -> dict[str, Any]:
+    """Write one case of the rough world and return its truth."""
+    from benchmarks.blind.rough.cases import write_case as write
+
+    return write(out, case_name(seed, index, "rough"), seed, index)
+
+
+def attempt(job: tuple[Path, int, int, str], _seed: Any) -> dict[str, str]:
     """Write a case and say what is in it."""
     limit_memory()
-    effects = write_case(*job)["effects"]
-    return {"found": ", ".join(f"{e['id']} {e['unabsorbed_over_noise']:.2g}" for e in effects) or "nothing"}
+    *case, world = job
+    truth = write_case(*case) if world == "exact" else write_rough_case(*case)
+    said = ", ".join(f"{e['id']} {e['unabsorbed_over_noise']:.2g}" for e in truth["effects"]) or "nothing"
+    if world == "rough":
+        said = f"{truth['system']}: {said}, errors of the model {truth['model_error_over_noise']:.2g}"
+    return {"found": said}
 
 
-def generate(out: Path, seed: int, indices: range, workers: int) -> Iterator[Outcome]:
+def generate(out: Path, seed: int, indices: range, workers: int, world: str = "exact") -> Iterator[Outcome]:
     """Write so many cases on several processes; one that fails is replaced by the next after the last."""
     while indices:
         failed = 0
-        jobs = ((case_name(seed, i), (out, seed, i)) for i in indices)
+        jobs = ((case_name(seed, i, world), (out, seed, i, world)) for i in indices)
         for outcome in spread(attempt, jobs, workers=workers):
             failed += bool(outcome.error)
             yield outcome
@@ -200,10 +214,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--world", choices=("exact", "rough"), default="exact")
     options = parser.parse_args()
     indices = range(options.first, options.first + options.cases)
     outcomes = []
-    for outcome in generate(options.out, options.seed, indices, options.workers):
+    for outcome in generate(options.out, options.seed, indices, options.workers, options.world):
         outcomes.append(outcome)
         said = outcome.result["found"] if outcome.result else f"left out: {outcome.error}"
         print(f"{len(outcomes)}/{options.cases} {outcome.name}: {said}", flush=True)

@@ -1,7 +1,8 @@
 """Run the loop and its peers on the cases: ``python -m benchmarks.blind.run OUT [--cases N] [--workers 2] [--peers]``.
 
-Reads nothing below ``OUT/truth``. Each case writes ``OUT/results/<case>/`` with loop.json and prediction.csv, as the
-command line does, and done.json with its time or what went wrong; finished cases are kept, failed ones are tried again.
+Reads nothing below ``OUT/truth``; cases may be of either world. Each case writes ``OUT/results/<case>/`` with loop.json
+and prediction.csv, as the command line does, and done.json with its time or what went wrong; finished cases are kept,
+failed ones are tried again.
 """
 
 from __future__ import annotations
@@ -34,32 +35,56 @@ def exact_arm(declared, dataset):
 
 
 def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
-    """Run the loop on one case, predict its hold-out from the drive alone, and return what is summarised."""
-    import pandas as pd
-
+    """Run the loop on one case, predict its hold-out, and return what is summarised."""
     from discovery.dataset import load_dataset
-    from discovery.experiment import make_experiment
-    from discovery.pipeline import save_prediction, write_loop
-    from discovery.predict import predict
-    from discovery.recording import read_recording
+    from discovery.pipeline import write_loop
     from discovery.stages import loop
 
     out.mkdir(parents=True, exist_ok=True)
-    drive = out / "drive.csv"
-    pd.read_csv(case / "holdout.csv", usecols=["time_s", "motor_angle_rad"], dtype=str).to_csv(drive, index=False)
     held = [case / "holdout.csv"] if with_holdout else []
     dataset = load_dataset(case / "rig.toml", trainings(case), held)
-    wanted = make_experiment(read_recording(drive, dataset.rig, with_output=False), dataset.rig)
     start = time.perf_counter()
     result = loop(dataset, follow_up=False, tell=lambda _: None)
     seconds = time.perf_counter() - start
+    content = write_loop(out, result)
+    predict_arm(case, out, dataset, result) if dataset.train[0].is_arm else predict_body(case, out, result)
+    return {"seconds": seconds, "verdict": content["verdict"], "effects": [e["id"] for e in content["effects"]]}
+
+
+def predict_arm(case: Path, out: Path, dataset, result) -> None:
+    """Write what the camera reads in the hold-out, from the drive alone: declared, exact arm, after the loop."""
+    import pandas as pd
+
+    from discovery.experiment import make_experiment
+    from discovery.pipeline import save_prediction
+    from discovery.predict import predict
+    from discovery.recording import read_recording
+
+    drive = out / "drive.csv"
+    pd.read_csv(case / "holdout.csv", usecols=["time_s", "motor_angle_rad"], dtype=str).to_csv(drive, index=False)
+    wanted = make_experiment(read_recording(drive, dataset.rig, with_output=False), dataset.rig)
     save_prediction(out / "prediction.csv", wanted, result.before, result.foresight())
     bare = exact_arm(result.before, dataset)
     table = pd.read_csv(out / "prediction.csv")
     table[["tip_x_bare_m", "tip_y_bare_m"]] = predict(bare, wanted)[0]
     table.to_csv(out / "prediction.csv", index=False, float_format="%.9g")
-    content = write_loop(out, result)
-    return {"seconds": seconds, "verdict": content["verdict"], "effects": [e["id"] for e in content["effects"]]}
+
+
+def predict_body(case: Path, out: Path, result) -> None:
+    """Write the same for a system with one coordinate, its initial state fitted to the hold-out.
+
+    Its declared mechanics are exact, so nothing is barer than the declared model.
+    """
+    import pandas as pd
+
+    from benchmarks.blind.rough.refit import free_run
+    from discovery.dataset import load_dataset
+
+    (held,) = load_dataset(case / "rig.toml", trainings(case), [case / "holdout.csv"]).holdout
+    before, after = (free_run(found, held)[:, 0] for found in (result.before, result.foresight()))
+    columns = {"output_before": before, "output_bare": before, "output_after": after}
+    table = pd.DataFrame({"time_s": held.recording.time, **columns})
+    table.to_csv(out / "prediction.csv", index=False, float_format="%.9g")
 
 
 def compare(case: Path, out: Path) -> dict[str, Any]:

@@ -33,6 +33,10 @@ PAPER_NOISE, PLAIN = 3e-4, 4.0  # m; size over noise from which the goals count
 BINS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, np.inf)
 #: Predictions of the hold-out: of the declared model, of the exact arm with nothing added, of the loop's answer.
 WHEN = ("before", "bare", "after")
+#: Verdicts that say that only noise is left.
+SETTLED = ("explained", "nothing_missing")
+#: Columns of the cases to look at.
+SHOWN = ["case", "true", "sizes", "noise_mm", "verdict", "named", "ambiguous", "invented", "after_over_noise", "error"]
 #: Two-sided normal quantile of a 90 % interval.
 NINETY = float(stats.norm.ppf(0.95))
 
@@ -67,7 +71,11 @@ def root_mean_square(distances: Any) -> float:
 
 
 def distance(prediction: pd.DataFrame, clean: pd.DataFrame, when: str) -> float:
-    """Rms distance between predicted and noise-free reading of the hold-out [m], infinite if the motion blew up."""
+    """Rms distance between predicted and noise-free reading of the hold-out, infinite if the motion blew up."""
+    if "output" in clean:
+        # Where readings pass a filter, most of them are left out.
+        away = (prediction[f"output_{when}"] - clean["output"])[clean["output"].notna()]
+        return root_mean_square(away)
     x, y = ((prediction[f"tip_{a}_{when}_m"] - clean[f"tip_{a}_m"]).to_numpy() for a in "xy")
     return root_mean_square(np.hypot(x, y))
 
@@ -78,7 +86,8 @@ def coverage(truth: Mapping[str, Any], estimates: Mapping[str, Any], rig: Mappin
     Those of the fit: what a camera's scale owes to the rig file's length is not tested here, for that is exact.
     """
     rows = []
-    for name, value in catalogue_values(truth["id"], truth["parameters"], rig).items():
+    known = truth["catalogue"] if "catalogue" in truth else catalogue_values(truth["id"], truth["parameters"], rig)
+    for name, value in known.items():
         estimate = estimates.get(name)
         if estimate is not None and estimate["sd"]:
             z = (estimate["value"] - value) / estimate["sd"]
@@ -99,61 +108,91 @@ def judge(named: list[str], groups: Mapping[str, set[str]], truth: list[Mapping[
     }
 
 
-def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Row of a case, and a row for each parameter with an interval."""
-    name, results = truth["case"], folder / "results" / truth["case"]
+def described(truth: Mapping[str, Any]) -> dict[str, Any]:
+    """What a row says of the case itself; lengths in mm are thousandths of the output's unit for other systems."""
     sizes = [t["unabsorbed_over_noise"] for t in truth["effects"]]
-    row: dict[str, Any] = {
-        "case": name,
+    reach = truth["reach"] if "reach" in truth else truth["deflection"]
+    return {
+        "case": truth["case"],
+        "world": truth.get("world", "exact"),
+        "system": truth.get("system", "arm"),
         "kind": truth["kind"],
         "true": " + ".join(t["id"] for t in truth["effects"]) or "none",
         "family": " + ".join(t["family"] for t in truth["effects"]) or "none",
         "size": min(sizes, default=0.0),
         "sizes": " + ".join(f"{s:.3g}" for s in sizes),
+        "model_error": truth.get("model_error_over_noise", 0.0),
         "noise_mm": 1e3 * truth["noise"],
-        "deflection": max(v for k, v in truth["deflection"].items() if k != "holdout"),
-        "holdout_deflection": truth["deflection"]["holdout"],
+        "truth_mm": None if truth.get("truth_error") is None else 1e3 * truth["truth_error"],
+        "deflection": max(v for k, v in reach.items() if k != "holdout"),
+        "holdout_deflection": reach["holdout"],
     }
-    done = json.loads((results / "done.json").read_text())
-    if "error" in done:
-        return {**row, "error": done["error"]}, []
-    loop = read_json(results / "loop.json")
+
+
+def named_effects(loop: Mapping[str, Any]) -> dict[str, set[str]]:
+    """Effects that a loop names beside the mechanics, each with what it cannot be told apart from."""
     effects = [e for e in loop["effects"] if e["id"] not in GEOMETRY]
-    groups = {e["id"]: {e["id"], *e["ambiguous_with"]} for e in effects}
-    verdict = judge([e["id"] for e in effects], groups, truth["effects"])
-    clean = pd.read_csv(folder / "truth" / f"{name}_holdout_clean.csv")
-    prediction = pd.read_csv(results / "prediction.csv")
-    rms = {when: distance(prediction, clean, when) for when in WHEN}
-    row |= {
-        "verdict": loop["verdict"],
-        "named": " + ".join(e["id"] for e in effects) or "none",
-        "ambiguous": " + ".join(sorted({a for e in effects for a in e["ambiguous_with"]})),
-        "in_set": all(verdict["in_set"]) if truth["effects"] else None,
-        "alone": all(verdict["alone"]) if truth["effects"] else None,
-        "first": verdict["first"] if truth["effects"] else None,
-        "invented": " + ".join(verdict["invented"]),
-        "base": loop["model"]["after"]["model"]["base"],
-        "seconds": done["seconds"],
-        **{f"{when}_mm": 1e3 * v for when, v in rms.items()},
-        "after_over_noise": rms["after"] / truth["noise"],
-    }
-    if truth["effects"]:
-        row["nameable"] = all(nameable(t["accepted"]) for t in truth["effects"])
+    return {e["id"]: {e["id"], *e.get("ambiguous_with", ())} for e in effects}
+
+
+def beliefs(loop: Mapping[str, Any]) -> dict[str, Any]:
+    """Least probability of what is named, and the model's error, where the loop states them."""
+    effects = [e for e in loop["effects"] if e["id"] not in GEOMETRY]
+    stated = [p for e in effects if (p := e.get("group_probability", e.get("probability"))) is not None]
+    error = loop.get("model_error")
+    return {"probability": min(stated, default=None), "stated_error": None if error is None else json.dumps(error)}
+
+
+def peer_columns(results: Path, truth: Mapping[str, Any]) -> dict[str, Any]:
+    """What the peers made of a case, where they were run."""
     compared = results / "peers.json"
+    found: dict[str, Any] = {}
     for peer, names in json.loads(compared.read_text()).items() if compared.exists() else ():
         own = judge(names, {n: {n} for n in names}, truth["effects"])
-        row |= {
+        found |= {
             f"{peer}_in_set": all(own["in_set"]) if truth["effects"] else None,
             f"{peer}_first": own["first"] if truth["effects"] else None,
             f"{peer}_invented": " + ".join(own["invented"]),
         }
-    rows = [
-        {"case": name, **r}
-        for t in truth["effects"]
-        for e in effects
-        if e["id"] == t["id"]
-        for r in coverage(t, loop["model"]["after"]["parameters"], truth["rig"])
-    ]
+    return found
+
+
+def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Row of a case, and a row for each parameter with an interval."""
+    name, results = truth["case"], folder / "results" / truth["case"]
+    row = described(truth)
+    done = json.loads((results / "done.json").read_text())
+    if "error" in done:
+        return {**row, "error": done["error"]}, []
+    loop = read_json(results / "loop.json")
+    groups = named_effects(loop)
+    verdict = judge(list(groups), groups, truth["effects"])
+    clean = pd.read_csv(folder / "truth" / f"{name}_holdout_clean.csv")
+    prediction = pd.read_csv(results / "prediction.csv")
+    rms = {when: distance(prediction, clean, when) for when in WHEN}
+    # Effects that describe an error of the model without being right.
+    like = {r for e in truth.get("model_errors", ()) for r in e["resembles"]}
+    row |= {
+        "verdict": loop["verdict"],
+        "named": " + ".join(groups) or "none",
+        "ambiguous": " + ".join(sorted({a for n, group in groups.items() for a in group - {n}})),
+        "in_set": all(verdict["in_set"]) if truth["effects"] else None,
+        "alone": all(verdict["alone"]) if truth["effects"] else None,
+        "first": verdict["first"] if truth["effects"] else None,
+        "invented": " + ".join(verdict["invented"]),
+        "unlike": " + ".join(n for n in verdict["invented"] if n not in like),
+        "base": loop["model"]["after"]["model"]["base"],
+        "seconds": done["seconds"],
+        **{f"{when}_mm": 1e3 * v for when, v in rms.items()},
+        "after_over_noise": rms["after"] / truth["noise"],
+        **beliefs(loop),
+        **peer_columns(results, truth),
+    }
+    if truth["effects"]:
+        row["nameable"] = all(nameable(t["accepted"]) for t in truth["effects"])
+    estimates = loop["model"]["after"].get("parameters", {})
+    right = [t for t in truth["effects"] if t["id"] in groups]
+    rows = [{"case": name, **r} for t in right for r in coverage(t, estimates, truth.get("rig", {}))]
     return row, rows
 
 
@@ -167,7 +206,7 @@ def headline(table: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
         single, pair = plain[plain["kind"] == "single"], plain[plain["kind"] == "pair"]
         clean, inside = part[part["kind"] == "none"], part[part["kind"] != "outside"]
         outside = part[(part["kind"] == "outside") & (part["size"] >= PLAIN)]
-        settled = inside[inside["verdict"] != "unexplained"]
+        settled = inside[inside["verdict"].isin(SETTLED)]
         scores[label] = {
             "single effect in the set or its group": proportion(single["in_set"]),
             "single effect named": proportion(single["alone"]),
@@ -332,7 +371,7 @@ def collect(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Rows of all cases that were run, and of their intervals."""
     rows: list[dict[str, Any]] = []
     intervals: list[dict[str, Any]] = []
-    for sealed in sorted((folder / "truth").glob("case_*.json")):
+    for sealed in sorted((folder / "truth").glob("*.json")):
         if (folder / "results" / sealed.stem / "done.json").exists():
             row, own = score_case(folder, json.loads(sealed.read_text()))
             rows.append({"error": None, **row})
@@ -354,37 +393,42 @@ def collect(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     return table, pd.DataFrame(intervals, columns=["case", "effect", "parameter", "truth", "estimate", "z"])
 
 
+def score_exact(folder: Path, table: pd.DataFrame, intervals: pd.DataFrame) -> dict[str, Any]:
+    """Score the cases of the exact world: print their tables, draw their figures, and return what is saved."""
+    from benchmarks.blind.figures import draw
+
+    scores, sizes, found = headline(table, intervals), by_size(table), all_by_size(table, intervals)
+    misses = missed(table)
+    misses.to_csv(folder / "misses.csv", index=False, float_format="%.4g")
+    print(report(scores, sizes, found, table))
+    print("\nto look at\n" + misses[SHOWN].to_string(index=False, max_colwidth=44))
+    draw(folder, table, intervals, sizes, found)
+    verdicts = verdicts_by_size(table).reset_index().to_dict("records")
+    return {"goals": scores, "sizes": sizes, "by_size": found, "verdicts": verdicts}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
     folder = parser.parse_args().out
     table, intervals = collect(folder)
-    scores, sizes, found = headline(table, intervals), by_size(table), all_by_size(table, intervals)
     table.to_csv(folder / "summary.csv", index=False, float_format="%.5g")
     table.astype({c: str for c in table.columns if table[c].dtype == object}).to_parquet(folder / "summary.parquet")
     intervals.to_csv(folder / "intervals.csv", index=False, float_format="%.5g")
-    misses = missed(table)
-    misses.to_csv(folder / "misses.csv", index=False, float_format="%.4g")
-    verdicts = verdicts_by_size(table).reset_index().to_dict("records")
-    content = {"goals": scores, "sizes": sizes, "by_size": found, "verdicts": verdicts}
-    write_json(folder / "scores.json", content)
-    print(report(scores, sizes, found, table))
-    shown = [
-        "case",
-        "true",
-        "sizes",
-        "noise_mm",
-        "verdict",
-        "named",
-        "ambiguous",
-        "invented",
-        "after_over_noise",
-        "error",
-    ]
-    print("\nto look at\n" + misses[shown].to_string(index=False, max_colwidth=44))
-    from benchmarks.blind.figures import draw
+    content: dict[str, Any] = {}
+    exact = table["world"] == "exact"
+    if exact.any():
+        own = intervals["case"].isin(table["case"][exact])
+        content = score_exact(folder, table[exact], intervals[own])
+    from benchmarks.blind.by_system import all_systems, misses, tables
 
-    draw(folder, table, intervals, sizes, found)
+    by_system = all_systems(table, intervals)
+    print(tables(by_system))
+    if not exact.all():
+        odd = misses(table[~exact])
+        odd.to_csv(folder / "misses_rough.csv", index=False, float_format="%.4g")
+        print("\nto look at\n" + odd[["system", *SHOWN]].to_string(index=False, max_colwidth=44))
+    write_json(folder / "scores.json", {**content, "by_system": by_system})
 
 
 if __name__ == "__main__":

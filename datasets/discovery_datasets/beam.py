@@ -18,11 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.special import eval_jacobi
+
+from discovery_datasets.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -112,7 +113,7 @@ def discretise(
     )
 
 
-@numba.njit(cache=True)
+@compiled()
 def kinematics(
     shapes: FloatArray,
     rest_angle: FloatArray,
@@ -136,7 +137,7 @@ def kinematics(
     return theta, omega, tip, velocity
 
 
-@numba.njit(cache=True)
+@compiled()
 def inertia_and_load(
     shapes: FloatArray,
     weights: FloatArray,
@@ -164,7 +165,7 @@ def inertia_and_load(
     return mass, load
 
 
-@numba.njit(cache=True)
+@compiled()
 def solve_free(mass: FloatArray, load: FloatArray, base_acceleration: float) -> NDArray[np.floating]:
     """Accelerations (K,) of the q_k under a given acceleration of the base [rad/s^2]."""
     return np.linalg.solve(mass[1:, 1:], load[1:] - base_acceleration * mass[1:, 0])

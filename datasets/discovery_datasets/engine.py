@@ -12,9 +12,10 @@ from __future__ import annotations
 from math import exp, sqrt, tanh
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from discovery_datasets.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -25,6 +26,8 @@ class Physics(NamedTuple):
     #: Material: M = EI (kappa + quadratic kappa^2 + cubic kappa^3), [m], [m^2].
     quadratic: float = 0.0
     cubic: float = 0.0
+    #: Rigidity over its mean at the root, less one; it falls in a straight line to as much less at the tip.
+    taper: float = 0.0
     #: Kelvin-Voigt time [s]; relaxing part of the rigidity [-] and its time [s].
     retardation: float = 0.0
     relaxing: float = 0.0
@@ -47,6 +50,9 @@ class Physics(NamedTuple):
     asymmetry: float = 0.0
     deflection_loss: float = 0.0
     drag: float = 0.0
+    #: Friction of the disc power_loss * v^power [N], v in m/s.
+    power_loss: float = 0.0
+    power: float = 1.0
     #: Dry friction [N], its further part at rest [N] that falls over stribeck_speed, and the width of its sign [m/s].
     dry: float = 0.0
     breakaway: float = 0.0
@@ -78,6 +84,7 @@ class Rod(NamedTuple):
     levers: FloatArray  # (K + 1, n, n), length times integral times shapes
     mass: FloatArray  # (n,), mass at each node, the tip's included
     rest_angle: FloatArray  # (n,)
+    position: FloatArray  # (n,), of the nodes, from 0 to 1
 
 
 #: Columns of the tabulated inputs: motion of the hub, rigidity over nominal, force on the disc, friction over nominal,
@@ -89,7 +96,7 @@ INPUTS = ("angle", "rate", "acceleration", "rigidity", "force_x", "force_y", "fr
 GREASE = 1e-4
 
 
-@numba.njit(cache=True)
+@compiled()
 def solve_spd(a: FloatArray, b: FloatArray, first: int) -> None:
     """Solve a x = b from row `first` on, in place, by Cholesky's method."""
     n = b.size
@@ -111,13 +118,13 @@ def solve_spd(a: FloatArray, b: FloatArray, first: int) -> None:
         b[i] /= a[i, i]
 
 
-@numba.njit(cache=True)
+@compiled()
 def bouc_wen(z: float, rate: float) -> float:
     """Rate of a Bouc-Wen variable, exponent 2, equal shares, for a rate over the yield value (Wen, ASCE 102, 1976)."""
     return rate * (1.0 - z * z) if z * rate > 0 else rate
 
 
-@numba.njit(cache=True)
+@compiled()
 def joint_torque(p: Physics, turn: float, rate: float, z: float) -> float:
     """Torque of the joint on the hub side [N m] for a turn of the root against the hub."""
     beyond = turn - p.joint_play if turn > p.joint_play else turn + p.joint_play if turn < -p.joint_play else 0.0
@@ -127,7 +134,7 @@ def joint_torque(p: Physics, turn: float, rate: float, z: float) -> float:
     return torque + damping * rate
 
 
-@numba.njit(cache=True)
+@compiled()
 def disc_force(
     p: Physics, x: float, y: float, vx: float, vy: float, friction: float, tension: float
 ) -> tuple[float, float]:
@@ -138,6 +145,8 @@ def disc_force(
     dry = p.dry + p.breakaway * exp(-((v / p.stribeck_speed) ** 2)) + p.place_friction * near
     sign = tanh(v / p.dry_speed) / v if v > 1e-12 else 1 / p.dry_speed
     resist = friction * p.viscous + p.asymmetry * turning + p.drag * v + dry * sign
+    if p.power_loss != 0.0:
+        resist += p.power_loss * (v * v + p.dry_speed * p.dry_speed) ** (0.5 * (p.power - 1.0))
     pull = p.place_pull * near / p.place_radius
     fx = -resist * vx + pull * (p.place_x - x)
     fy = -resist * vy + pull * (p.place_y - y)
@@ -148,7 +157,20 @@ def disc_force(
     return fx, fy
 
 
-@numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+@compiled()
+def taper_load(rod: Rod, strength: float, coordinates: FloatArray, load: FloatArray) -> None:
+    """Add the moments of a rigidity that falls along the rod to the load on each coordinate."""
+    modes = rod.curvatures.shape[1]
+    for a in range(rod.weights.size):
+        moment = 0.0
+        for k in range(modes):
+            moment += rod.curvatures[a, k] * coordinates[1 + k]
+        moment *= strength * (1.0 - 2.0 * rod.position[a]) * rod.weights[a]
+        for k in range(modes):
+            load[1 + k] -= moment * rod.curvatures[a, k]
+
+
+@compiled(fastmath={"contract", "reassoc", "nsz"})
 def slope(rod: Rod, p: Physics, inputs: FloatArray, state: FloatArray, change: FloatArray, work: FloatArray) -> None:
     """Write the rate of the state into `change`.
 
@@ -230,6 +252,8 @@ def slope(rod: Rod, p: Physics, inputs: FloatArray, state: FloatArray, change: F
         change[2 * size + modes + 1 + a] = bouc_wen(fibres[a], bending / p.fibre_yield) if p.fibre_moment else 0.0
         for k in range(modes):
             load[1 + k] -= rod.weights[a] * stress * rod.curvatures[a, k]
+    if p.taper != 0.0:
+        taper_load(rod, p.taper * scale, coordinates, load)
     z = state[2 * size + modes]
     change[2 * size + modes] = 0.0
     if free:
@@ -249,7 +273,7 @@ def slope(rod: Rod, p: Physics, inputs: FloatArray, state: FloatArray, change: F
         change[2 * size + k] = (coordinates[1 + k] - relaxed[k]) / p.relaxation_time
 
 
-@numba.njit(cache=True)
+@compiled()
 def integrate(
     rod: Rod, p: Physics, state: FloatArray, steps: FloatArray, inputs: FloatArray, keep: NDArray[np.bool_]
 ) -> FloatArray:

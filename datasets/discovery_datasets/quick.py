@@ -69,6 +69,7 @@ def _rod(rig: ArmRig, disturbances: Sequence[Disturbance], modes: int, nodes: in
         levers=np.ascontiguousarray(levers),
         mass=mass,
         rest_angle=sum(d.rest_curvature() for d in disturbances) * rig.length * position,
+        position=position,
     )
 
 

@@ -225,6 +225,31 @@ class TimeBaseError(QuickDisturbance):
         return time - self.drift * time - self.wait * np.mod(time / self.period, 1.0)
 
 
+@dataclass(frozen=True)
+class Taper(QuickDisturbance):
+    """Rod whose rigidity is (1 + share) of its mean at the root and (1 - share) at the tip, linear between them."""
+
+    share: float
+    id: ClassVar[str] = "taper"
+
+    def physics(self) -> dict[str, float]:
+        """See the base class."""
+        return {"taper": self.share}
+
+
+@dataclass(frozen=True)
+class PowerFriction(QuickDisturbance):
+    """Friction of the disc of neither kind: force = coefficient * v^power [N], v in m/s."""
+
+    coefficient: float
+    power: float
+    id: ClassVar[str] = "power_friction"
+
+    def physics(self) -> dict[str, float]:
+        """See the base class."""
+        return {"power_loss": self.coefficient, "power": self.power}
+
+
 QUICK_EFFECTS: dict[str, type[Disturbance]] = {
     kind.id: kind
     for kind in (

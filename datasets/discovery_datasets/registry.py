@@ -7,16 +7,24 @@ names, then in the user's cache; `fetch` downloads it, when asked. Its SHA-256 d
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from platformdirs import user_cache_dir
 
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer as Buffer
+
 VARIABLE = "DISCOVERY_DATA"
+#: Bytes that a download may have.
+LARGEST = 500_000_000
+#: Seconds in which a server must answer.
+_PATIENCE = 30.0
 
 
 class DataUnavailable(Exception):
@@ -162,6 +170,23 @@ def locate(name: str) -> Path:
     )
 
 
+class _Limited(io.FileIO):
+    """A file that receives a download, and refuses to become larger than any registered one is."""
+
+    def write(self, content: Buffer) -> int:
+        if self.tell() + memoryview(content).nbytes > LARGEST:
+            raise ValueError(f"it is larger than {LARGEST / 1e6:.0f} MB, as no registered file is")
+        return super().write(content)
+
+
+def _download(url: str, output_file: str, manager: object) -> None:
+    """Download a file, up to the size that any registered one may have."""
+    import pooch
+
+    with _Limited(output_file, "w") as file:
+        pooch.HTTPDownloader(timeout=_PATIENCE)(url, file, manager)
+
+
 def fetch(name: str) -> Path:
     """Path of a registered file, downloaded to the cache where it is not here yet.
 
@@ -181,8 +206,9 @@ def fetch(name: str) -> Path:
     import pooch
 
     target = cache_folder() / entry.name
+    known = f"sha256:{entry.sha256}"
     try:
-        pooch.retrieve(entry.url, known_hash=f"sha256:{entry.sha256}", fname=target.name, path=target.parent)
+        pooch.retrieve(entry.url, known_hash=known, fname=target.name, path=target.parent, downloader=_download)
     except (OSError, ValueError) as error:
         raise DataUnavailable(
             f"measured file {entry.name} could not be fetched from {entry.url} ({error}). Check the network, or "

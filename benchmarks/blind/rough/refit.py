@@ -1,0 +1,109 @@
+"""What a refit leaves: the one place where rough cases meet the program that they test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+__all__ = ["Wanted", "check_readable", "clean_reading", "free_run", "leftover", "prediction_error"]
+
+FloatArray = NDArray[np.float64]
+#: Trajectory error of the fits, as in the exact world.
+TOLERANCE = 2e-5
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A model to be refitted: effects beside the declared ones, where it starts, what is known."""
+
+    added: tuple[str, ...]
+    start: Mapping[str, float]
+    known: Mapping[str, float]
+
+
+def _fitted(rig: Path, train: Sequence[Path], wanted: Wanted) -> Any:
+    from discovery.dataset import load_dataset
+    from discovery.fit import declared_model, fit
+    from discovery.model import Model
+
+    experiments = load_dataset(rig, train, keep_third=False).train
+    declared = declared_model(experiments[0])
+    if experiments[0].is_arm:
+        declared = Model("elastica", ("viscous_damping", "linear_stiffness"), declared.known)
+    effects = tuple(e for e in wanted.added if e not in declared.effects)
+    model = Model(declared.base, (*declared.effects, *effects), {**declared.known, **wanted.known})
+    start = {n: v for n, v in wanted.start.items() if n in model.parameters}
+    return fit(model, experiments, start=start, tolerance=TOLERANCE)
+
+
+def leftover(rig: Path, train: Sequence[Path], start: Mapping[str, float], known: Mapping[str, float]) -> float:
+    """Rms over noise of what the declared model leaves when it is refitted; of an arm, the exact arm.
+
+    Raises
+    ------
+    ArithmeticError
+        If the recordings are refused, as where nothing swings any more, or cannot be fitted.
+    """
+    from discovery.errors import ComputationError, InputError
+
+    try:
+        found = _fitted(rig, train, Wanted((), start, known))
+    except (ComputationError, InputError) as error:
+        raise ArithmeticError(str(error)) from error
+    left = [
+        (p - e.recording.output)[e.fitted] * e.weights()[e.fitted]
+        for p, e in zip(found.predict(), found.problem.bench.experiments, strict=True)
+    ]
+    return float(np.sqrt(np.nanmean(np.concatenate(left) ** 2)))
+
+
+def prediction_error(folder: Path, train: Sequence[Path], wanted: Wanted, clean: pd.DataFrame) -> float:
+    """Rms distance of a model, fitted to the noisy training recordings, to the noise-free hold-out.
+
+    An arm starts at rest. Of any other system the initial state is fitted to the hold-out.
+    """
+    from discovery.dataset import load_dataset
+
+    found = _fitted(folder / "rig.toml", train, wanted)
+    (held,) = load_dataset(folder / "rig.toml", train, [folder / "holdout.csv"]).holdout
+    away = free_run(found, held) - clean[[c for c in clean if c not in ("time_s", "motor_angle_rad")]].to_numpy()
+    return float(np.sqrt(np.nanmean(np.sum(away**2, axis=1))))
+
+
+def free_run(found: Any, held: Any) -> FloatArray:
+    """Return what a fitted model reads in a hold-out: from rest, or from the initial state that fits it best."""
+    from discovery.predict import held_out, predict
+
+    if held.is_arm:
+        return predict(found, held)[0]
+    bench = found.problem.bench.of_others([held])
+    ((predicted,),) = held_out([(found.model, found.values)], [held], bench, found.problem.units)
+    return predicted
+
+
+def check_readable(folder: Path) -> None:
+    """Read a case as its user would.
+
+    Raises
+    ------
+    InputError
+        If a recording is refused, as where friction lets nothing swing.
+    """
+    from discovery.dataset import load_dataset
+
+    load_dataset(folder / "rig.toml", sorted(folder.glob("train*.csv")), [folder / "holdout.csv"])
+
+
+def clean_reading(rig: Path, recording: Path) -> pd.DataFrame:
+    """Return times and channels of a recording as the program reads it: in SI units, through the filters of the rig."""
+    from discovery.recording import read_recording
+    from discovery.rig_file import read_rig
+
+    found = read_recording(recording, read_rig(rig))
+    return pd.DataFrame({"time_s": found.time, **dict(zip(found.channels, found.output.T, strict=True))})
