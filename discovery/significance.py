@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from discovery.attribution import Candidate
 from discovery.bench import Bench
@@ -44,13 +45,14 @@ def surrogates(residual: FloatArray, bench: Bench, rng: np.random.Generator, cou
     found = np.empty((residual.size, count))
     for rows, present in bench.blocks():
         n = len(present)
+        length = fft.next_fast_len(n, real=True)
         part = residual[rows].reshape(present.shape)
         made = np.empty((*present.shape, count))
         for c, here in enumerate(present.T):
             # Gaps hold zeros; the power of the others stands for them.
-            filled = np.fft.rfft(part[:, c])[:, None] * np.sqrt(n / max(1, int(here.sum())))
+            filled = fft.rfft(part[:, c], length)[:, None] * np.sqrt(length / max(1, int(here.sum())))
             phase = np.exp(2j * np.pi * rng.random((filled.size, count)))
-            made[:, c] = np.fft.irfft(filled * phase, n, axis=0) * here[:, None]
+            made[:, c] = fft.irfft(filled * phase, length, axis=0)[:n] * here[:, None]
         found[rows] = made.reshape(-1, count)
     return found
 

@@ -62,11 +62,17 @@ class Search:
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
         budget = self.context.settings.budget
+        been: dict[tuple[frozenset[str], str], Contender] = {}
         while len(self.best.added) < budget.most_effects and self._affords(self.best):
             if self._is_complete():
                 return
-            before = self.best
-            if not self._forward() and not self._turn():
+            before, here = self.best, (frozenset(self.best.added), self.best.model.base)
+            returned = here in been
+            if returned:
+                # Sets that give way to each other in turn: the likeliest of them stands.
+                self.best = max((c for c in been.values() if len(c.added) == len(before.added)), key=lambda c: c.joint)
+            been[here] = before
+            if returned or (not self._forward() and not self._turn()):
                 self.decisions.append(Decision("stop", (), True, "exhausted"))
                 self._resolve()
                 return
@@ -162,8 +168,8 @@ class Search:
             told = tuple(candidacy(c, self.root, self.root, self.context.settings) for c in offered[:_TOLD])
             for pair in offered[:1]:
                 gain = pair.joint - self.best.joint
-                odds, code = self._judged(pair, self.root)
-                if gain > self.context.settings.nats and code == "accepted":
+                odds, code = self._judged(pair, self.root) if gain > self.context.settings.nats else (None, "training")
+                if odds is not None and code == "accepted":
                     self.decisions.append(Decision("remove", self.best.added, True, "rival", {"odds": gain}))
                     self.decisions.append(Decision("add", pair.added, True, code, _numbers(odds), told))
                     self.best = pair
@@ -197,7 +203,8 @@ class Search:
         odds = odds_of(larger, smaller, self.root, settings)
         judged = self.context.judge.holds
         code = odds.code(settings, -np.inf, judged=judged)
-        if code == "accepted" and np.isfinite(odds.train):
+        # Chance removes no more than all that is left.
+        if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
             code = odds.code(settings, self._chance(smaller, larger), judged=judged)
         return odds, code
 
