@@ -16,6 +16,7 @@ import numpy.typing as npt
 from discovery.errors import InputError
 from discovery.experiment import Experiment, make_experiment
 from discovery.gravity_scale import angle_doubt, fall_doubt
+from discovery.holdout_part import fitted_count
 from discovery.kinds import KINDS
 from discovery.recording import Recording, read_recording
 from discovery.rig import RecordPart, Rig
@@ -84,7 +85,8 @@ def load_dataset(
     train, holdout : sequence of path
         Recordings; where `train` is empty, the rig file's own [records].
     keep_third : bool
-        Keep the last third of every training recording out of the fit where there is no hold-out.
+        Keep the last third of every training recording, or of its motion where that ends sooner, out of the fit where
+        there is no hold-out: see `discovery.holdout_part`.
 
     Raises
     ------
@@ -108,7 +110,7 @@ def load_dataset(
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,
-        tuple(make_experiment(r, rig, fitted_samples=2 * r.time.size // 3 if alone else None) for r in found["train"]),
+        tuple(make_experiment(r, rig, fitted_samples=fitted_count(r) if alone else None) for r in found["train"]),
         tuple(make_experiment(r, rig) for r in found["holdout"]),
         tuple(make_experiment(r, rig) for r in found["test"]),
     )

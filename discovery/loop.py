@@ -330,6 +330,7 @@ def _result(
             "unit": train[0].recording.units[0],
             "noise_floor": float(np.sqrt(np.sum(np.square(train[0].recording.noise)))),
             "holdout_kind": judge.kind,
+            "holdout_motion": judge.motion,
             **{w: {"train": _train_errors(train, on_train[w]), **judge.errors(held[w])} for w in fits},
         },
         model_error=_model_error(context, search.root, before[1], after[1], reports["after"]),

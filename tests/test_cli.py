@@ -165,13 +165,14 @@ def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
 def test_errors_are_said_once(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
     said = r"^ after: train rms \S+ \(mean \S+\), holdout rms \S+ \(mean \S+\) m$"
     assert re.search(said, looped[0].out, re.MULTILINE)
-    errors: dict[str, Any] = {"unit": "m", "holdout_kind": "last third", "before": {}, "after": {}}
+    errors: dict[str, Any] = {"unit": "m", "before": {}, "after": {}}
+    errors |= {"holdout_kind": "last third", "holdout_motion": 12.3}
     for i, group in enumerate(("train", "holdout", "holdout_inside", "holdout_outside"), 1):
         errors["before"][group] = errors["after"][group] = {"rms": float(i), "mean": 0.1, "peak": 9.0}
     say_loop(found_loop("nothing_missing", errors=errors))
     out = capsys.readouterr().out
     assert " after: train rms 1 (mean 0.1), holdout rms 2 (mean 0.1), holdout_inside rms 3 (mean 0.1), " in out
-    assert "holdout: the last third; --holdout names a recording of its own\n" in out
+    assert "holdout: the last third; its motion is 12 times the noise; --holdout names a recording of its own\n" in out
     assert "holdout: " not in looped[0].out
 
 
@@ -222,7 +223,7 @@ def test_a_loop_ends_with_what_doubts_it_and_what_judged(
     assert said.err == ""
     (doubt,) = [line for line in said.out.splitlines() if line.startswith("doubt: ")]
     assert re.fullmatch(r"doubt: film: 'a' scatters by 0\.\d+ deg from .* a noise of 0\.1 deg, .*", doubt)
-    assert "\nholdout: the last third of each training recording, continued; --holdout " in said.out
+    assert "\nholdout: the last third of each training recording, continued; its motion is " in said.out
 
 
 @pytest.mark.parametrize(("state", "offered"), [("80,0", "1.396,0"), ("-80,10", "-1.396,0.1745"), ("6.2,80", "")])

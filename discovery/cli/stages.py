@@ -166,7 +166,8 @@ def _say_errors(errors: Mapping[str, Any]) -> None:
             + f" {errors['unit']}"
         )
     if errors["holdout_kind"] != SEPARATE:
-        click.echo(f"holdout: the {errors['holdout_kind']}; --holdout names a recording of its own")
+        tells = f"its motion is {errors['holdout_motion']:.2g} times the noise"
+        click.echo(f"holdout: the {errors['holdout_kind']}; {tells}; --holdout names a recording of its own")
 
 
 @click.command()

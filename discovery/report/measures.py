@@ -65,7 +65,7 @@ def errors_table(run: Run) -> Table:
         if run.is_arm and len(run.results["recordings"][0]["channels"]) == 2
         else "absolute error"
     )
-    kind = errors.get("holdout_kind", "recordings")
+    kind = f"{errors['holdout_kind']}, moving by {significant(errors['holdout_motion'])} times the noise"
     caption = f"Free-run errors: {what}. A perfect model would leave {floor} rms. Held out: {kind}."
     return Table("errors", caption, head, cells, keys, raw)
 

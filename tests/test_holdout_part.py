@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discovery.holdout_part import fitted_count, motion_over_noise
+from discovery.recording import Recording
+
+TIME = np.linspace(0.0, 60.0, 3000)
+
+
+def recording(output: np.ndarray, noise: float) -> Recording:
+    return Recording("r", TIME, None, output, ("output",), ("rad",), np.array([noise]), sha256="", source="")
+
+
+def recorded(values: np.ndarray, noise: float = 1e-3) -> Recording:
+    return recording((values + noise * np.random.default_rng(0).standard_normal(values.size))[:, None], noise)
+
+
+def test_a_lasting_motion_is_held_out_from_two_thirds() -> None:
+    assert fitted_count(recorded(np.sin(6 * TIME))) == 2000
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.6])
+def test_a_decay_is_held_out_where_it_is_seen(rate: float) -> None:
+    swing = recorded(np.exp(-rate * TIME) * np.sin(6 * TIME))
+    # An amplitude of root two times three sds: from there on no stretch scatters by three.
+    ends = np.log(1 / (3 * np.sqrt(2) * 1e-3)) / rate
+    count = fitted_count(swing)
+    assert TIME[count] == pytest.approx(2 / 3 * ends, rel=0.12)
+    assert motion_over_noise(swing, count) > 3 * motion_over_noise(swing, 2000)
+
+
+def test_rest_alone_is_divided_as_it_is() -> None:
+    assert fitted_count(recorded(np.zeros(3000))) == 2000
+
+
+@given(offset=st.floats(-1e3, 1e3), scale=st.sampled_from([1e-6, 1.0, 1e6]))
+def test_neither_place_nor_unit_matters(offset: float, scale: float) -> None:
+    swing = np.exp(-0.3 * TIME) * np.sin(6 * TIME)
+    plain = recorded(swing)
+    moved = recording(scale * (plain.output + offset), scale * 1e-3)
+    assert abs(fitted_count(moved) - fitted_count(plain)) <= 50
+
+
+def test_gaps_do_not_count_as_motion() -> None:
+    swing = recorded(np.exp(-0.6 * TIME) * np.sin(6 * TIME))
+    swing.output[2000:2400] = np.nan
+    assert fitted_count(swing) < 800
