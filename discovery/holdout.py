@@ -123,10 +123,10 @@ class HoldOut:
             found.append(out)
         return found
 
-    def deciding(self) -> list[int]:
-        """Return which recordings decide: those inside the trained deflection, or all where none is."""
-        inside = [i for i, flag in enumerate(self.inside) if flag]
-        return inside or list(range(len(self.experiments)))
+    def deciding(self) -> list[Experiment]:
+        """Return the separate recordings that decide: those inside the trained deflection, or all where none is."""
+        inside = [e for e, flag in zip(self.separate, self.inside, strict=True) if flag]
+        return inside or list(self.separate)
 
     def held(self, fit: Fit, on_train: list[FloatArray]) -> list[FloatArray]:
         """Return a fit's predictions of the held-out recordings, from those of the training recordings."""

@@ -12,6 +12,8 @@ __all__ = ["shared_samples"]
 FloatArray = npt.NDArray[np.float64]
 #: Noise does not repeat so many readings in a row, of which so many differ.
 _ROW, _DIFFERENT = 30, 20
+#: Share of the shorter recording that is repeated by no accident.
+_MUCH = 0.1
 #: Share of the readings at equal times that must be equal. Repeated trials read in coarse steps agree in fewer.
 _EQUAL = 0.99
 #: Pairs of equal readings that tell by which time one recording may be shifted against the other.
@@ -45,16 +47,32 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
 
 
 def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32]) -> int | None:
-    """Return where a row of equal readings begins."""
+    """Return where a row of equal readings begins that both recordings hold because they were cut from one."""
     # A run of twice that length holds a whole block of the first wherever it begins.
-    whole = [seen[i : i + _ROW] for i in range(0, len(seen) - _ROW + 1, _ROW)]
-    blocks = [b for b in whole if np.isfinite(b).all() and len(np.unique(b, axis=0)) >= _DIFFERENT]
+    starts = range(0, len(seen) - _ROW + 1, _ROW)
+    whole = {i: seen[i : i + _ROW] for i in starts}
+    blocks = {i: b for i, b in whole.items() if np.isfinite(b).all() and len(np.unique(b, axis=0)) >= _DIFFERENT}
     if not blocks:
         return None
-    known = {b.tobytes() for b in blocks}
+    known = {b.tobytes(): i for i, b in blocks.items()}
     # Few readings are those with which a block begins.
-    begins = np.flatnonzero(np.isin(judged[: 1 - _ROW, 0], [b[0, 0] for b in blocks]))
-    return next((int(i) for i in begins if judged[i : i + _ROW].tobytes() in known), None)
+    begins = np.flatnonzero(np.isin(judged[: 1 - _ROW, 0], [b[0, 0] for b in blocks.values()]))
+    alike = ((known.get(judged[j : j + _ROW].tobytes()), int(j)) for j in begins)
+    return next((j for i, j in alike if i is not None and _is_cut(seen, judged, i, j)), None)
+
+
+def _is_cut(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], i: int, j: int) -> bool:
+    """Return whether what is equal from two places on is no accident of slow motion read in coarse steps.
+
+    What is cut from one recording is equal up to an end of a part, on either side, or over much of it.
+    """
+    before, after = min(i, j), min(len(seen) - i, len(judged) - j)
+    one, other = seen[i - before : i + after], judged[j - before : j + after]
+    differ = np.flatnonzero((one != other).any(axis=1) & np.isfinite(one).all(axis=1) & np.isfinite(other).all(axis=1))
+    first = differ[differ < before].max(initial=-1) + 1
+    last = differ[differ > before].min(initial=before + after)
+    reaches = first == 0 or last == before + after
+    return bool(reaches or last - first >= _MUCH * min(len(seen), len(judged)))
 
 
 def _thinned(first: Recording, second: Recording) -> int | None:

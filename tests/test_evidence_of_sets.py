@@ -27,7 +27,7 @@ def problem(slopes: np.ndarray, y: np.ndarray, *, held: np.ndarray | None = None
     """y = slopes @ theta + error, as residuals of a model at theta = 0."""
     own = belief(np.full(slopes.shape[1], width))
     blocks = [Channel(TIME[: y.size], np.column_stack([-slopes[: y.size], y]))]
-    others = [] if held is None else [Channel(TIME[: held.size], np.column_stack([-slopes[: held.size], held]))]
+    others = [] if held is None else [[Channel(TIME[: held.size], np.column_stack([-slopes[: held.size], held]))]]
     return Linearised(blocks, others, own, slopes.shape[1], MEMORY, 0.15)
 
 
@@ -103,7 +103,7 @@ def test_the_held_out_score_is_that_of_the_posterior_predictive() -> None:
     y, held = SLOPES @ [1.0, 0.5] + drawn(0.0, 7), SLOPES @ [1.0, 0.5] + drawn(0.0, 8)
     both = problem(SLOPES, y, held=held)
     train = both.mode(0.0)
-    judged = both.mode(0.0, train)
+    judged = both.mode(0.0, both.held[0], train)
     posterior = np.linalg.inv(train.precision)
     dense = np.eye(TIME.size) + SLOPES @ posterior @ SLOPES.T
     exact = multivariate_normal.logpdf(held, SLOPES @ train.step, dense)

@@ -30,7 +30,7 @@ class PeriodicDisturbance(Load):
     )
     Omega = Parameter(
         "s^-1", "angular frequency", (0.1, 20.0), LogNormal(2.0, 1.0), default=2.0, shape=True, latex=r"\Omega",
-        starts=(*np.arange(0.3, 1.5, 0.03).tolist(), *np.geomspace(1.5, 6.0, 70).tolist()),
+        starts=(*np.arange(0.3, 1.5, 0.03).tolist(), *np.geomspace(1.5, 15.0, 110).tolist()),
     )  # fmt: skip
 
     def expression(self):

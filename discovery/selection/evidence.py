@@ -108,8 +108,10 @@ class Linearised:
 
     Parameters
     ----------
-    train, held : sequence of Channel
+    train : sequence of Channel
         Columns: derivatives by every parameter, then the residual. Held-out initial states come last.
+    held : sequence of sequence of Channel
+        The same of what is held out, recording by recording: a model errs more in one manoeuvre than in another.
     belief : Belief
         Of every parameter; those of the held-out initial states last.
     fitted : int
@@ -123,19 +125,19 @@ class Linearised:
     """
 
     train: Sequence[Channel]
-    held: Sequence[Channel]
+    held: Sequence[Sequence[Channel]]
     belief: Belief
     fitted: int
     memory: float
     scale: float
     stated: float = 0.0
 
-    def mode(self, size: float, after: Mode | None = None) -> Mode:
+    def mode(self, size: float, blocks: Sequence[Channel] | None = None, after: Mode | None = None) -> Mode:
         """Return the posterior for a size of the model error over the noise.
 
-        From the training recordings, or, given their own posterior as `after`, from the held-out ones.
+        From the training recordings, or from a held-out one, given their posterior as `after`.
         """
-        blocks = self.train if after is None else self.held
+        blocks = self.train if blocks is None else blocks
         prior = _Prior.of(self.belief, self.fitted)
         prior = prior if after is None else prior.after(after, self.belief)
         gram, logarithms = np.zeros(()), 0.0
@@ -206,7 +208,7 @@ class Evidence:
     held : float
         Log predictive score of the held-out ones, given the training ones; zero where nothing is held out [nats].
     error, error_held : float
-        Size of the model error in training and held out, at its mode [noise sds].
+        Size of the model error in training and held out, at its mode, over all recordings [noise sds].
     white : float
         Size of the noise at the mode of the training recordings [stated noise sds].
     nil : float
@@ -217,6 +219,10 @@ class Evidence:
         That step.
     covariance : ndarray, shape (p, p)
         Of the parameters, from the training recordings.
+    chi2_held : float
+        What is left of the held-out recordings at their mode [noise variances].
+    count_held : int
+        Number of their readings.
     """
 
     train: float
@@ -228,6 +234,8 @@ class Evidence:
     gained: float
     step: FloatArray
     covariance: FloatArray
+    chi2_held: float = 0.0
+    count_held: int = 0
 
     @property
     def joint(self) -> float:
@@ -254,7 +262,7 @@ class _Sizes:
     def mode(self, size: float) -> Mode:
         """Return the posterior of the parameters for a size."""
         if size not in self.modes:
-            self.modes[size] = self.problem.mode(size, self.after)
+            self.modes[size] = self.problem.mode(size, self.channels, self.after)
         return self.modes[size]
 
     def density(self, log_size: float) -> float:
@@ -307,18 +315,26 @@ def evidence_of(problem: Linearised) -> Evidence:
     """Return the evidence of a linearised set; its held-out score is zero where nothing is held out."""
     train = _Sizes(problem, problem.train)
     first, size, at = train.integrated, train.size, train.likeliest
-    held = _Sizes(problem, problem.held, at) if problem.held else None
+    held = [_Sizes(problem, part, at) for part in problem.held]
+    counts = [sum(c.time.size for c in part) for part in problem.held]
     wide = train.mode(float(np.hypot(size, problem.stated)) / at.white)
     scaled = 1.0 / np.sqrt(np.diag(wide.precision))
     covariance = np.linalg.pinv(wide.precision * np.outer(scaled, scaled), hermitian=True) * np.outer(scaled, scaled)
     return Evidence(
         train=first,
-        held=held.integrated if held else 0.0,
+        held=sum(h.integrated for h in held),
         error=size,
-        error_held=held.size if held else 0.0,
+        error_held=float(np.sqrt(np.average([h.size**2 for h in held], weights=counts))) if held else 0.0,
         white=at.white,
-        nil=train.nil + (held.nil if held else 0.0),
+        nil=train.nil + sum(h.nil for h in held),
         gained=at.gained,
         step=at.step,
         covariance=covariance,
+        chi2_held=sum(_left(part, h.likeliest.step) for part, h in zip(problem.held, held, strict=True)),
+        count_held=sum(counts),
     )
+
+
+def _left(channels: Sequence[Channel], step: FloatArray) -> float:
+    """Return the sum of squares that is left of channels after a step [noise variances]."""
+    return sum(float(np.sum((c.columns[:, :-1] @ step + c.columns[:, -1]) ** 2)) for c in channels)

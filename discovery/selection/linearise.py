@@ -117,7 +117,7 @@ def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[li
     """Return the columns of the held-out recordings: physical parameters, their own initial states, residual."""
     judge = context.judge
     models = [(r.problem.model, r.values) for r in refits]
-    held = judge.simulators(bench, models, [judge.separate[i] for i in judge.deciding()])
+    held = judge.simulators(bench, models, judge.deciding())
     alone = [_with_known(r, held) for r in refits]
     problems = [replace(r.problem, bench=held) for r in refits]
     probes = []
@@ -140,18 +140,20 @@ def _slopes(context: Context, refit: Refit, train: list[FloatArray], held: list[
     problem, x = refit.problem, refit.minimum.x
     p, free = x.size, len(problem.free)
     more = held[0].shape[2] - 1 - free if held else 0
-    jacobian, fitted, judged = [], [], []
+    jacobian: list[FloatArray] = []
+    fitted: list[Channel] = []
+    judged: list[list[Channel]] = []
     for e, columns in zip(problem.bench.experiments, train, strict=True):
         weight, n = e.weights() > 0, len(e.fitted_part.recording.time)
         jacobian.append(np.where(weight[:n, :, None], columns[:n, :, :-1], 0.0).reshape(-1, p))
         fitted += _channels(e, np.insert(columns, [p] * more, 0.0, axis=2), weight)
         if not held:
-            judged += _channels(e, columns, np.isfinite(e.recording.output) & ~weight)
-    for i, columns in zip(context.judge.deciding(), held, strict=False):
+            judged.append(_channels(e, columns, np.isfinite(e.recording.output) & ~weight))
+    for e, columns in zip(context.judge.deciding(), held, strict=False):
         wide = np.insert(columns, [free] * (p - free), 0.0, axis=2)
-        e = context.judge.separate[i]
-        judged += _channels(e, wide, np.isfinite(e.recording.output))
-    if not all(np.isfinite(c.columns).all() for c in (*fitted, *judged)):
+        judged.append(_channels(e, wide, np.isfinite(e.recording.output)))
+    judged = [part for part in judged if part]
+    if not all(np.isfinite(c.columns).all() for part in (fitted, *judged) for c in part):
         return None
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)

@@ -17,6 +17,7 @@ import numpy as np
 from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings
+from discovery.simplicity import imitates
 
 __all__ = ["Odds", "odds_of"]
 
@@ -28,7 +29,7 @@ class Odds:
     Parameters
     ----------
     train, held : float
-        What the training recordings and the held-out ones gain.
+        What the training recordings and the held-out ones gain; less the prior odds of a law that imitates others.
     size : float
         Movement of the residual over the model error that the larger set leaves.
     against_error : float
@@ -65,16 +66,35 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
     """Return the log odds of a larger set against a smaller one; `root` is the model without any added effect."""
     with np.errstate(invalid="ignore"):
         train = larger.evidence.train - smaller.evidence.train
+        train -= settings.nats * (_pliable(larger) - _pliable(smaller))
         held = larger.evidence.held - smaller.evidence.held
     gain = smaller.chi2 - larger.chi2
-    n_data = larger.refit.problem.bench.n_data
-    moved = np.sqrt(max(gain, 0.0) / n_data)
-    before = np.sqrt(max(root.chi2 - smaller.chi2, 0.0) / n_data)
-    error = np.hypot(larger.evidence.error, settings.law_of(larger.model) * before)
-    size = moved / max(float(error), 1e-12)
+    size = max(_size(larger, smaller, root, settings, judged=judged) for judged in (False, True))
     against = 0.5 * (size / settings.form_of(larger.model)) ** 2
     train, held = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in (train, held))
-    return Odds(train, held, float(size), float(against), float(gain))
+    return Odds(train, held, size, against, float(gain))
+
+
+def _pliable(contender: Contender) -> int:
+    """Return how many laws of a set imitate others: each has prior odds of one to what an effect needs."""
+    return sum(imitates(e) for e in contender.added)
+
+
+def _size(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool) -> float:
+    """Return how far a set moves the residual over the model error that it leaves, rms over rms.
+
+    In training, or in training and held-out recordings together: an effect may show in the larger motion of either.
+    """
+    parts = [(c.chi2, c.refit.problem.bench.n_data, c.evidence.error) for c in (larger, smaller, root)]
+    if judged:
+        held = [(c.evidence.chi2_held, c.evidence.count_held, c.evidence.error_held) for c in (larger, smaller, root)]
+        parts = [
+            (chi2 + other, n + m, np.sqrt((n * a**2 + m * b**2) / (n + m)))
+            for (chi2, n, a), (other, m, b) in zip(parts, held, strict=True)
+        ]
+    (chi2, n_data, error), (without, *_), (bare, *_) = parts
+    moved, before = (float(np.sqrt(max(gain, 0.0) / n_data)) for gain in (without - chi2, bare - without))
+    return moved / max(float(np.hypot(error, settings.law_of(larger.model) * before)), 1e-12)
 
 
 def candidacy(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Candidacy:

@@ -16,7 +16,7 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
 from discovery.selection.odds import Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
-from discovery.simplicity import imitates
+from discovery.simplicity import imitates, simplicity
 
 __all__ = ["Search"]
 
@@ -141,11 +141,14 @@ class Search:
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
         offered = list(self.offers.beside(self.best).contenders)
-        if any(imitates(e) for c in offered[:1] for e in c.added):
-            # A law so flexible that it imitates others must beat two plain ones as well.
-            offered = sorted([*offered, *self.offers.pairs(self.best)], key=lambda c: -c.joint)
-        if self._take(offered):
+        # A law so flexible that it imitates others is tried where neither a plain one nor two of them serve.
+        plain = [c for c in offered if not imitates(c.added[-1])]
+        if self._take(plain):
             return True
+        if len(plain) < len(offered):
+            pairs = [c for c in self.offers.pairs(self.best) if not any(imitates(e) for e in c.added)]
+            if self._take(pairs) or self._take([c for c in offered if c not in plain]):
+                return True
         room = len(self.best.added) + 2 <= self.context.settings.budget.most_effects
         if room and not self._leaves_noise():
             if self._take(self.offers.pairs(self.best)):
@@ -158,7 +161,8 @@ class Search:
 
     def _turn(self) -> bool:
         """Begin with another effect where two that hide each other explain more than the one that came first."""
-        if len(self.best.added) != 1 or self._leaves_noise():
+        turned = any(d.code == "rival" for d in self.decisions)
+        if turned or len(self.best.added) != 1 or self._leaves_noise():
             return False
         others = [c for c in self.offers.beside(self.root).contenders if c.added != self.best.added]
         for runner in others[: self.context.settings.budget.beam]:
@@ -187,7 +191,7 @@ class Search:
         """Make the most likely set that is accepted the best one."""
         settings, before = self.context.settings, self.best
         told = tuple(candidacy(c, before, self.root, settings) for c in offered[:_TOLD])
-        for contender in offered[:_TRIED]:
+        for contender in self._simplest_first(offered)[:_TRIED]:
             odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
             accepted = code == "accepted"
@@ -196,6 +200,19 @@ class Search:
                 self.best = contender
                 return True
         return False
+
+    def _simplest_first(self, offered: Sequence[Contender]) -> list[Contender]:
+        """Return sets, the most likely first; of those that serve as well as it, the physically simplest come first."""
+        best = max((c.joint for c in offered), default=-np.inf)
+        system = self.root.model.mechanics.system
+
+        def key(contender: Contender) -> tuple[object, ...]:
+            new = [e for e in contender.added if e not in self.best.added]
+            if not best - contender.joint < self.context.settings.nats:
+                return True, -contender.joint
+            return False, len(new), sorted((simplicity(e, system) for e in new), reverse=True), -contender.joint
+
+        return sorted(offered, key=key)
 
     def _judged(self, larger: Contender, smaller: Contender) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing."""
@@ -254,7 +271,7 @@ class Search:
         settings = self.context.settings
         if not self._affords(smaller):
             return
-        offered = self.offers.beside(smaller).contenders
+        offered = [c for c in self.offers.beside(smaller).contenders if not imitates(c.added[-1])]
         for contender in offered[:1]:
             gain = contender.joint - self.best.joint
             if frozenset(contender.added) == frozenset(self.best.added) or not gain > settings.nats:

@@ -69,8 +69,8 @@ class LoopSettings:
     nats: float = 3.0
     chance: float = 0.99
     error_scale: float = 0.15
-    form: float = 0.35
-    form_arm: float = 0.7
+    form: float = 0.5
+    form_arm: float = 1.0
     law: float = 0.005
     law_arm: float = 0.045
     tolerance: float = 2e-5
