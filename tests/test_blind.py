@@ -24,6 +24,8 @@ from scipy.optimize import brentq
 
 from benchmarks.blind import base, generate, peers, run, score
 from benchmarks.blind.truth import catalogue_values
+from discovery.dataset import load_dataset
+from discovery.fit import declared_model, fit
 
 TIME = np.linspace(0, 3, 61)
 MOVE = sequence(trapezoid(1.0, 1.2), trapezoid(-0.4, 1.0, start=2.0))
@@ -341,6 +343,15 @@ def test_a_failed_case_is_a_result_and_is_tried_again(tmp_path, monkeypatch):
 
 def _arm(seed, index):
     return {"case": index, "rod_over_tip": 0.1, "deflection": 0.5, "deflection_holdout": 0.6, "rms_m": 1e-4 * seed}
+
+
+def test_the_bare_exact_arm_is_fitted_to_whole_recordings():
+    folder = Path(__file__).parents[1] / "datasets" / "arm"
+    data = load_dataset(folder / "rig.toml", [sorted(folder.glob("train*.csv"))[0]])
+    assert data.train[0].fitted_samples is not None
+    bare = run.exact_arm(fit(declared_model(data.train[0]), data.train), data)
+    assert bare.model.base == "elastica_4"
+    assert bare.problem.bench.n_data == np.isfinite(data.train[0].recording.output).sum()
 
 
 def test_clean_arms_go_on_where_they_were_and_one_without_a_fit_is_missed(tmp_path, monkeypatch, capsys):

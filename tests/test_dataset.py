@@ -216,6 +216,16 @@ def test_parts_of_one_file_and_equal_readings_at_rest_are_no_repetition(folder: 
     assert len(load_dataset(folder / "records.toml").train) == 2
 
 
+def test_a_slow_passage_that_two_releases_share_in_coarse_steps_is_no_repetition(folder: Path) -> None:
+    step, passage = 0.02, 0.02 * np.arange(40)
+    for name, size in (("wide.csv", 3.0), ("narrow.csv", 2.0)):
+        swing = size * np.cos(0.05 * np.arange(600))
+        values = step * np.round(np.concatenate([swing[:150], passage, swing[150:]]) / step)
+        frame = pd.DataFrame({"t": 0.02 * np.arange(640), "u": np.sin(size * np.arange(640)), "y": values})
+        frame.to_csv(folder / name, index=False)
+    assert len(load_dataset(folder / "rig.toml", [folder / "wide.csv"], [folder / "narrow.csv"]).holdout) == 1
+
+
 def test_two_signals_of_one_column_are_refused(folder: Path) -> None:
     (folder / "rig.toml").write_text(RIG.replace('name = "y"', 'name = "t"'))
     with pytest.raises(InputError, match="time and output are both read from the column 't'"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -162,6 +163,55 @@ def odds(**changed: float) -> Odds:
 )
 def test_an_effect_is_refused_for_what_it_lacks(changed: dict[str, float], code: str) -> None:
     assert odds(**changed).code(LoopSettings(), chance=100.0) == code
+
+
+def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    smaller = search.without("coulomb_friction")
+
+    def size(held: float) -> float:
+        """Return the size of friction where it leaves so many noise variances more of each held-out reading."""
+        changed = {"chi2_held": search.best.evidence.chi2_held + held * search.best.evidence.count_held}
+        without = dataclasses.replace(smaller, evidence=dataclasses.replace(smaller.evidence, **changed))
+        return odds_of(search.best, without, search.root, search.context.settings).size
+
+    # No motion held out takes from what training shows.
+    assert size(-1.0) == size(0.0) <= size(1e6)
+    assert size(1e6) > 100 * size(0.0)
+
+
+def test_sets_that_give_way_to_each_other_in_turn_end_with_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = begun(context(beta=1.0, f_c=0.02))
+    offered = search.offers.beside(search.root).contenders
+    likely, unlikely = offered[0], offered[-1]
+    turns = []
+
+    def turn() -> bool:
+        turns.append(search.best)
+        search.best = unlikely if search.best is likely else likely
+        return True
+
+    monkeypatch.setattr(search, "_forward", lambda: False)
+    monkeypatch.setattr(search, "_turn", turn)
+    monkeypatch.setattr(search, "_backward", lambda before: None)
+    monkeypatch.setattr(search, "_is_complete", lambda: False)
+    search._grow()
+    assert len(turns) == 3
+    assert search.best is likely
+    assert search.decisions[-1].code == "exhausted"
+
+
+def test_of_sets_that_serve_as_well_the_simplest_comes_first() -> None:
+    search = begun(context(f_c=0.02))
+    offered = search.offers.beside(search.root).contenders
+    first = search._simplest_first(offered)
+    best = max(c.joint for c in offered)
+    nats = search.context.settings.nats
+    tied = [c for c in first if best - c.joint < nats]
+    assert tied == first[: len(tied)]
+    assert "coulomb_friction" in tied[0].added
+    rest = [c.joint for c in first[len(tied) :]]
+    assert rest == sorted(rest, reverse=True)
 
 
 def test_the_odds_that_decide_are_the_smallest() -> None:
