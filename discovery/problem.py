@@ -41,6 +41,10 @@ class NaturalUnits:
         return unit / self.drive if parameter.name == "g" else unit * self.drive if parameter.name == "m" else unit
 
 
+#: Longest step between even stamps, over the median one.
+_GAP = 3.0
+
+
 def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
     """Return the natural units of recordings: the inverse dominant angular frequency, amplitude and length.
 
@@ -56,6 +60,9 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
         t, d = t[good], d[good] - d[good].mean()
         keep = slice(None, None, max(1, t.size // 20_000))
         span, gap = t[-1] - t[0], float(np.median(np.diff(t[keep])))
+        if not np.allclose(np.diff(t), np.diff(t).mean(), rtol=1e-3) and np.diff(t).max() < _GAP * gap:
+            # Stamps that jitter: the spectrum of a motion that is far slower does not feel it.
+            t, d = (even := np.linspace(t[0], t[-1], t.size)), np.interp(even, t, d)
         if np.allclose(np.diff(t), np.diff(t).mean(), rtol=1e-3):
             power = np.abs(np.fft.rfft(d * np.hanning(d.size), 4 * d.size)) ** 2
             grid = 2 * np.pi * np.fft.rfftfreq(4 * d.size, float(np.diff(t).mean()))
