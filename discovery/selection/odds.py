@@ -29,7 +29,7 @@ class Odds:
     Parameters
     ----------
     train, held : float
-        What the training recordings and the held-out ones gain; less the prior odds of a law that imitates others.
+        What the training recordings and the held-out ones gain.
     size : float
         Movement of the residual over the model error that the larger set leaves.
     against_error : float
@@ -66,18 +66,13 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
     """Return the log odds of a larger set against a smaller one; `root` is the model without any added effect."""
     with np.errstate(invalid="ignore"):
         train = larger.evidence.train - smaller.evidence.train
-        train -= settings.nats * (_pliable(larger) - _pliable(smaller))
         held = larger.evidence.held - smaller.evidence.held
     gain = smaller.chi2 - larger.chi2
     size = max(_size(larger, smaller, root, settings, judged=judged) for judged in (False, True))
-    against = 0.5 * (size / settings.form_of(larger.model)) ** 2
+    pliable = any(imitates(e) for e in larger.added if e not in smaller.added)
+    against = 0.5 * (size / (settings.form_of(larger.model) * (settings.pliable if pliable else 1.0))) ** 2
     train, held = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in (train, held))
     return Odds(train, held, size, against, float(gain))
-
-
-def _pliable(contender: Contender) -> int:
-    """Return how many laws of a set imitate others: each has prior odds of one to what an effect needs."""
-    return sum(imitates(e) for e in contender.added)
 
 
 def _size(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool) -> float:

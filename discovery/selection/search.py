@@ -141,23 +141,22 @@ class Search:
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
         offered = list(self.offers.beside(self.best).contenders)
-        # A law so flexible that it imitates others is tried where neither a plain one nor two of them serve.
-        plain = [c for c in offered if not imitates(c.added[-1])]
+        # A law so flexible that it imitates others is tried where neither plain ones nor two of them serve.
+        plain, pliable = ([c for c in offered if imitates(c.added[-1]) is which] for which in (False, True))
         if self._take(plain):
             return True
-        if len(plain) < len(offered):
-            pairs = [c for c in self.offers.pairs(self.best) if not any(imitates(e) for e in c.added)]
-            if self._take(pairs) or self._take([c for c in offered if c not in plain]):
-                return True
         room = len(self.best.added) + 2 <= self.context.settings.budget.most_effects
-        if room and not self._leaves_noise():
-            if self._take(self.offers.pairs(self.best)):
+        if not room or self._leaves_noise():
+            return self._take(pliable)
+        pairs = self.offers.pairs(self.best)
+        own = len(self.best.added)
+        if self._take([c for c in pairs if not any(imitates(e) for e in c.added[own:])]):
+            return True
+        # Effects hide each other: what is refused alone may be right beside another.
+        for leading in self._leading(plain)[:1] if not self.best.added else ():
+            if self._take([c for c in self.offers.beside(leading).contenders if not imitates(c.added[-1])]):
                 return True
-            # Effects hide each other: what is refused alone may be right beside another.
-            for leading in self._leading(offered)[:1] if not self.best.added else ():
-                if self._take(self.offers.beside(leading).contenders):
-                    return True
-        return False
+        return self._take(pliable) or self._take(pairs)
 
     def _turn(self) -> bool:
         """Begin with another effect where two that hide each other explain more than the one that came first."""
