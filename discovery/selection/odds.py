@@ -70,7 +70,7 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
     gain = smaller.chi2 - larger.chi2
     size = max(_size(larger, smaller, root, settings, judged=judged) for judged in (False, True))
     pliable = any(imitates(e) for e in larger.added if e not in smaller.added)
-    against = 0.5 * (size / (settings.form_of(larger.model) * (settings.pliable if pliable else 1.0))) ** 2
+    against = 0.5 * (size / (settings.form_pliable if pliable else settings.form_of(larger.model))) ** 2
     train, held = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in (train, held))
     return Odds(train, held, size, against, float(gain))
 
