@@ -11,7 +11,7 @@ from discovery.bench import Bench
 from discovery.errors import ComputationError
 from discovery.experiment import Experiment, largest_deflection
 from discovery.fit import Fit
-from discovery.holdout_part import motion_over_noise
+from discovery.holdout_part import motion_over_noise, two_thirds
 from discovery.model import Model
 from discovery.predict import held_out
 from discovery.problem import NaturalUnits
@@ -54,13 +54,13 @@ class HoldOut:
         """How the held-out data relate to the fitted ones."""
         if not self.continued:
             return SEPARATE
-        whole = all(e.fitted_samples == 2 * e.recording.time.size // 3 for e in self.train)
+        whole = all(e.fitted_samples == two_thirds(e.recording.time.size) for e in self.train)
         return f"last third {'' if whole else 'of the motion '}of each training recording, continued"
 
     @property
     def motion(self) -> float:
         """The largest scatter of a stretch of what is held out [noise sds]: how much it can tell."""
-        first = [e.fitted_samples or 0 if self.continued else 0 for e in self.experiments]
+        first = [e.fitted_samples or 0 for e in self.experiments]
         moved = [motion_over_noise(e.recording, n) for e, n in zip(self.experiments, first, strict=True)]
         return max(moved, default=0.0)
 

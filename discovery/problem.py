@@ -41,8 +41,8 @@ class NaturalUnits:
         return unit / self.drive if parameter.name == "g" else unit * self.drive if parameter.name == "m" else unit
 
 
-#: Longest step between even stamps, over the median one.
-_GAP = 3.0
+#: Longest step between stamps that only jitter, over the median one; samples of a periodogram of uneven ones.
+_GAP, _UNEVEN = 3.0, 20_000
 
 
 def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
@@ -51,26 +51,7 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
     The frequency is that of the largest peak of the pooled periodogram of the deflection; an arm's natural angle is
     one radian, because its geometry is nonlinear on that scale.
     """
-    from scipy.signal import lombscargle
-
-    frequencies: list[float] = []
-    for experiment in experiments:
-        t, d = experiment.recording.time[experiment.fitted], experiment.deflection[experiment.fitted]
-        good = np.isfinite(d)
-        t, d = t[good], d[good] - d[good].mean()
-        keep = slice(None, None, max(1, t.size // 20_000))
-        span, gap = t[-1] - t[0], float(np.median(np.diff(t[keep])))
-        if not np.allclose(np.diff(t), np.diff(t).mean(), rtol=1e-3) and np.diff(t).max() < _GAP * gap:
-            # Stamps that jitter: the spectrum of a motion that is far slower does not feel it.
-            t, d = (even := np.linspace(t[0], t[-1], t.size)), np.interp(even, t, d)
-        if np.allclose(np.diff(t), np.diff(t).mean(), rtol=1e-3):
-            power = np.abs(np.fft.rfft(d * np.hanning(d.size), 4 * d.size)) ** 2
-            grid = 2 * np.pi * np.fft.rfftfreq(4 * d.size, float(np.diff(t).mean()))
-            first = int(np.searchsorted(grid, 4 * np.pi / span))
-            frequencies.append(float(grid[first + np.argmax(power[first:])]))
-        else:
-            grid = np.linspace(4 * np.pi / span, 0.5 * np.pi / gap, 4000)
-            frequencies.append(float(grid[np.argmax(lombscargle(t[keep], d[keep], grid))]))
+    frequencies = [_dominant(*_finite(e)) for e in experiments]
     arm = experiments[0].is_arm
     length = experiments[0].rig.length
     forces = [e.force for e in experiments if e.force is not None]
@@ -81,6 +62,36 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
         length=length.value if length is not None else 1.0,
         drive=1.0 if arm or not forces else float(max(np.nanmax(np.abs(u)) for u in forces)),
     )
+
+
+def _finite(experiment: Experiment) -> tuple[FloatArray, FloatArray]:
+    """Return times and deflections of the fitted samples without gaps, about their mean."""
+    time, deflection = experiment.recording.time[experiment.fitted], experiment.deflection[experiment.fitted]
+    good = np.isfinite(deflection)
+    return time[good], deflection[good] - deflection[good].mean()
+
+
+def _dominant(time: FloatArray, deflection: FloatArray) -> float:
+    """Return the angular frequency of the largest peak of a periodogram, from two periods in the recording on."""
+    steps, span = np.diff(time), time[-1] - time[0]
+    if not np.allclose(steps, steps.mean(), rtol=1e-3):
+        if steps.max() >= _GAP * np.median(steps):
+            return _dominant_of_uneven(time, deflection)
+        # Stamps that jitter: the spectrum of a motion that is far slower does not feel it.
+        deflection = np.interp(np.linspace(time[0], time[-1], time.size), time, deflection)
+    power = np.abs(np.fft.rfft(deflection * np.hanning(deflection.size), 4 * deflection.size)) ** 2
+    grid = 2 * np.pi * np.fft.rfftfreq(4 * deflection.size, float(steps.mean()))
+    first = int(np.searchsorted(grid, 4 * np.pi / span))
+    return float(grid[first + np.argmax(power[first:])])
+
+
+def _dominant_of_uneven(time: FloatArray, deflection: FloatArray) -> float:
+    """Return the same of uneven times, by the periodogram of Lomb."""
+    from scipy.signal import lombscargle
+
+    keep = slice(None, None, max(1, time.size // _UNEVEN))
+    grid = np.linspace(4 * np.pi / (time[-1] - time[0]), 0.5 * np.pi / float(np.median(np.diff(time[keep]))), 4000)
+    return float(grid[np.argmax(lombscargle(time[keep], deflection[keep], grid))])
 
 
 def known_values(experiment: Experiment) -> dict[str, float]:

@@ -20,27 +20,20 @@ class Died(Exception):
 
 
 class Pool:
-    """Processes that do one piece of work each at a time.
+    """Processes that do one piece of work each at a time; one is started where none waits for work.
 
     Parameters
     ----------
-    size : int
-        How many; each is started when there is work for it.
     environment : mapping of str to str
         Variables of theirs, beside those of this process.
     """
 
-    def __init__(self, size: int, environment: dict[str, str]) -> None:
-        self._size, self._environment = size, environment
+    def __init__(self, environment: dict[str, str]) -> None:
+        self._environment = environment
         # A forked process would have the locks of threads that it does not have.
         self._context = multiprocessing.get_context("spawn")
         self._idle: list[tuple[Any, Connection]] = []
         self._busy: dict[Connection, tuple[Any, Any]] = {}
-
-    @property
-    def has_room(self) -> bool:
-        """Whether a process waits for work."""
-        return len(self._busy) < self._size
 
     def submit(self, key: Any, work: Callable[..., Any], *arguments: Any) -> None:
         """Give work to a process that waits.
@@ -102,9 +95,9 @@ class Pool:
 
 
 @contextmanager
-def pool(size: int, environment: dict[str, str] | None = None) -> Iterator[Pool]:
+def pool(environment: dict[str, str] | None = None) -> Iterator[Pool]:
     """Yield a `Pool`, all of whose processes end with the block."""
-    made = Pool(size, environment or {})
+    made = Pool(environment or {})
     try:
         yield made
     finally:

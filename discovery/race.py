@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 
-import numpy as np
-
 __all__ = ["SLOW", "Race", "is_far_behind", "near_the_best"]
 
 #: A quick search may be slow at first: it is out only where it leaves so many times the excess of the best one.
@@ -26,10 +24,10 @@ def is_far_behind(chi2: float, best: float, n_data: int, behind: float = _BEHIND
     return chi2 - n_data > behind * max(best - n_data, _LITTLE * n_data)
 
 
-def near_the_best(chi2: Sequence[float], n_data: int, behind: float = _BEHIND, known: float = np.inf) -> list[int]:
-    """Return which fits are far behind neither the best one nor one that is known, smallest chi-square first."""
+def near_the_best(chi2: Sequence[float], n_data: int, behind: float = _BEHIND) -> list[int]:
+    """Return which fits are not far behind the best one, smallest chi-square first."""
     order = sorted(range(len(chi2)), key=lambda i: chi2[i])
-    return [i for i in order if not is_far_behind(chi2[i], min(known, chi2[order[0]]), n_data, behind)]
+    return [i for i in order if not is_far_behind(chi2[i], chi2[order[0]], n_data, behind)]
 
 
 class Race:

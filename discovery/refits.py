@@ -16,8 +16,7 @@ from discovery.finite import FarStart
 from discovery.least_squares import Minimum, levenberg_marquardt
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.race import SLOW, Race, is_far_behind, near_the_best
-from discovery.registry import get_effect
+from discovery.race import SLOW, Race, near_the_best
 
 __all__ = [
     "Refit",
@@ -69,10 +68,6 @@ class Refit:
         """Estimates by name, initial states included."""
         return self.problem.named(self.minimum.x)
 
-    def priced(self, price: float) -> float:
-        """Return chi-square with a price for every free parameter."""
-        return self.chi2 + price * len(self.problem.free)
-
     def predict(self) -> list[FloatArray]:
         """Return the channels of every fitted recording, each (n, c)."""
         return self.problem.predict(self.minimum.x)
@@ -104,7 +99,6 @@ def refit(
     shortlist: Sequence[Candidate],
     *,
     finite: Sequence[FarStart] = (),
-    known: float = np.inf,
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
@@ -116,8 +110,6 @@ def refit(
         From `discovery.attribution.screen`.
     finite : sequence of FarStart
         More starts, see `discovery.finite.finite_starts`.
-    known : float
-        Chi-square of another set: what stays far behind it is not finished.
 
     Returns
     -------
@@ -127,7 +119,7 @@ def refit(
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), s.values, s.columns(), None) for c in shortlist for s in c.starts]
     starts += [((name,), vector, np.zeros((rows, vector.size)), others) for name, vector, others in finite]
-    return _raced(model, minimum, problem, starts, known)
+    return _raced(model, minimum, problem, starts)
 
 
 def refit_pairs(
@@ -155,9 +147,7 @@ def refit_pairs(
     return _raced(model, minimum, problem, starts)
 
 
-def _raced(
-    model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start], known: float = np.inf
-) -> list[Refit]:
+def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start]) -> list[Refit]:
     """Refit from starts, all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
@@ -232,7 +222,6 @@ def _raced(
     # Starts come in the order of their scores.
     promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
     chosen = list(dict.fromkeys([*near[:_FINISHED], *nearest[:_FINISHED], *promising, *stalled]))
-    chosen = [i for i in chosen if not is_far_behind(2 * minima[i].cost, known, n_data, SLOW)]
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
     finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):
@@ -278,7 +267,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
     return settled(problems, vectors)
 
 
-def relaxed(fitted: Refit, dropped: Sequence[str], *, carried: bool = False) -> Refit:
+def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     """Return a refit without some of its effects, fitted again.
 
     Parameters
@@ -287,21 +276,10 @@ def relaxed(fitted: Refit, dropped: Sequence[str], *, carried: bool = False) -> 
         With them.
     dropped : sequence of str
         Effects.
-    carried : bool
-        Whether the other parameters take over, to first order, what these did: what the recordings do not determine
-        may have shared it with them in any proportion.
     """
     problem = fitted.problem
     smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
-    start = smaller.start(fitted.values)
-    if carried:
-        amplitudes = {p.name for e in dropped for p in get_effect(e).parameters() if not p.shape}
-        gone = [i for i, n in enumerate(problem.names) if n in amplitudes]
-        kept = [problem.names.index(n) for n in smaller.names]
-        jacobian, x = fitted.minimum.jacobian, fitted.minimum.x
-        step, *_ = np.linalg.lstsq(jacobian[:, kept], jacobian[:, gone] @ x[gone], rcond=None)
-        start = np.clip(start + step, *smaller.bounds)
-    (minimum,) = fit_problems([smaller], [start], tolerance=1e-6, rough=True)
+    (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
     # A falling body needs no effect at all.
     return Refit(next(reversed(smaller.model.effects), ""), smaller, minimum)
 

@@ -49,14 +49,10 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
 def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32]) -> int | None:
     """Return where a row of equal readings begins that both recordings hold because they were cut from one."""
     # A run of twice that length holds a whole block of the first wherever it begins.
-    starts = range(0, len(seen) - _ROW + 1, _ROW)
-    whole = {i: seen[i : i + _ROW] for i in starts}
-    blocks = {i: b for i, b in whole.items() if np.isfinite(b).all() and len(np.unique(b, axis=0)) >= _DIFFERENT}
-    if not blocks:
-        return None
-    known = {b.tobytes(): i for i, b in blocks.items()}
+    blocks = [(i, seen[i : i + _ROW]) for i in range(0, len(seen) - _ROW + 1, _ROW)]
+    known = {b.tobytes(): i for i, b in blocks if np.isfinite(b).all() and len(np.unique(b, axis=0)) >= _DIFFERENT}
     # Few readings are those with which a block begins.
-    begins = np.flatnonzero(np.isin(judged[: 1 - _ROW, 0], [b[0, 0] for b in blocks.values()]))
+    begins = np.flatnonzero(np.isin(judged[: 1 - _ROW, 0], [seen[i, 0] for i in known.values()]))
     alike = ((known.get(judged[j : j + _ROW].tobytes()), int(j)) for j in begins)
     return next((j for i, j in alike if i is not None and _is_cut(seen, judged, i, j)), None)
 

@@ -243,7 +243,7 @@ def _here(workers: int) -> Iterator[_Crew]:
     """Yield processes on this machine."""
     # The processes share the processors; each would else simulate on all of them.
     threads = max(1, (os.cpu_count() or 1) // workers)
-    with pool(workers, {"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
+    with pool({"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
         yield _Processes(made, workers)
 
 

@@ -14,7 +14,6 @@ from discovery.fit import MOST_STEPS
 from discovery.least_squares import Minimum
 from discovery.model import Model
 from discovery.problem import Problem
-from discovery.race import SLOW, is_far_behind
 from discovery.refits import Refit, distances, refit, resettled, settled
 
 __all__ = ["coarsened", "unstiffened"]
@@ -44,12 +43,7 @@ _SAME = 1.01
 
 
 def unstiffened(
-    model: Model,
-    minimum: Minimum,
-    problem: Problem,
-    shortlist: Sequence[Candidate],
-    quick: Sequence[Refit],
-    known: float = np.inf,
+    model: Model, minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate], quick: Sequence[Refit]
 ) -> list[Refit]:
     """Repeat promising refits with finer steps where the solver errs: strong damping makes the rod's ringing stiff.
 
@@ -59,8 +53,6 @@ def unstiffened(
         As for `refit`.
     quick : sequence of Refit
         What `refit` found.
-    known : float
-        Chi-square of another set: what is far behind it, and no blow-up has stopped, is not repeated.
 
     Returns
     -------
@@ -68,11 +60,9 @@ def unstiffened(
         Smallest chi-square first.
     """
     n = problem.bench.n_data
-    # What a blow-up has stopped tells nothing of what it would leave.
-    far = [r for r in quick if is_far_behind(r.chi2, known, n, SLOW) and not r.minimum.blown]
-    best = {r.effect: r for r in quick if r not in far}
+    best = {r.effect: r for r in quick}
     if not best:
-        return far
+        return []
     finest = dict(best)
     by_score = [c for c in sorted(shortlist, key=lambda c: -c.score) if c.effect in best]
     benches = {1: problem.bench}
@@ -122,7 +112,7 @@ def unstiffened(
                 best[r.effect] = coarsened(r, best[r.effect].problem.bench)
             else:
                 checked.add(r.effect)
-    return sorted([*best.values(), *far], key=lambda r: r.chi2)
+    return sorted(best.values(), key=lambda r: r.chi2)
 
 
 def coarsened(fine: Refit, coarse: Bench) -> Refit:

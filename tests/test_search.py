@@ -182,7 +182,7 @@ def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> N
 
 def test_sets_that_give_way_to_each_other_in_turn_end_with_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
     search = begun(context(beta=1.0, f_c=0.02))
-    offered = search.offers.beside(search.root).contenders
+    offered = search.offers.beside(search.root)
     likely, unlikely = offered[0], offered[-1]
     turns = []
 
@@ -203,7 +203,7 @@ def test_sets_that_give_way_to_each_other_in_turn_end_with_the_likeliest(monkeyp
 
 def test_of_sets_that_serve_as_well_the_simplest_comes_first() -> None:
     search = begun(context(f_c=0.02))
-    offered = search.offers.beside(search.root).contenders
+    offered = search.offers.beside(search.root)
     first = search._simplest_first(offered)
     best = max(c.joint for c in offered)
     nats = search.context.settings.nats

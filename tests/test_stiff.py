@@ -116,23 +116,6 @@ def test_where_the_set_itself_all_but_blows_up_a_candidate_must_do_so_sooner(
     assert done == asked
 
 
-def test_what_is_far_behind_a_known_set_is_not_repeated_on_finer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, scored, quick = screened(0.0165)
-    for name in ("_OWN", "_LITTLE", "_NEARER"):
-        monkeypatch.setattr(stiff, name, 0.0)
-    asked: list[list[str]] = []
-    monkeypatch.setattr(stiff, "refit", lambda *given, **_: asked.append([c.effect for c in given[3]]) or [])
-    monkeypatch.setattr(stiff, "settled", lambda *_: [])
-    n = found.problem.bench.n_data
-    costs = zip(quick, (0.75 * n, 10.0 * n), strict=True)
-    one, other = (replace(r, minimum=replace(r.minimum, cost=cost)) for r, cost in costs)
-    for known, repeated in ((np.inf, {one.effect, other.effect}), (float(n), {one.effect})):
-        asked.clear()
-        again = unstiffened(found.problem.model, found.minimum, found.problem, scored, [one, other], known)
-        assert {e for names in asked for e in names} == repeated
-        assert again == [one, other]
-
-
 def test_what_blows_up_from_its_linear_start_goes_on_from_where_longer_steps_ended(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -55,6 +55,11 @@ class Contender:
         return self.refit.problem.model
 
     @property
+    def key(self) -> tuple[frozenset[str], str]:
+        """The effects added, whatever their order, and the mechanics."""
+        return frozenset(self.added), self.model.base
+
+    @property
     def chi2(self) -> float:
         """Sum of squared residuals of the training recordings [noise variances], the rig's part included."""
         return self.refit.chi2

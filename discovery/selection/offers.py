@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,38 +21,13 @@ from discovery.simulate import THREADS
 from discovery.stiff import unstiffened
 from discovery.workers import at_once
 
-__all__ = ["Offer", "Offers"]
+__all__ = ["Offers"]
 
 FloatArray = NDArray[np.float64]
+#: Effects and mechanics of a set.
+_Key = tuple[frozenset[str], str]
 #: Model error [noise sds] above which effects may be of a size at which linear starts fail.
 _FAR = 3.0
-
-
-@dataclass(frozen=True)
-class Offer:
-    """What the catalogue offers beside one set.
-
-    Parameters
-    ----------
-    beside : Contender
-        The set.
-    scored : tuple of Candidate
-        Every candidate, the largest linear score first.
-    contenders : tuple of Contender
-        The set with one effect more, refitted and weighed, the most likely first.
-    ranking : tuple of Refit
-        Every refit, smallest chi-square first.
-    """
-
-    beside: Contender
-    scored: tuple[Candidate, ...]
-    contenders: tuple[Contender, ...]
-    ranking: tuple[Refit, ...]
-
-    @property
-    def promise(self) -> float:
-        """Chi-square that the best candidate would remove to first order."""
-        return self.scored[0].score if self.scored else 0.0
 
 
 class Offers:
@@ -61,9 +35,10 @@ class Offers:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        self._made: dict[tuple[frozenset[str], str], Offer] = {}
-        self._pairs: dict[tuple[frozenset[str], str], list[Contender]] = {}
-        self._scored: dict[tuple[frozenset[str], str], tuple[Candidate, ...]] = {}
+        self._made: dict[_Key, list[Contender]] = {}
+        self._pairs: dict[_Key, list[Contender]] = {}
+        self._scored: dict[_Key, tuple[Candidate, ...]] = {}
+        self._chance: dict[tuple[Contender, Contender], FloatArray] = {}
 
     def __len__(self) -> int:
         """Return how many sets were extended by every candidate."""
@@ -71,27 +46,25 @@ class Offers:
 
     def has(self, node: Contender) -> bool:
         """Return whether the offer beside a set is made already."""
-        return (frozenset(node.added), node.model.base) in self._made
+        return node.key in self._made
 
     def scored(self, node: Contender) -> tuple[Candidate, ...]:
         """Return every candidate beside a set with its linear score, the largest first."""
-        key = frozenset(node.added), node.model.base
-        if key not in self._scored:
+        if node.key not in self._scored:
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
             names = self.context.candidates(problem.model)
             beside = f" beside {' and '.join(node.added)}" if node.added else ""
             self.context.tell(f"screening the catalogue{beside} ({len(names)} effects)")
-            self._scored[key] = tuple(screen(problem.model, minimum, problem, names))
-        return self._scored[key]
+            self._scored[node.key] = tuple(screen(problem.model, minimum, problem, names))
+        return self._scored[node.key]
 
-    def beside(self, node: Contender) -> Offer:
-        """Return the offer beside a set: every candidate refitted, the best of them weighed."""
-        key = frozenset(node.added), node.model.base
-        if key not in self._made:
-            self._made[key] = self._make(node)
-        return self._made[key]
+    def beside(self, node: Contender) -> list[Contender]:
+        """Return a set with one effect more: every candidate refitted, the best of them weighed, most likely first."""
+        if node.key not in self._made:
+            self._made[node.key] = self._make(node)
+        return self._made[node.key]
 
-    def _make(self, node: Contender) -> Offer:
+    def _make(self, node: Contender) -> list[Contender]:
         scored = self.scored(node)
         beside = f" beside {' and '.join(node.added)}" if node.added else ""
         self.context.tell(f"refitting every candidate{beside}")
@@ -112,27 +85,22 @@ class Offers:
 
         # The first effect may be a ripple whose frequency the whole recording hides.
         ways = at_once([whole] if node.added else [whole, growing], threads=THREADS)
-        refits = tuple(best_of(r for found in ways for r in found))
         # Only those with everything free are weighed.
         known = node.refit.problem.gaussian
         free = best_of(r for found in ways for r in found if r.problem.gaussian == known)
         leading = free[: self.context.settings.budget.finished]
-        weighed = contenders(self.context, [((*node.added, r.effect), r) for r in leading])
-        return Offer(node, scored, tuple(weighed), refits)
+        return contenders(self.context, [((*node.added, r.effect), r) for r in leading])
 
     def known(self, added: Sequence[str], base: str) -> list[Contender]:
         """Return sets of these effects on a base that were weighed as an extension of another."""
         key = frozenset(added), base
-        return [
-            c for offer in self._made.values() for c in offer.contenders if (frozenset(c.added), c.model.base) == key
-        ]
+        return [c for offered in self._made.values() for c in offered if c.key == key]
 
     def pairs(self, node: Contender) -> list[Contender]:
         """Return sets with two effects more that would explain the residual to first order, the most likely first."""
-        key = frozenset(node.added), node.model.base
-        if key not in self._pairs:
-            self._pairs[key] = self._paired(node)
-        return self._pairs[key]
+        if node.key not in self._pairs:
+            self._pairs[node.key] = self._paired(node)
+        return self._pairs[node.key]
 
     def _paired(self, node: Contender) -> list[Contender]:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
@@ -149,6 +117,11 @@ class Offers:
 
         The noise has the spectrum of what the larger set leaves.
         """
+        if (smaller, larger) not in self._chance:
+            self._chance[smaller, larger] = self._drawn(smaller, larger)
+        return self._chance[smaller, larger]
+
+    def _drawn(self, smaller: Contender, larger: Contender) -> FloatArray:
         bench = larger.refit.problem.bench
         rng = np.random.default_rng([self.context.settings.seed, len(larger.added)])
         noise = surrogates(larger.refit.minimum.residual[: bench.n_rows], bench, rng)

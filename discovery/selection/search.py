@@ -61,23 +61,25 @@ class Search:
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
-        budget = self.context.settings.budget
         been: dict[tuple[frozenset[str], str], Contender] = {}
-        while len(self.best.added) < budget.most_effects and self._affords(self.best):
+        while len(self.best.added) < self.context.settings.budget.most_effects and self._affords(self.best):
             if self._is_complete():
                 return
-            before, here = self.best, (frozenset(self.best.added), self.best.model.base)
-            returned = here in been
-            if returned:
+            before = self.best
+            if before.key in been:
                 # Sets that give way to each other in turn: the likeliest of them stands.
                 self.best = max((c for c in been.values() if len(c.added) == len(before.added)), key=lambda c: c.joint)
-            been[here] = before
-            if returned or (not self._forward() and not self._turn()):
-                self.decisions.append(Decision("stop", (), True, "exhausted"))
-                self._resolve()
-                return
+                return self._exhausted()
+            been[before.key] = before
+            if not self._forward() and not self._turn():
+                return self._exhausted()
             self._backward(before)
         self.decisions.append(Decision("stop", (), True, "budget"))
+
+    def _exhausted(self) -> None:
+        """End the search where nothing more is accepted."""
+        self.decisions.append(Decision("stop", (), True, "exhausted"))
+        self._resolve()
 
     def _simplify(self) -> None:
         """Let a law take the place of one that contains it where the difference is not accepted."""
@@ -140,7 +142,7 @@ class Search:
 
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
-        offered = list(self.offers.beside(self.best).contenders)
+        offered = list(self.offers.beside(self.best))
         # A law so flexible that it imitates others is tried where neither plain ones nor two of them serve.
         plain, pliable = ([c for c in offered if imitates(c.added[-1]) is which] for which in (False, True))
         if self._take(plain):
@@ -154,7 +156,7 @@ class Search:
             return True
         # Effects hide each other: what is refused alone may be right beside another.
         for leading in self._leading(plain)[:1] if not self.best.added else ():
-            if self._take([c for c in self.offers.beside(leading).contenders if not imitates(c.added[-1])]):
+            if self._take([c for c in self.offers.beside(leading) if not imitates(c.added[-1])]):
                 return True
         return self._take(pliable) or self._take(pairs)
 
@@ -163,16 +165,18 @@ class Search:
         turned = any(d.code == "rival" for d in self.decisions)
         if turned or len(self.best.added) != 1 or self._leaves_noise():
             return False
-        others = [c for c in self.offers.beside(self.root).contenders if c.added != self.best.added]
+        others = [c for c in self.offers.beside(self.root) if c.added != self.best.added]
         for runner in others[: self.context.settings.budget.beam]:
             if not np.isfinite(runner.joint) or not self._affords(runner):
                 continue
-            offered = self.offers.beside(runner).contenders
-            told = tuple(candidacy(c, self.root, self.root, self.context.settings) for c in offered[:_TOLD])
+            offered = self.offers.beside(runner)
             for pair in offered[:1]:
                 gain = pair.joint - self.best.joint
-                odds, code = self._judged(pair, self.root) if gain > self.context.settings.nats else (None, "training")
-                if odds is not None and code == "accepted":
+                if not gain > self.context.settings.nats:
+                    continue
+                odds, code = self._judged(pair, self.root)
+                if code == "accepted":
+                    told = tuple(candidacy(c, self.root, self.root, self.context.settings) for c in offered[:_TOLD])
                     self.decisions.append(Decision("remove", self.best.added, True, "rival", {"odds": gain}))
                     self.decisions.append(Decision("add", pair.added, True, code, _numbers(odds), told))
                     self.best = pair
@@ -248,7 +252,7 @@ class Search:
         if not self._affords(smaller):
             return []
         own = frozenset(self.best.added)
-        offered = self.offers.beside(smaller).contenders
+        offered = self.offers.beside(smaller)
         return [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
 
     def _backward(self, before: Contender) -> None:
@@ -270,7 +274,7 @@ class Search:
         settings = self.context.settings
         if not self._affords(smaller):
             return
-        offered = [c for c in self.offers.beside(smaller).contenders if not imitates(c.added[-1])]
+        offered = [c for c in self.offers.beside(smaller) if not imitates(c.added[-1])]
         for contender in offered[:1]:
             gain = contender.joint - self.best.joint
             if frozenset(contender.added) == frozenset(self.best.added) or not gain > settings.nats:

@@ -1,0 +1,136 @@
+"""Recordings read far faster than they move: averages over a few readings each, which lose nothing of the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.quantisation import quantum
+from discovery.recording import Recording
+from discovery.rig import Rig
+
+__all__ = ["averaged", "averaged_down"]
+
+FloatArray = npt.NDArray[np.float64]
+#: A recording keeps at least so many readings: fewer would hardly make anything quicker.
+_KEPT = 2000
+#: Averages may miss the motion by this part of their own noise.
+_MISSED = 0.1
+#: Lines of a spectrum that are looked at together, and how far they stand out of the noise where something moves.
+_LINES, _STANDS_OUT = 32, 2.0
+#: Longest step between stamps that only jitter, over the median one; share of stretches that gaps may cost.
+_GAP, _LOST = 1.5, 0.02
+
+
+def averaged_down(recording: Recording, rig: Rig) -> Recording:
+    """Return a recording with as few readings as its motion needs, and a note that says so; as it is where it needs all.
+
+    Stretches of equal length are averaged, which lowers white noise by the root of their length; that of rounding is
+    kept. Their length is the largest one by which nothing that stands out of the noise, in the output or in the input,
+    is missed by more than a tenth of the noise that is left.
+
+    Parameters
+    ----------
+    recording : Recording
+        Read at a steady rate; others are returned as they are.
+    rig : Rig
+        The system; a held input and an output that passes filters ask for every reading.
+    """
+    held = rig.columns.input is not None and rig.columns.input.interpolation == "hold"
+    steps, most = np.diff(recording.time), recording.time.size // _KEPT
+    if most < 2 or rig.view is not None or held or steps.max() > _GAP * np.median(steps):
+        return recording
+    length = next((k for k in range(most, 1, -1) if _serves(recording, k)), 1)
+    return recording if length == 1 else averaged(recording, length)
+
+
+def averaged(recording: Recording, length: int) -> Recording:
+    """Return a recording whose readings are averages over so many, at the middle of their times.
+
+    Parameters
+    ----------
+    recording : Recording
+    length : int
+        Readings of an average. The last ones that fill none are left out.
+    """
+    count = recording.time.size
+    step = float(np.median(np.diff(recording.time)))
+    kept = count // length
+    note = (
+        f"{count} readings every {step:.3g} s were averaged by {length} to {kept} every {length * step:.3g} s: nothing "
+        "of the motion that stands out of the noise needs more."
+    )
+    return replace(
+        recording,
+        time=recording.time[: kept * length].reshape(kept, length).mean(axis=1),
+        input=None if recording.input is None else _means(recording.input[:, None], length)[:, 0],
+        output=_means(recording.output, length),
+        noise=_noise(recording, length),
+        notes=(*recording.notes, note),
+    )
+
+
+def _noise(recording: Recording, length: int) -> FloatArray:
+    """Return the noise of averages: rounding of a slow motion errs alike in neighbours, the rest does not."""
+    rounding = np.array([quantum(c) for c in recording.output.T]) / np.sqrt(12.0)
+    # Noise far larger than a step makes its rounding as random.
+    same = np.where(recording.noise < 2 * rounding, np.minimum(rounding, recording.noise), 0.0)
+    return np.asarray(np.sqrt((recording.noise**2 - same**2) / length + same**2))
+
+
+def _means(columns: FloatArray, length: int) -> FloatArray:
+    """Return values at the middles of stretches: means, less what the curvature between neighbours adds to them."""
+    kept = len(columns) // length
+    means = columns[: kept * length].reshape(kept, length, -1).mean(axis=1)
+    bend = np.diff(means, 2, axis=0) / 24
+    bend = np.where(np.isfinite(bend), bend, 0.0)
+    return np.asarray(means - (1 - 1 / length**2) * np.concatenate([bend[:1], bend, bend[-1:]]))
+
+
+def _serves(recording: Recording, length: int) -> bool:
+    """Return whether averages over so many readings miss nothing of a recording."""
+    if _lost(recording.output, length) > _LOST:
+        return False
+    noise = _noise(recording, length)
+    outputs = [_filled(c) for c in recording.output.T]
+    misses = [_missed(c, sd, length) for c, sd in zip(outputs, recording.noise.tolist(), strict=True)]
+    if any(m > _MISSED * n for m, n in zip(misses, noise.tolist(), strict=True)):
+        return False
+    if recording.input is None or np.ptp(recording.input) == 0:
+        return True
+    # What is missed of an input is missed, in the same proportion, of what it moves.
+    share = _missed(recording.input, 0.0, length) / float(np.std(recording.input))
+    return all(share * np.std(c) <= _MISSED * n for c, n in zip(outputs, noise.tolist(), strict=True))
+
+
+def _lost(columns: FloatArray, length: int) -> float:
+    """Return which share of the readings stretches with a gap in them lose."""
+    kept, present = len(columns) // length, np.isfinite(columns).all(axis=1)
+    whole = present[: kept * length].reshape(kept, length).all(axis=1).sum() * length
+    return float(1 - whole / max(present.sum(), 1)) - float(len(columns) - kept * length) / len(columns)
+
+
+def _filled(channel: FloatArray) -> FloatArray:
+    """Return a channel with straight lines across its gaps."""
+    good = np.isfinite(channel)
+    return np.interp(np.arange(channel.size), np.flatnonzero(good), channel[good])
+
+
+def _missed(channel: FloatArray, noise: float, length: int) -> float:
+    """Return by how much averages miss what stands out of the noise of a channel, rms."""
+    n = channel.size
+    window = np.hanning(n)
+    line = np.polynomial.Polynomial.fit(np.arange(n), channel, 1)(np.arange(n))
+    power = 2 * np.abs(np.fft.rfft(window * (channel - line))) ** 2 / (n * np.sum(window**2))
+    size = power.size // _LINES * _LINES
+    bands = power[:size].reshape(-1, _LINES).mean(axis=1)
+    floor = max(float(np.median(bands[bands.size // 2 :])), 2 * noise**2 / n)
+    stands_out = np.repeat(bands > _STANDS_OUT * floor, _LINES)
+    turn = 2 * np.pi * np.arange(size) / n
+    # The response of a mean over the stretch, and of what is taken off for its curvature.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(turn > 0, np.sin(turn * length / 2) / (length * np.sin(turn / 2)), 1.0)
+    response = mean * (1 + (1 - 1 / length**2) * (1 - np.cos(turn * length)) / 12)
+    return float(np.sqrt(np.sum(power[:size] * (1 - response) ** 2 * stands_out)))
