@@ -40,20 +40,20 @@ def test_the_parts_are_those_of_the_literature(dataset: Dataset) -> None:
     assert dataset.rig.declared == ("viscous_damping", "linear_stiffness")
 
 
-def test_the_cubic_spring_is_found(result: LoopResult) -> None:
+def test_the_cubic_spring_is_found_first(result: LoopResult) -> None:
     added = [s for s in result.steps if s.action == "add" and s.accepted]
+    assert added[0].effects == ("cubic_stiffness",)
     assert "cubic_stiffness" in result.added
-    assert any("cubic_stiffness" in s.effects for s in added)
     assert result.named["cubic_stiffness"].odds.total >= 3.0
     assert result.declared == ("viscous_damping", "linear_stiffness")
     # A spring of a circuit is no exact cubic: what it leaves is far below the motion and above the noise.
     assert result.verdict in {"explained", "partly_explained"}
 
 
-def test_the_held_out_multisine_is_predicted_to_a_third_of_a_millivolt(result: LoopResult) -> None:
+def test_the_held_out_multisine_is_predicted_to_a_quarter_of_a_millivolt(result: LoopResult) -> None:
     before, after = result.errors["before"]["holdout"], result.errors["after"]["holdout"]
     assert 6e-3 < before["rms"] < 9e-3
-    assert after["rms"] <= 0.36e-3
+    assert after["rms"] <= 0.245e-3
     assert result.errors["unit"] == "V"
 
 

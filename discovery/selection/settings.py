@@ -71,7 +71,7 @@ class LoopSettings:
     nats: float = 3.0
     chance: float = 0.99
     error_scale: float = 0.15
-    form: float = 0.5
+    form: float = 0.45
     form_arm: float = 1.0
     form_pliable: float = 2.5
     law: float = 0.005
