@@ -13,6 +13,7 @@ from __future__ import annotations
 import inspect
 import re
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
@@ -57,7 +58,7 @@ class Effect(ABC):
     cite: ClassVar[str] = ""
     #: True for a law at the tip of an arm that stands for one spread along the rod: it idealises more than others.
     lumped: ClassVar[bool] = False
-    #: True for a law so pliable that it imitates others: it is taken only where no simpler one explains nearly as much.
+    #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.
     pliable: ClassVar[bool] = False
     #: Ids of simpler effects that it is where one of its amplitudes vanishes.
     reduces_to: ClassVar[frozenset[str]] = frozenset()
@@ -86,6 +87,11 @@ class Effect(ABC):
     def fitted(cls, system: str) -> tuple[Parameter, ...]:
         """Return the parameters that a fit estimates on this kind of system."""
         return tuple(p for p in cls.parameters() if not p.fixed and (system == ARM or not p.planar))
+
+    @classmethod
+    def imitates(cls, values: Mapping[str, float], time: float) -> bool:
+        """Return whether, at these values, a pliable law does what others do; `time` is the natural time [s]."""
+        return cls.pliable
 
     @classmethod
     def title(cls) -> str:

@@ -8,7 +8,7 @@ __all__ = ["imitates", "simplicity"]
 
 
 def imitates(effect: str) -> bool:
-    """Return whether the law of an effect is so pliable that it imitates others."""
+    """Return whether the law of an effect is so pliable that it may imitate others."""
     return catalogue()[effect].pliable
 
 

@@ -283,12 +283,25 @@ def test_a_periodic_force_keeps_its_direction_while_the_arm_turns() -> None:
     np.testing.assert_allclose(found, np.array([np.cos(theta), np.sin(theta)]).T, atol=1e-8)
 
 
+def test_a_periodic_force_across_the_arm_turns_with_it() -> None:
+    drive = Swing()
+    push = {"n_s": 0.3, "n_c": -0.1, "Omega": 4.0}
+    found = simulate((*LINEAR, "periodic_disturbance"), {**ARM_VALUES, **push})
+
+    def slopes(t: float, y: np.ndarray) -> list[float]:
+        across = 0.3 * np.sin(4 * t) - 0.1 * np.cos(4 * t)
+        return [y[1], -0.05 * y[1] - 8.8 * (y[0] - drive.evaluate(t)[0, 0]) + across]
+
+    theta = reference(slopes, [0.2, 0.85])[0]
+    np.testing.assert_allclose(found, np.array([np.cos(theta), np.sin(theta)]).T, atol=1e-8)
+
+
 def test_an_oscillator_has_one_direction() -> None:
     effect = get_effect("periodic_disturbance")
     assert [p.name for p in effect.fitted(OSCILLATOR)] == ["a_s", "a_c", "Omega"]
-    assert [p.name for p in effect.fitted(ARM)] == ["a_s", "a_c", "b_s", "b_c", "Omega"]
+    assert [p.name for p in effect.fitted(ARM)] == ["a_s", "a_c", "b_s", "b_c", "n_s", "n_c", "Omega"]
     assert Model("oscillator", ("periodic_disturbance",)).free == ("g", "a_s", "a_c", "Omega")
-    across = {"alpha": 9.0, "b_s": 0.5, "b_c": 0.5}
+    across = {"alpha": 9.0, "b_s": 0.5, "b_c": 0.5, "n_s": 0.5, "n_c": 0.5}
     still = simulate((*LINEAR, "periodic_disturbance"), across, base="oscillator", start=(0.0, 0.0))
     assert not still.any()
 

@@ -6,6 +6,9 @@ from discovery.effect import ARM, Drive
 from discovery.parameters import LogNormal, Normal, Parameter
 from discovery.symbols import theta_m
 
+#: Cycles in one turn of the hub that the arm can follow.
+_FOLLOWED = 30.0
+
 
 class EncoderRipple(Drive):
     r"""The hub leads and lags the angle that the encoder reads, periodically in that angle.
@@ -27,6 +30,11 @@ class EncoderRipple(Drive):
         "1", "cycles in one turn of the hub", (1.0, 300.0), LogNormal(8.0, 1.5), default=8.0, shape=True, latex="N",
         starts=(*[0.5 * k for k in range(2, 17)], *range(9, 33), *range(34, 61, 2), 70, 80, 100, 120, 150, 200),
     )  # fmt: skip
+
+    @classmethod
+    def imitates(cls, values, time):
+        """Return whether there are too many cycles to be followed: the rest does what an offset does."""
+        return values["N_e"] > _FOLLOWED
 
     def expression(self):
         """Return the angle of the hub."""

@@ -5,17 +5,24 @@ import sympy as sp
 
 from discovery.effect import Load
 from discovery.parameters import LogNormal, Normal, Parameter
-from discovery.symbols import t, v_x, v_y
+from discovery.symbols import t, v_x, v_y, x, y
+
+#: Share of the system's own frequency within which a force imitates a change of a free decay. Frequencies change by as
+#: much with the amplitude.
+_NEAR = 0.15
+#: Distance from the hub, in lengths of the arm, that keeps the direction across the arm defined there.
+_HUB = sp.Float(1e-6)
 
 
 class PeriodicDisturbance(Load):
-    r"""A periodic force of fixed direction on the tip, for example a fan or a vibrating floor.
+    r"""A periodic force on the tip, for example of a fan, of a vibrating floor, or of a hum of the motor.
 
     .. math:: P = (a_s \sin\Omega t + a_c \cos\Omega t)\, v_x + (b_s \sin\Omega t + b_c \cos\Omega t)\, v_y
+              + (n_s \sin\Omega t + n_c \cos\Omega t)\, \frac{x v_y - y v_x}{\sqrt{x^2 + y^2}}
 
-    The force keeps its direction in the plane while the arm turns under it; it swings along a line or an ellipse. An
-    oscillator has one direction, and the first pair acts on it. Near the arm's own frequency it imitates any slow
-    change of a free decay.
+    The first force keeps its direction in the plane while the arm turns under it; it swings along a line or an
+    ellipse. The second one turns with the arm and pushes across it. An oscillator has one direction, and the first pair
+    acts on it. Near the arm's own frequency the force imitates any slow change of a free decay.
     """
 
     cite = "forced vibration; Den Hartog, Mechanical Vibrations (1956), chapter 2"
@@ -28,12 +35,27 @@ class PeriodicDisturbance(Load):
     b_c = Parameter(
         "s^-2 q", "cosine amplitude along y", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True, latex="b_c"
     )
+    n_s = Parameter(
+        "s^-2 q", "sine amplitude across the arm", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True,
+        latex="n_s",
+    )  # fmt: skip
+    n_c = Parameter(
+        "s^-2 q", "cosine amplitude across the arm", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True,
+        latex="n_c",
+    )  # fmt: skip
     Omega = Parameter(
         "s^-1", "angular frequency", (0.1, 20.0), LogNormal(2.0, 1.0), default=2.0, shape=True, latex=r"\Omega",
         starts=(*np.arange(0.3, 1.5, 0.03).tolist(), *np.geomspace(1.5, 15.0, 110).tolist()),
     )  # fmt: skip
 
+    @classmethod
+    def imitates(cls, values, time):
+        """Return whether the force is near the system's own frequency."""
+        return abs(values["Omega"] * time - 1) < _NEAR
+
     def expression(self):
         """Return P."""
         sine, cosine = sp.sin(self.Omega * t), sp.cos(self.Omega * t)
-        return (self.a_s * sine + self.a_c * cosine) * v_x + (self.b_s * sine + self.b_c * cosine) * v_y
+        fixed = (self.a_s * sine + self.a_c * cosine) * v_x + (self.b_s * sine + self.b_c * cosine) * v_y
+        across = (x * v_y - y * v_x) / sp.sqrt(x**2 + y**2 + _HUB**2)
+        return fixed + (self.n_s * sine + self.n_c * cosine) * across

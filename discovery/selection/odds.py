@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from discovery.registry import catalogue
 from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings
-from discovery.simplicity import imitates
 
 __all__ = ["Odds", "odds_of"]
 
@@ -69,10 +69,16 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
         held = larger.evidence.held - smaller.evidence.held
     gain = smaller.chi2 - larger.chi2
     size = max(_size(larger, smaller, root, settings, judged=judged) for judged in (False, True))
-    pliable = any(imitates(e) for e in larger.added if e not in smaller.added)
-    against = 0.5 * (size / (settings.form_pliable if pliable else settings.form_of(larger.model))) ** 2
+    against = 0.5 * (size / _form(larger, smaller, settings)) ** 2
     train, held = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in (train, held))
     return Odds(train, held, size, against, float(gain))
+
+
+def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> float:
+    """Return the form error of what a larger set adds."""
+    values, time = larger.refit.values, larger.refit.problem.units.time
+    added = [catalogue()[e] for e in larger.added if e not in smaller.added]
+    return settings.form_pliable if any(e.imitates(values, time) for e in added) else settings.form_of(larger.model)
 
 
 def _size(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool) -> float:

@@ -55,7 +55,7 @@ class LoopSettings:
         what no catalogue holds looks like what it holds in part. Of systems with one coordinate, and of an arm, whose
         geometry and camera have more ways to err.
     form_pliable : float
-        The same in the direction of a law that imitates others, for every system.
+        The same in the direction of a law where it imitates others, for every system.
     law, law_arm : float
         Share of what the accepted effects move the residual that their laws may leave for others.
     tolerance : float
@@ -73,7 +73,7 @@ class LoopSettings:
     error_scale: float = 0.15
     form: float = 0.45
     form_arm: float = 1.0
-    form_pliable: float = 2.5
+    form_pliable: float = 7.0
     law: float = 0.005
     law_arm: float = 0.045
     tolerance: float = 2e-5
