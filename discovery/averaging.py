@@ -25,7 +25,7 @@ _GAP, _LOST = 1.5, 0.02
 
 
 def averaged_down(recording: Recording, rig: Rig) -> Recording:
-    """Return a recording with as few readings as its motion needs, and a note that says so; as it is where it needs all.
+    """Return a recording with as few readings as its motion needs, and a note that says so.
 
     Stretches of equal length are averaged, which lowers white noise by the root of their length; that of rounding is
     kept. Their length is the largest one by which nothing that stands out of the noise, in the output or in the input,

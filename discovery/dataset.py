@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from discovery.averaging import averaged_down
 from discovery.errors import InputError
 from discovery.experiment import Experiment, make_experiment
 from discovery.gravity_scale import angle_doubt, fall_doubt
@@ -31,7 +32,7 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Dataset:
-    """A rig with its recordings, input made smooth.
+    """A rig with its recordings, averaged where they were read far faster than they move, input made smooth.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def load_dataset(
     found = {role: [_read(part, rig) for part in listed] for role, listed in parts.items()}
     _refuse_twins(found)
     _distinguish(found, parts)
-    found = _doubted(rig, found)
+    found = {role: [averaged_down(r, rig) for r in listed] for role, listed in _doubted(rig, found).items()}
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,
