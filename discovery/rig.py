@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from discovery.kinds import KINDS, LINEAR_MODEL, PAPER_MODEL
+from discovery.units import si_symbol
 
 __all__ = [
     "ARM_COLUMNS",
@@ -89,6 +90,11 @@ class Columns:
     output: OutputColumn
     header: tuple[str, ...] | None = None
     every: int = 1
+
+    @property
+    def turns_by_shift(self) -> bool:
+        """Whether the input is a length and the output an angle."""
+        return self.input is not None and (si_symbol(self.input.unit), si_symbol(self.output.unit)) == ("m", "rad")
 
 
 @dataclass(frozen=True)
@@ -227,4 +233,6 @@ class Rig:
             return "inverse_dynamics"
         if self.columns.output.reads == "acceleration":
             return "accelerometer"
+        if self.kind == "base_excited" and self.columns.turns_by_shift:
+            return "moving_pivot"
         return KINDS[self.kind].base if self.controller is None else "servo"

@@ -9,7 +9,7 @@ from discovery.errors import InputError
 from discovery.kinds import KINDS
 from discovery.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
 from discovery.rig_schema import RigTable, line_of
-from discovery.units import si_factor
+from discovery.units import si_factor, si_symbol
 
 __all__ = ["check_tables", "columns_of", "controller_of", "view_of"]
 
@@ -92,6 +92,8 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
                 f"The rig file {path}, line {line_of(text, ('columns', 'header'))}: the header does not name the "
                 f"column {missing!r}. Name every column of the file, from left to right."
             )
+    if kind.name == "base_excited" and columns.input is not None:
+        _refuse_unlike(path, text, columns.input.unit, columns.output.unit)
     noise = columns.output.noise
     given = columns.input.model_dump() if columns.input else {}
     if given and given["interpolation"] is None:
@@ -109,6 +111,18 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
         header=None if columns.header is None else tuple(columns.header),
         every=columns.every,
     )
+
+
+def _refuse_unlike(path: Path, text: str, moved: str, read: str) -> None:
+    """Refuse a base whose motion cannot be added to the deflection, unless it shifts a pivot."""
+    units = si_symbol(moved), si_symbol(read)
+    if units[0] != units[1] and units != ("m", "rad"):
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'input', 'unit'))}: the base moves in {moved!r} and "
+            f"the deflection is in {read!r}, so that they cannot be added to the place in the fixed frame. Declare "
+            "both as angles or both as lengths (scale = 1/l turns a small deflection into an angle), or a shift in m "
+            "under a pendulum's angle in rad."
+        )
 
 
 def controller_of(path: Path, text: str, table: RigTable) -> Controller | None:

@@ -52,7 +52,7 @@ from discovery.simulate import Simulator
 from discovery.testing.states import every_effect
 
 ROOT = Path(__file__).parents[1]
-LINES = ("accelerometer", "base_excited", "servo", "inverse_dynamics", "falling_body")
+LINES = ("accelerometer", "base_excited", "moving_pivot", "servo", "inverse_dynamics", "falling_body")
 BASES = ("constant_radius", "reduced", "oscillator", "elastica", *LINES)
 CLOSED = ("constant_radius", "reduced", "oscillator", *LINES)
 TIME = np.linspace(0.0, 0.48, 121)

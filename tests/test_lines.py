@@ -27,7 +27,7 @@ from discovery.report.equations import model_formulas
 from discovery.simulate import Simulator
 
 LINEAR = ("viscous_damping", "linear_stiffness")
-ON_A_LINE = ("oscillator", "accelerometer", "base_excited", "servo", "inverse_dynamics", "falling_body")
+ON_A_LINE = ("oscillator", "accelerometer", "base_excited", "moving_pivot", "servo", "inverse_dynamics", "falling_body")
 TIME = np.linspace(0.0, 4.0, 401)
 TYPICAL = {"alpha": 9.0, "xi": 0.3, "g": 1.3}
 MODE = {"g_2": -0.4, "omega_2": 11.0, "zeta_2": 0.03}
@@ -90,6 +90,18 @@ def test_a_body_on_a_moving_base_obeys_newton_in_the_fixed_frame() -> None:
 
     u, rate, _ = drive.evaluate(0.0)[:, 0]
     np.testing.assert_allclose(found, reference(slopes, [u + 0.2, rate - 0.5])[0] - drive.evaluate(TIME)[0], atol=1e-8)
+
+
+def test_a_pendulum_on_a_moving_pivot_obeys_newton() -> None:
+    drive, length = Swing(), 0.7
+    values = {"xi": 0.3, "g_c": 9.81 / length, "p": 1 / length}
+    found = simulate("moving_pivot", ("viscous_damping", "gravity_torque"), values, drive, (0.2, -0.5))
+
+    def slopes(t: float, y: NDArray) -> list[float]:
+        # Of the bob at u + l sin q, -l cos q, the part across the string.
+        return [y[1], -0.3 * y[1] - 9.81 / length * np.sin(y[0]) - drive.evaluate(t)[2, 0] / length * np.cos(y[0])]
+
+    np.testing.assert_allclose(found, reference(slopes, [0.2, -0.5])[0], atol=1e-8)
 
 
 def test_participation_scales_what_the_base_does() -> None:
@@ -260,6 +272,7 @@ def test_the_equation_of_each_base() -> None:
     left = "Eq(alpha*q + q'*xi + q'', {})"
     assert written["oscillator"] == written["accelerometer"] == left.format("g*u")
     assert written["base_excited"] == left.format("-p*u''")
+    assert written["moving_pivot"] == left.format("-p*u''*cos(q)")
     assert written["falling_body"] == left.format("-g_0")
     assert written["inverse_dynamics"] == "Eq(alpha*u + u'*xi + u'', F/m)"
     command = equation_terms(Model("servo", LINEAR)).drive

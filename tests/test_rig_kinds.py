@@ -16,6 +16,7 @@ from discovery.rig_schema import MEANT_FOR, QUANTITIES, RigTable
 
 TIME = "[columns]\ntime = { rate_hz = 100.0 }\n"
 DRIVEN = TIME + 'input = { name = "u", unit = "V" }\noutput = { name = "y", unit = "mm" }\n'
+MOVED = DRIVEN.replace('"V"', '"cm"')
 FREE = TIME + 'output = { name = "y", unit = "deg" }\n'
 SERVO = (
     'name = "d"\nkind = "drive"\n'
@@ -46,7 +47,8 @@ def test_the_schema_knows_the_kinds():
         ("oscillator", DRIVEN, "oscillator", "spline"),
         ("oscillator", FREE, "oscillator", None),
         ("pendulum", FREE, "oscillator", None),
-        ("base_excited", DRIVEN, "base_excited", "motion"),
+        ("base_excited", MOVED, "base_excited", "motion"),
+        ("base_excited", MOVED.replace("mm", "deg"), "moving_pivot", "motion"),
         ("drive", DRIVEN, "oscillator", "spline"),
         ("falling_body", FREE.replace("deg", "m"), "falling_body", None),
     ],
@@ -85,9 +87,9 @@ def test_quantities_of_another_kind_are_refused(read):
 
 def test_an_encoder_may_state_its_error_wherever_its_motion_is_smoothed(read):
     head = 'name = "a"\nkind = "base_excited"\nangle_noise_deg = 0.1\n'
-    assert read(head + DRIVEN).angle_noise == pytest.approx(np.radians(0.1))
+    assert read(head + MOVED).angle_noise == pytest.approx(np.radians(0.1))
     with pytest.raises(InputError, match="line 3: the key 'angle_noise_deg' belongs to flexible_arm"):
-        read(head + DRIVEN.replace('"V" }', '"V", interpolation = "spline" }'))
+        read(head + MOVED.replace('"cm" }', '"cm", interpolation = "spline" }'))
 
 
 def test_a_falling_body_may_be_declared_bare(read):
@@ -140,6 +142,14 @@ def test_records_pick_rows_and_have_names(read):
     ("text", "message"),
     [
         (f'name = "a"\nkind = "base_excited"\n{FREE}', "input is the motion of the base or hub, but declares none"),
+        (
+            f'name = "a"\nkind = "base_excited"\n{DRIVEN}',
+            r"line 5: the base moves in 'V' and the deflection is in 'mm', so that they cannot be added",
+        ),
+        (
+            f'name = "a"\nkind = "base_excited"\n{MOVED}'.replace('"cm"', '"deg"'),
+            r"the base moves in 'deg' and the deflection is in 'mm'.*scale = 1/l",
+        ),
         (f'name = "a"\nkind = "falling_body"\n{DRIVEN}', "line 5, declares an input, but a falling_body has none"),
         ('name = "a"\nkind = "pendulum"\n', r"describes a pendulum but has no table \[columns\]"),
         (f'name = "a"\nkind = "pendulum"\n{DRIVEN}', "line 6, column 'output'.*cannot be converted to 'rad'"),

@@ -16,13 +16,14 @@ def _bases() -> dict[str, Base]:
         elastica,
         falling_body,
         inverse_dynamics,
+        moving_pivot,
         oscillator,
         reduced,
         servo,
     )
 
     rods = (elastica.BASE, elastica.FOUR_MODES, elastica.CALM, elastica.TWO_MODES, elastica.ONE_MODE)
-    lines = (oscillator, accelerometer, base_excited, servo, inverse_dynamics, falling_body)
+    lines = (oscillator, accelerometer, base_excited, moving_pivot, servo, inverse_dynamics, falling_body)
     bases = (constant_radius.BASE, reduced.BASE, *rods, *(module.BASE for module in lines))
     return {base.name: base for base in bases}
 
