@@ -13,6 +13,7 @@ _CANDIDATES = (0.05, 0.25, 0.5)
 _TOLERANCE = 0.05
 _AGREEING = 0.98
 _NEAR = 20.0
+_FEWEST = 3  # distinct readings
 
 
 def quantum(values: FloatArray) -> float:
@@ -30,11 +31,11 @@ def quantum(values: FloatArray) -> float:
     Returns
     -------
     float
-        The step in the unit of `values`; 0 where there is none, or fewer than half of the readings repeat.
+        The step in the unit of `values`; 0 where there is none.
     """
     finite = values[np.isfinite(values)]
     distinct = np.unique(finite)
-    if not 1 < distinct.size < 0.5 * finite.size:
+    if distinct.size < _FEWEST:
         return 0.0
     gaps = np.diff(distinct)
     # Conversions of units leave twins of one reading that differ in the last bits.

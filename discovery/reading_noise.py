@@ -80,7 +80,7 @@ def noise_note(label: str, unit: str, time: FloatArray, values: FloatArray, stat
     """
     estimates = _estimates(values)
     scatter = min(estimates, default=0.0)
-    if np.isfinite(values).sum() < _FEWEST or resolution(values) > _COARSE * min(scatter, stated):
+    if np.isfinite(values).sum() < _FEWEST or resolution(values) > _COARSE * scatter:
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []

@@ -146,6 +146,13 @@ def test_the_quantum_is_found_through_conversions(step):
     assert quantum(noisy(values, noise=step)) == 0.0
 
 
+def test_a_step_is_seen_in_readings_that_hardly_repeat():
+    step = 2 * np.pi / 14400
+    values = np.round(np.cos(9.0 * T[:400]) / step) * step
+    assert np.unique(values).size > 0.8 * values.size
+    assert quantum(values) == pytest.approx(step, rel=1e-6)
+
+
 def test_coarse_readings_raise_the_noise_to_that_of_rounding(tmp_path):
     frame = pd.DataFrame({"t": T, "y": np.round(DECAY / 0.01) * 0.01})
     frame.to_csv(tmp_path / "r.csv", index=False)
