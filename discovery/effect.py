@@ -89,8 +89,11 @@ class Effect(ABC):
         return tuple(p for p in cls.parameters() if not p.fixed and (system == ARM or not p.planar))
 
     @classmethod
-    def imitates(cls, values: Mapping[str, float], time: float) -> bool:
-        """Return whether, at these values, a pliable law does what others do; `time` is the natural time [s]."""
+    def imitates(cls, values: Mapping[str, float], time: float, duration: float) -> bool:
+        """Return whether, at these values, a pliable law does what others do.
+
+        Given are the natural time of the motion and the duration of the longest recording [s].
+        """
         return cls.pliable
 
     @classmethod

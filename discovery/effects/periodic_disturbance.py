@@ -10,6 +10,8 @@ from discovery.symbols import t, v_x, v_y, x, y
 #: Share of the system's own frequency within which a force imitates a change of a free decay. Frequencies change by as
 #: much with the amplitude.
 _NEAR = 0.15
+#: Cycles in a recording below which a force imitates whatever drifts.
+_CYCLES = 3.0
 #: Distance from the hub, in lengths of the arm, that keeps the direction across the arm defined there.
 _HUB = sp.Float(1e-6)
 
@@ -49,9 +51,10 @@ class PeriodicDisturbance(Load):
     )  # fmt: skip
 
     @classmethod
-    def imitates(cls, values, time):
-        """Return whether the force is near the system's own frequency."""
-        return abs(values["Omega"] * time - 1) < _NEAR
+    def imitates(cls, values, time, duration):
+        """Return whether the force is near the system's own frequency, or has hardly time to repeat."""
+        near = abs(values["Omega"] * time - 1) < _NEAR
+        return near or values["Omega"] * duration < 2 * np.pi * _CYCLES
 
     def expression(self):
         """Return P."""

@@ -76,9 +76,10 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
 
 def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> float:
     """Return the form error of what a larger set adds."""
-    values, time = larger.refit.values, larger.refit.problem.units.time
+    values, problem = larger.refit.values, larger.refit.problem
     added = [catalogue()[e] for e in larger.added if e not in smaller.added]
-    return settings.form_pliable if any(e.imitates(values, time) for e in added) else settings.form_of(larger.model)
+    pliable = any(e.imitates(values, problem.units.time, problem.bench.duration) for e in added)
+    return settings.form_pliable if pliable else settings.form_of(larger.model)
 
 
 def _size(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool) -> float:

@@ -142,9 +142,10 @@ class Search:
 
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
-        offered = list(self.offers.beside(self.best))
+        offered = self.offers.beside(self.best)
         # A law so flexible that it imitates others is tried where neither plain ones nor two of them serve.
-        plain, pliable = ([c for c in offered if imitates(c.added[-1]) is which] for which in (False, True))
+        plain = _plain(offered)
+        pliable = [c for c in offered if c not in plain]
         if self._take(plain):
             return True
         room = len(self.best.added) + 2 <= self.context.settings.budget.most_effects
@@ -156,7 +157,7 @@ class Search:
             return True
         # Effects hide each other: what is refused alone may be right beside another.
         for leading in self._leading(plain)[:1] if not self.best.added else ():
-            if self._take([c for c in self.offers.beside(leading) if not imitates(c.added[-1])]):
+            if self._take(_plain(self.offers.beside(leading))):
                 return True
         return self._take(pliable) or self._take(pairs)
 
@@ -165,11 +166,11 @@ class Search:
         turned = any(d.code == "rival" for d in self.decisions)
         if turned or len(self.best.added) != 1 or self._leaves_noise():
             return False
-        others = [c for c in self.offers.beside(self.root) if c.added != self.best.added]
+        others = [c for c in _plain(self.offers.beside(self.root)) if c.added != self.best.added]
         for runner in others[: self.context.settings.budget.beam]:
             if not np.isfinite(runner.joint) or not self._affords(runner):
                 continue
-            offered = self.offers.beside(runner)
+            offered = _plain(self.offers.beside(runner))
             for pair in offered[:1]:
                 gain = pair.joint - self.best.joint
                 if not gain > self.context.settings.nats:
@@ -274,7 +275,7 @@ class Search:
         settings = self.context.settings
         if not self._affords(smaller):
             return
-        offered = [c for c in self.offers.beside(smaller) if not imitates(c.added[-1])]
+        offered = _plain(self.offers.beside(smaller))
         for contender in offered[:1]:
             gain = contender.joint - self.best.joint
             if frozenset(contender.added) == frozenset(self.best.added) or not gain > settings.nats:
@@ -283,6 +284,11 @@ class Search:
             new = contender.added[-1]
             self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
             self.best = contender
+
+
+def _plain(offered: Sequence[Contender]) -> list[Contender]:
+    """Return those sets whose last effect imitates no others."""
+    return [c for c in offered if not imitates(c.added[-1])]
 
 
 def _numbers(odds: Odds) -> dict[str, float]:
