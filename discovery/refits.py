@@ -99,6 +99,7 @@ def refit(
     shortlist: Sequence[Candidate],
     *,
     finite: Sequence[FarStart] = (),
+    thorough: bool = False,
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
@@ -110,6 +111,8 @@ def refit(
         From `discovery.attribution.screen`.
     finite : sequence of FarStart
         More starts, see `discovery.finite.finite_starts`.
+    thorough : bool
+        Finish every effect with a differenced Jacobian, however far behind: a quick search may stall where it begins.
 
     Returns
     -------
@@ -119,7 +122,7 @@ def refit(
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), s.values, s.columns(), None) for c in shortlist for s in c.starts]
     starts += [((name,), vector, np.zeros((rows, vector.size)), others) for name, vector, others in finite]
-    return _raced(model, minimum, problem, starts)
+    return _raced(model, minimum, problem, starts, thorough=thorough)
 
 
 def refit_pairs(
@@ -147,7 +150,9 @@ def refit_pairs(
     return _raced(model, minimum, problem, starts)
 
 
-def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start]) -> list[Refit]:
+def _raced(
+    model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thorough: bool = False
+) -> list[Refit]:
     """Refit from starts, all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
@@ -221,7 +226,8 @@ def _raced(model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_S
     stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
     # Starts come in the order of their scores.
     promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
-    chosen = list(dict.fromkeys([*near[:_FINISHED], *nearest[:_FINISHED], *promising, *stalled]))
+    all_of_them = leading.values() if thorough else ()
+    chosen = list(dict.fromkeys([*near[:_FINISHED], *nearest[:_FINISHED], *promising, *stalled, *all_of_them]))
     ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
     finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):
