@@ -9,11 +9,12 @@ __all__ = ["quantum", "resolution"]
 
 FloatArray = npt.NDArray[np.float64]
 
-_CANDIDATES = (0.05, 0.25, 0.5)
+_CANDIDATES = (0.05, 0.25, 0.5, 0.0)
 _TOLERANCE = 0.05
 _AGREEING = 0.98
 _NEAR = 20.0
 _FEWEST = 3  # distinct readings
+_TELLING = 0.1  # share of the differences that must be small multiples where the smallest one is tried
 
 
 def quantum(values: FloatArray) -> float:
@@ -45,7 +46,8 @@ def quantum(values: FloatArray) -> float:
         near = gaps[gaps < _NEAR * step]
         step = float(near.sum() / np.round(near / step).sum())
         multiple = gaps[gaps < _NEAR * step] / step
-        if multiple.size and np.mean(np.abs(multiple - np.round(multiple)) < _TOLERANCE) >= _AGREEING:
+        told = multiple.size >= max(1.0, _TELLING * gaps.size)
+        if told and np.mean(np.abs(multiple - np.round(multiple)) < _TOLERANCE) >= _AGREEING:
             return step
     return 0.0
 
