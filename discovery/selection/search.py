@@ -167,21 +167,19 @@ class Search:
         if turned or len(self.best.added) != 1 or self._leaves_noise():
             return False
         others = [c for c in _plain(self.offers.beside(self.root)) if c.added != self.best.added]
-        for runner in others[: self.context.settings.budget.beam]:
-            if not np.isfinite(runner.joint) or not self._affords(runner):
-                continue
-            offered = _plain(self.offers.beside(runner))
-            for pair in offered[:1]:
-                gain = pair.joint - self.best.joint
-                if not gain > self.context.settings.nats:
-                    continue
-                odds, code = self._judged(pair, self.root)
-                if code == "accepted":
-                    told = tuple(candidacy(c, self.root, self.root, self.context.settings) for c in offered[:_TOLD])
-                    self.decisions.append(Decision("remove", self.best.added, True, "rival", {"odds": gain}))
-                    self.decisions.append(Decision("add", pair.added, True, code, _numbers(odds), told))
-                    self.best = pair
-                    return True
+        runners = [c for c in others[: self.context.settings.budget.beam] if np.isfinite(c.joint) and self._affords(c)]
+        pairs = sorted((c for r in runners for c in _plain(self.offers.beside(r))), key=lambda c: -c.joint)
+        for pair in pairs[:_TRIED]:
+            gain = pair.joint - self.best.joint
+            if not gain > self.context.settings.nats:
+                return False
+            odds, code = self._judged(pair, self.root)
+            if code == "accepted":
+                told = tuple(candidacy(c, self.root, self.root, self.context.settings) for c in pairs[:_TOLD])
+                self.decisions.append(Decision("remove", self.best.added, True, "rival", {"odds": gain}))
+                self.decisions.append(Decision("add", pair.added, True, code, _numbers(odds), told))
+                self.best = pair
+                return True
         return False
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
