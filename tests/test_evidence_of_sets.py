@@ -99,6 +99,26 @@ def test_what_shaves_a_smooth_leftover_gains_little_and_what_halves_it_gains_muc
     assert third - whole > 0.5 * pieces
 
 
+def test_intervals_hold_a_model_error_that_looks_like_a_parameter() -> None:
+    # Half of the model error moves the readings as the first parameter does.
+    y = SLOPES @ [0.5, -1.0] + drawn(20.0, 3) + 10.0 * np.sqrt(2) * SLOPES[:, 0]
+    narrow, wide = (evidence_of(replace(problem(SLOPES, y, width=50.0), form=form)) for form in (0.0, 0.5))
+    assert narrow.step == pytest.approx(wide.step)
+    off = abs(wide.step[0] - 0.5)
+    ninety = 1.645
+    assert ninety * np.sqrt(narrow.covariance[0, 0]) < off < ninety * np.sqrt(wide.covariance[0, 0])
+    # The movement of the readings that a standard deviation makes is that share of the model error.
+    moved = np.sqrt(np.mean(np.outer(SLOPES[:, 0], np.sqrt(wide.covariance[0, 0] - narrow.covariance[0, 0])) ** 2))
+    assert moved == pytest.approx(0.5 * wide.error, rel=0.1)
+
+
+def test_without_a_model_error_intervals_are_those_of_the_noise() -> None:
+    y = SLOPES @ [0.5, -1.0] + drawn(0.0, 6)
+    found = evidence_of(replace(problem(SLOPES, y), form=0.5))
+    assert found.nil <= 0
+    assert found.covariance == pytest.approx(evidence_of(problem(SLOPES, y)).covariance)
+
+
 def test_the_held_out_score_is_that_of_the_posterior_predictive() -> None:
     y, held = SLOPES @ [1.0, 0.5] + drawn(0.0, 7), SLOPES @ [1.0, 0.5] + drawn(0.0, 8)
     both = problem(SLOPES, y, held=held)

@@ -122,6 +122,8 @@ class Linearised:
         Of the prior of its size [noise sds].
     stated : float
         Error that the mechanics states of itself [noise sds]: intervals are never narrower than it asks.
+    form : float
+        Share of the model error that is expected in the direction of any one parameter: intervals hold it.
     """
 
     train: Sequence[Channel]
@@ -131,6 +133,7 @@ class Linearised:
     memory: float
     scale: float
     stated: float = 0.0
+    form: float = 0.0
 
     def mode(self, size: float, blocks: Sequence[Channel] | None = None, after: Mode | None = None) -> Mode:
         """Return the posterior for a size of the model error over the noise.
@@ -317,9 +320,6 @@ def evidence_of(problem: Linearised) -> Evidence:
     first, size, at = train.integrated, train.size, train.likeliest
     held = [_Sizes(problem, part, at) for part in problem.held]
     counts = [sum(c.time.size for c in part) for part in problem.held]
-    wide = train.mode(float(np.hypot(size, problem.stated)) / at.white)
-    scaled = 1.0 / np.sqrt(np.diag(wide.precision))
-    covariance = np.linalg.pinv(wide.precision * np.outer(scaled, scaled), hermitian=True) * np.outer(scaled, scaled)
     return Evidence(
         train=first,
         held=sum(h.integrated for h in held),
@@ -329,10 +329,30 @@ def evidence_of(problem: Linearised) -> Evidence:
         nil=train.nil + sum(h.nil for h in held),
         gained=at.gained,
         step=at.step,
-        covariance=covariance,
+        covariance=_covariance(problem, train),
         chi2_held=sum(_left(part, h.likeliest.step) for part, h in zip(problem.held, held, strict=True)),
         count_held=sum(counts),
     )
+
+
+def _covariance(problem: Linearised, train: _Sizes) -> FloatArray:
+    """Return the covariance of the parameters under the noise and the model error.
+
+    A model error that is told from none is no chance: in the direction of a parameter it moves the readings by a share
+    of its size, all of them alike, and the parameter takes it for its own.
+    """
+    size, at = train.size, train.likeliest
+    covariance = _inverse(train.mode(float(np.hypot(size, problem.stated)) / at.white).precision)
+    if train.nil > 0:
+        none, count = train.mode(0.0), sum(c.time.size for c in problem.train)
+        covariance = covariance + (problem.form * size) ** 2 * count * _inverse(none.precision) / none.white**2
+    return covariance
+
+
+def _inverse(precision: FloatArray) -> FloatArray:
+    """Return the inverse of a precision whose parameters are of very different sizes."""
+    scale = 1.0 / np.sqrt(np.diag(precision))
+    return np.linalg.pinv(precision * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
 
 
 def _left(channels: Sequence[Channel], step: FloatArray) -> float:

@@ -157,7 +157,8 @@ def _slopes(context: Context, refit: Refit, train: list[FloatArray], held: list[
         return None
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
-    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated)
+    form = context.settings.form_of(problem.model)
+    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated, form)
     return Slopes(linear, np.concatenate(jacobian))
 
 
