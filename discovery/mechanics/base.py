@@ -137,6 +137,8 @@ class Base(ABC):
     anchored: ClassVar[bool] = True
     #: Whether the coordinate moves as recorded: nothing is integrated, and there is no initial state.
     prescribed: ClassVar[bool] = False
+    #: Whether the coordinate is an angle about a pivot that the input shifts: it tells no path in the plane.
+    pivots: ClassVar[bool] = False
     #: Whether the instrument reads the state itself, not an acceleration or a force that follows from it.
     reads_state: ClassVar[bool] = True
     #: Bases of the same parameters that idealise less; an answer is fitted in the end on the first that fits as well.

@@ -21,6 +21,7 @@ class MovingPivot(OneCoordinate):
 
     name = "moving_pivot"
     input_moves = True
+    pivots = True
 
     p = Parameter(
         "q m^-1", "turn per shift of the pivot", (-1e3, 1e3), Normal(0.0, 10.0), default=1.0, starts=(1.0, -1.0)
