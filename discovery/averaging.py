@@ -107,7 +107,7 @@ def _serves(recording: Recording, length: int) -> bool:
 
 def _lost(columns: FloatArray, length: int) -> float:
     """Return which share of the readings stretches with a gap in them lose."""
-    kept, present = len(columns) // length, np.isfinite(columns).all(axis=1)
+    kept, present = len(columns) // length, np.asarray(np.isfinite(columns).all(axis=1))
     whole = present[: kept * length].reshape(kept, length).all(axis=1).sum() * length
     return float(1 - whole / max(present.sum(), 1)) - float(len(columns) - kept * length) / len(columns)
 

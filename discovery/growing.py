@@ -76,8 +76,8 @@ def _followed(
     if not np.isfinite(first.cost):
         return []
     scored = screen(short.model, first, short, names)
-    starts = finite_starts(first, short, names)
-    found = refit(short.model, first, short, scored, finite=starts, thorough=True)[:_FOLLOWED]
+    far = finite_starts(first, short, names)
+    found = refit(short.model, first, short, scored, finite=far, thorough=True)[:_FOLLOWED]
     models = [r.problem.model for r in found]
     values: list[Mapping[str, float]] = [r.values for r in found]
     while (share := 2 * share) < 1:
