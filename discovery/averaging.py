@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +42,7 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
     steps, most = np.diff(recording.time), recording.time.size // _KEPT
     if most < 2 or rig.view is not None or held or steps.max() > _GAP * np.median(steps):
         return recording
-    length = next((k for k in range(most, 1, -1) if _serves(recording, k)), 1)
+    length = _longest(recording, most)
     return recording if length == 1 else averaged(recording, length)
 
 
@@ -67,16 +67,41 @@ def averaged(recording: Recording, length: int) -> Recording:
         time=recording.time[: kept * length].reshape(kept, length).mean(axis=1),
         input=None if recording.input is None else _means(recording.input[:, None], length)[:, 0],
         output=_means(recording.output, length),
-        noise=_noise(recording, length),
+        noise=_noise(recording, _alike(recording), length),
         notes=(*recording.notes, note),
     )
 
 
-def _noise(recording: Recording, length: int) -> FloatArray:
-    """Return the noise of averages: rounding of a slow motion errs alike in neighbours, the rest does not."""
+def _longest(recording: Recording, most: int) -> int:
+    """Return the largest length, up to one, by which averages miss nothing of a recording."""
+    present, drive = np.asarray(np.isfinite(recording.output).all(axis=1)), recording.input
+    if not present.any():
+        return 1
+    outputs = [_filled(c) for c in recording.output.T]
+    spectra = [_Spectrum.of(c, sd) for c, sd in zip(outputs, recording.noise.tolist(), strict=True)]
+    moved = None if drive is None or np.ptp(drive) == 0 else _Spectrum.of(drive / np.std(drive), 0.0)
+    sizes, same = np.std(outputs, axis=1), _alike(recording)
+
+    def serves(length: int) -> bool:
+        if _lost(present, length) > _LOST:
+            return False
+        allowed = _MISSED * _noise(recording, same, length)
+        # What is missed of an input is missed, in the same proportion, of what it moves.
+        share = 0.0 if moved is None else moved.missed(length)
+        return bool(np.all([s.missed(length) for s in spectra] <= allowed) and np.all(share * sizes <= allowed))
+
+    return next((k for k in range(most, 1, -1) if serves(k)), 1)
+
+
+def _alike(recording: Recording) -> FloatArray:
+    """Return the part of each channel's noise that errs alike in neighbours: the rounding of a slow motion."""
     rounding = np.array([quantum(c) for c in recording.output.T]) / np.sqrt(12.0)
     # Noise far larger than a step makes its rounding as random.
-    same = np.where(recording.noise < 2 * rounding, np.minimum(rounding, recording.noise), 0.0)
+    return np.where(recording.noise < 2 * rounding, np.minimum(rounding, recording.noise), 0.0)
+
+
+def _noise(recording: Recording, same: FloatArray, length: int) -> FloatArray:
+    """Return the noise of averages, of which a part is the same in neighbours."""
     return np.asarray(np.sqrt((recording.noise**2 - same**2) / length + same**2))
 
 
@@ -89,27 +114,11 @@ def _means(columns: FloatArray, length: int) -> FloatArray:
     return np.asarray(means - (1 - 1 / length**2) * np.concatenate([bend[:1], bend, bend[-1:]]))
 
 
-def _serves(recording: Recording, length: int) -> bool:
-    """Return whether averages over so many readings miss nothing of a recording."""
-    if _lost(recording.output, length) > _LOST:
-        return False
-    noise = _noise(recording, length)
-    outputs = [_filled(c) for c in recording.output.T]
-    misses = [_missed(c, sd, length) for c, sd in zip(outputs, recording.noise.tolist(), strict=True)]
-    if any(m > _MISSED * n for m, n in zip(misses, noise.tolist(), strict=True)):
-        return False
-    if recording.input is None or np.ptp(recording.input) == 0:
-        return True
-    # What is missed of an input is missed, in the same proportion, of what it moves.
-    share = _missed(recording.input, 0.0, length) / float(np.std(recording.input))
-    return all(share * np.std(c) <= _MISSED * n for c, n in zip(outputs, noise.tolist(), strict=True))
-
-
-def _lost(columns: FloatArray, length: int) -> float:
-    """Return which share of the readings stretches with a gap in them lose."""
-    kept, present = len(columns) // length, np.asarray(np.isfinite(columns).all(axis=1))
-    whole = present[: kept * length].reshape(kept, length).all(axis=1).sum() * length
-    return float(1 - whole / max(present.sum(), 1)) - float(len(columns) - kept * length) / len(columns)
+def _lost(present: npt.NDArray[np.bool_], length: int) -> float:
+    """Return which share of the readings that are present stretches with a gap in them lose."""
+    used = present.size // length * length
+    whole = present[:used].reshape(-1, length).all(axis=1).sum() * length
+    return float(1 - whole / present.sum()) - (present.size - used) / present.size
 
 
 def _filled(channel: FloatArray) -> FloatArray:
@@ -118,19 +127,30 @@ def _filled(channel: FloatArray) -> FloatArray:
     return np.interp(np.arange(channel.size), np.flatnonzero(good), channel[good])
 
 
-def _missed(channel: FloatArray, noise: float, length: int) -> float:
-    """Return by how much averages miss what stands out of the noise of a channel, rms."""
-    n = channel.size
-    window = np.hanning(n)
-    line = np.polynomial.Polynomial.fit(np.arange(n), channel, 1)(np.arange(n))
-    power = 2 * np.abs(np.fft.rfft(window * (channel - line))) ** 2 / (n * np.sum(window**2))
-    size = power.size // _LINES * _LINES
-    bands = power[:size].reshape(-1, _LINES).mean(axis=1)
-    floor = max(float(np.median(bands[bands.size // 2 :])), 2 * noise**2 / n)
-    stands_out = np.repeat(bands > _STANDS_OUT * floor, _LINES)
-    turn = 2 * np.pi * np.arange(size) / n
-    # The response of a mean over the stretch, and of what is taken off for its curvature.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(turn > 0, np.sin(turn * length / 2) / (length * np.sin(turn / 2)), 1.0)
-    response = mean * (1 + (1 - 1 / length**2) * (1 - np.cos(turn * length)) / 12)
-    return float(np.sqrt(np.sum(power[:size] * (1 - response) ** 2 * stands_out)))
+@dataclass(frozen=True)
+class _Spectrum:
+    """What stands out of the noise of a channel: angular frequencies a reading [rad], and the power of each."""
+
+    turn: FloatArray
+    power: FloatArray
+
+    @classmethod
+    def of(cls, channel: FloatArray, noise: float) -> _Spectrum:
+        """Return the spectrum of a channel without gaps."""
+        n = channel.size
+        window = np.hanning(n)
+        line = np.polynomial.Polynomial.fit(np.arange(n), channel, 1)(np.arange(n))
+        power = 2 * np.abs(np.fft.rfft(window * (channel - line))) ** 2 / (n * np.sum(window**2))
+        size = power.size // _LINES * _LINES
+        bands = power[:size].reshape(-1, _LINES).mean(axis=1)
+        floor = max(float(np.median(bands[bands.size // 2 :])), 2 * noise**2 / n)
+        lines = np.flatnonzero(np.repeat(bands > _STANDS_OUT * floor, _LINES))
+        return cls(2 * np.pi * lines / n, power[lines])
+
+    def missed(self, length: int) -> float:
+        """Return by how much averages over so many readings miss it, rms."""
+        # The response of a mean over the stretch, and of what is taken off for its curvature.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(self.turn > 0, np.sin(self.turn * length / 2) / (length * np.sin(self.turn / 2)), 1.0)
+        response = mean * (1 + (1 - 1 / length**2) * (1 - np.cos(self.turn * length)) / 12)
+        return float(np.sqrt(np.sum(self.power * (1 - response) ** 2)))

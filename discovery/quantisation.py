@@ -14,7 +14,7 @@ _TOLERANCE = 0.05
 _AGREEING = 0.98
 _NEAR = 20.0
 _FEWEST = 3  # distinct readings
-_TELLING = 0.1  # share of the differences that must be small multiples where the smallest one is tried
+_TELLING = 0.1  # share of the differences that small multiples must be
 
 
 def quantum(values: FloatArray) -> float:

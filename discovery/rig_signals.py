@@ -92,8 +92,6 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
                 f"The rig file {path}, line {line_of(text, ('columns', 'header'))}: the header does not name the "
                 f"column {missing!r}. Name every column of the file, from left to right."
             )
-    if kind.name == "base_excited" and columns.input is not None:
-        _refuse_unlike(path, text, columns.input.unit, columns.output.unit)
     noise = columns.output.noise
     given = columns.input.model_dump() if columns.input else {}
     if given and given["interpolation"] is None:
@@ -104,19 +102,21 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
             f"The rig file {path}, line {line_of(text, ('columns', 'input'))}: the second derivative of this input is "
             f'needed; with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
         )
-    return Columns(
+    found = Columns(
         time=TimeColumn(time.name, time.unit, time.rate_hz, time.assumed),
         input=InputColumn(**given) if given else None,
         output=OutputColumn(**columns.output.model_dump() | {"noise": None if noise is None else noise * scale}),
         header=None if columns.header is None else tuple(columns.header),
         every=columns.every,
     )
+    if kind.name == "base_excited" and found.input is not None and not found.turns_by_shift:
+        _refuse_unlike(path, text, found.input.unit, found.output.unit)
+    return found
 
 
 def _refuse_unlike(path: Path, text: str, moved: str, read: str) -> None:
-    """Refuse a base whose motion cannot be added to the deflection, unless it shifts a pivot."""
-    units = si_symbol(moved), si_symbol(read)
-    if units[0] != units[1] and units != ("m", "rad"):
+    """Refuse a base whose motion cannot be added to the deflection."""
+    if si_symbol(moved) != si_symbol(read):
         raise InputError(
             f"The rig file {path}, line {line_of(text, ('columns', 'input', 'unit'))}: the base moves in {moved!r} and "
             f"the deflection is in {read!r}, so that they cannot be added to the place in the fixed frame. Declare "

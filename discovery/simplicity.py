@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from discovery.registry import catalogue
 
-__all__ = ["imitates", "simplicity"]
+__all__ = ["is_pliable", "simplicity"]
 
 
-def imitates(effect: str) -> bool:
+def is_pliable(effect: str) -> bool:
     """Return whether the law of an effect is so pliable that it may imitate others."""
     return catalogue()[effect].pliable
 

@@ -40,14 +40,13 @@ def rigs(tmp_path: Path) -> dict[str, Rig]:
     return {name: read_rig(tmp_path / f"{name}.toml") for name in inputs}
 
 
-def decay(t: np.ndarray, frequency: float = 5.0) -> np.ndarray:
-    return np.exp(-0.1 * t) * np.cos(frequency * t)
+def decay(t: np.ndarray) -> np.ndarray:
+    return np.exp(-0.1 * t) * np.cos(5.0 * t)
 
 
-def read(output: np.ndarray, noise: float = NOISE, inputs: np.ndarray | None = None, **changed: object) -> Recording:
+def read(output: np.ndarray, noise: float = NOISE) -> Recording:
     time = STEP * np.arange(output.size)
-    made = Recording("bench", time, inputs, output[:, None], ("output",), ("m",), np.array([noise]), "0", "bench.csv")
-    return replace(made, **changed)  # type: ignore[arg-type]
+    return Recording("bench", time, None, output[:, None], ("output",), ("m",), np.array([noise]), "0", "bench.csv")
 
 
 def noisy(n: int = 20_000, seed: int = 0) -> Recording:

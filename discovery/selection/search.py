@@ -16,7 +16,7 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
 from discovery.selection.odds import Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
-from discovery.simplicity import imitates, simplicity
+from discovery.simplicity import is_pliable, simplicity
 
 __all__ = ["Search"]
 
@@ -152,8 +152,7 @@ class Search:
         if not room or self._leaves_noise():
             return self._take(pliable)
         pairs = self.offers.pairs(self.best)
-        own = len(self.best.added)
-        if self._take([c for c in pairs if not any(imitates(e) for e in c.added[own:])]):
+        if self._take(_plain(pairs, 2)):
             return True
         # Effects hide each other: what is refused alone may be right beside another.
         for leading in self._leading(plain)[:1] if not self.best.added else ():
@@ -284,9 +283,9 @@ class Search:
             self.best = contender
 
 
-def _plain(offered: Sequence[Contender]) -> list[Contender]:
-    """Return those sets whose last effect imitates no others."""
-    return [c for c in offered if not imitates(c.added[-1])]
+def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
+    """Return those sets whose last effect, or so many of them, could imitate no others."""
+    return [c for c in offered if not any(is_pliable(e) for e in c.added[-new:])]
 
 
 def _numbers(odds: Odds) -> dict[str, float]:
