@@ -165,7 +165,8 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
     else:
         drive, output = mechanics.force[0].xreplace(names), base.reading(None)[0]
         if base.prescribed:
-            drive, output = _FORCE / -sp.diff(output, s.acceleration), _FORCE
+            per_force = -1 / sp.diff(output, s.acceleration)
+            inertia, drive, output = sp.diff(output, s.alpha_m) * per_force, _FORCE * per_force, _FORCE
         output = output.xreplace({**names, s.acceleration: accelerating})
     memory: list[tuple[sp.Symbol, sp.Expr]] = []
     for name, effect in zip(effect_ids, effects, strict=True):

@@ -38,7 +38,8 @@ class NaturalUnits:
         """Return the size of one natural unit of a parameter, in the problem's units."""
         unit = natural_scale(parameter.unit, time=self.time, coordinate=self.coordinate, length=self.length)
         # What links a force to an acceleration scales with the size of the recorded force.
-        return unit / self.drive if parameter.name == "g" else unit * self.drive if parameter.name == "m" else unit
+        inertia = parameter.name in ("m", "m_0")
+        return unit / self.drive if parameter.name == "g" else unit * self.drive if inertia else unit
 
 
 #: Longest step between stamps that only jitter, over the median one; samples of a periodogram of uneven ones.
@@ -98,6 +99,7 @@ def known_values(experiment: Experiment) -> dict[str, float]:
     """Return the parameters that the rig file fixes.
 
     Length and mass ratio of an arm, gravity of a falling body, the controller of a drive; no input gain without input.
+    The reference inertia of a recorded force is the power of ten nearest to that force over the natural acceleration.
     """
     rig = experiment.rig
     if rig.kind != ARM:
@@ -107,6 +109,9 @@ def known_values(experiment: Experiment) -> dict[str, float]:
         if rig.controller is not None:
             known |= {"k_p": rig.controller.kp, "k_v": rig.controller.kv}
             known |= {} if rig.controller.limit is None else {"c_max": rig.controller.limit}
+        if rig.view is not None:
+            units = natural_units([experiment])
+            known["m_0"] = 10.0 ** round(np.log10(units.drive * units.time**2 / units.coordinate))
         return known
     # A rod of unknown mass counts as light; the exact arm needs some mass to be solvable.
     known = {"length": rig.length.value if rig.length else 1.0, "mu": LIGHT_ROD}

@@ -200,17 +200,18 @@ def test_gravity_over_length_has_the_spread_of_its_parameters(results):
 
 
 def test_parameters_of_a_drive_are_compared_as_forces(results):
+    results["models"]["after"]["model"] = {"known": {"m_0": 10.0}}
     reference = Reference(source="s", mass=2.1, viscous=6.5, coulomb=1.1, offset=-3.0)
     found = {c.symbol: c for c in drive_checks(Run(Path(), results), reference)}
     assert found["m"].fitted == 2.0
-    assert found["m ξ"].fitted == pytest.approx(6.0)
-    assert found["m ξ"].sd == pytest.approx(np.hypot(3.0 * 0.1, 2.0 * 0.2), rel=1e-6)
+    assert found["m₀ ξ"].fitted == pytest.approx(30.0)
+    assert found["m₀ ξ"].sd == pytest.approx(10.0 * 0.2, rel=1e-6)
     # Not in the covariance: no spread is invented.
-    assert found["m f_c"].fitted == pytest.approx(1.0)
-    assert found["m f_c"].sd is None
-    assert np.isnan(found["F₀"].fitted)
-    assert found["F₀"].expected == -3.0
-    assert "m ξₐ" not in found
+    assert found["m₀ f_c"].fitted == pytest.approx(5.0)
+    assert found["m₀ f_c"].sd is None
+    assert np.isnan(found["m₀ f₀"].fitted)
+    assert found["m₀ f₀"].expected == -3.0
+    assert "m₀ ξₐ" not in found
 
 
 @pytest.fixture

@@ -193,8 +193,8 @@ def test_a_prescribed_motion_needs_no_initial_state() -> None:
         recording = Recording("d", TIME, position, output[:, None], ("output",), ("N",), np.array([1e-3]), "", "")
         return Experiment(recording, drive, rig)
 
-    found = fit(Model("inverse_dynamics", ("viscous_damping",)), [experiment(force)])
-    assert found.values == {"m": pytest.approx(4.0, abs=0.01), "xi": pytest.approx(0.3, abs=0.01)}
+    found = fit(Model("inverse_dynamics", ("viscous_damping",), {"m_0": 2.0}), [experiment(force)])
+    assert found.values == {"m": pytest.approx(4.0, abs=0.01), "xi": pytest.approx(0.6, abs=0.01)}
     mean, sd = predict(found, experiment(np.zeros(TIME.size)))
     np.testing.assert_allclose(mean[20:-20, 0], (4.0 * (change + 0.3 * rate))[20:-20], atol=2e-3)
     assert (sd > 0).all()

@@ -76,20 +76,22 @@ def gravity_over_length(run: Run) -> Check | None:
 def drive_checks(run: Run, reference: Reference) -> tuple[Check, ...]:
     """Return mass and friction of a drive's inverse model beside those of a reference model.
 
-    The model is per unit of inertia; times the inertia m its parameters are forces.
+    Times the reference inertia m₀ the parameters of the effects are forces.
     """
     model = run.results["models"]["after"]
 
-    def product(*names: str) -> tuple[float, float | None]:
-        return _propagated(model, names, lambda *x: float(np.prod(x)))
+    reference_inertia = float(model["model"]["known"]["m_0"])
+
+    def force(name: str) -> tuple[float, float | None]:
+        return _propagated(model, [name], lambda x: reference_inertia * x)
 
     dry = "f_c" if any(p["name"] == "f_c" for p in model["parameters"]) else "f_k"
     found = (
-        Check("m", "mass", "kg", *product("m"), reference.mass),
-        Check("m ξ", "viscous friction, mean of both directions", "N s/m", *product("m", "xi"), reference.viscous),
-        Check("m ξₐ", "half the difference between the directions", "N s/m", *product("m", "xi_a"), math.nan),
-        Check(f"m {dry}", "dry friction", "N", *product("m", dry), reference.coulomb),
-        Check("m f_b", "more of it at creep (Stribeck)", "N", *product("m", "f_b"), math.nan),
-        Check("F₀", "offset", "N", math.nan, None, reference.offset),
+        Check("m", "mass", "kg", *_propagated(model, ["m"], float), reference.mass),
+        Check("m₀ ξ", "viscous friction, mean of both directions", "N s/m", *force("xi"), reference.viscous),
+        Check("m₀ ξₐ", "half the difference between the directions", "N s/m", *force("xi_a"), math.nan),
+        Check(f"m₀ {dry}", "dry friction", "N", *force(dry), reference.coulomb),
+        Check("m₀ f_b", "more of it at creep (Stribeck)", "N", *force("f_b"), math.nan),
+        Check("m₀ f₀", "constant force", "N", *force("f_0"), reference.offset),
     )
     return tuple(c for c in found if not (math.isnan(c.fitted) and math.isnan(c.expected)))

@@ -14,22 +14,28 @@ __all__ = ["BASE", "InverseDynamics"]
 class InverseDynamics(OneCoordinate):
     r"""A body whose motion u(t) is recorded; what is read is the force that it takes.
 
-    .. math:: F = m \left(\ddot u - \text{effects}(u, \dot u)\right)
+    .. math:: F = m \ddot u - m_0\, \text{effects}(u, \dot u)
 
-    Nothing is integrated but the memory of effects, and there is no initial state (Gautier, Janot and Vandanjon, IEEE
+    The effects are forces over a reference inertia m_0, the recorded force over the natural acceleration: a force is
+    then known as well as the recording tells it, however little the inertia shows beside it. Nothing is integrated but the memory of effects, and there is no initial state (Gautier, Janot and Vandanjon, IEEE
     Transactions on Control Systems Technology 21 (2013) 428, the inverse dynamic identification model). A late
-    instrument would be a motion that is early: those effects are not offered here.
+    instrument would be a motion that is early: those effects are not offered here, nor an offset of the force
+    beside `constant_force`.
     """
 
     name = "inverse_dynamics"
     reads_state = False
     input_moves = True
     prescribed = True
-    provides = frozenset({"sensor_delay", "time_base_error", "position_scale"})
+    provides = frozenset({"sensor_delay", "time_base_error", "position_scale", "angle_offset"})
 
     m = Parameter(
         "s^2 q^-1", "inertia: force per acceleration", (1e-6, 1e6), LogNormal(1.0, 3.0), default=1.0, starts=(1.0,)
     )
+    m_0 = Parameter(
+        "s^2 q^-1", "reference inertia: the effects are forces over it", (1e-6, 1e6), LogNormal(1.0, 3.0), default=1.0,
+        fixed=True,
+    )  # fmt: skip
 
     @property
     def position(self):
@@ -42,7 +48,7 @@ class InverseDynamics(OneCoordinate):
 
     def reading(self, closure, rod=None):
         """Return the force."""
-        return (self.m * (s.alpha_m - s.acceleration),)
+        return (self.m * s.alpha_m - self.m_0 * s.acceleration,)
 
 
 BASE = InverseDynamics()

@@ -23,6 +23,8 @@ class OneCoordinate(Base):
 
     system = OSCILLATOR
     n_coordinates = 1
+    # A spring rests elsewhere under it: `equilibrium_offset`.
+    provides = frozenset({"constant_force"})
 
     @property
     def position(self) -> tuple[sp.Expr, sp.Expr]:

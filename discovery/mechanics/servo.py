@@ -21,6 +21,7 @@ class Servo(OneCoordinate):
     """
 
     name = "servo"
+    provides = frozenset()
 
     g = Parameter("s^-2 q", "acceleration per unit of command", (0.0, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
     k_p = Parameter("s^-1", "position gain", (0.0, 1e6), Normal(0.0, 1e3), default=1.0, fixed=True, latex="k_p")

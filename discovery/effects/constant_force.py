@@ -1,0 +1,24 @@
+"""A force that never changes."""
+
+import sympy as sp
+
+from discovery.effect import OSCILLATOR, Load
+from discovery.parameters import Normal, Parameter
+from discovery.symbols import delta_dot
+
+
+class ConstantForce(Load):
+    r"""A constant force on the body: a tilt of the table, an imbalance, the bias of an amplifier or of a load cell.
+
+    .. math:: P = f_0\, \dot q
+
+    A body on a spring only rests elsewhere (`equilibrium_offset`), one that falls weighs more: there it is not offered.
+    """
+
+    systems = frozenset({OSCILLATOR})
+    cite = "the offset of a drive: Janot, Gautier and Brunot, nonlinear system identification benchmarks (2019)"
+    f_0 = Parameter("s^-2 q", "constant force", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.003, -0.003), latex="f_0")
+
+    def expression(self):
+        """Return P."""
+        return self.f_0 * sp.sympify(delta_dot)
