@@ -24,7 +24,7 @@ CODE := $(sort $(filter-out discovery/report/% discovery/reproduction/% discover
 TWIN := Simulated: no recording of a very flexible arm was ever published. A geometrically exact beam stands in for the rig.
 
 # The measured circuit is run where its recording is at hand; it belongs to others and is not in this repository.
-SILVERBOX := $(shell for d in "$(DISCOVERY_DATA)" "$${XDG_CACHE_HOME:-$$HOME/.cache}/discovery/measured" "$$HOME/Library/Caches/discovery/measured"; do \
+SILVERBOX := $(shell IFS=:; set -f; named="$(DISCOVERY_DATA)"; for d in $$named "$${XDG_CACHE_HOME:-$$HOME/.cache}/discovery/measured" "$$HOME/Library/Caches/discovery/measured"; do \
 	[ -f "$$d/silverbox/SNLS80mV.mat" ] && { echo silverbox; break; }; done)
 
 HIDDEN := arm_coulomb arm_delay arm_tilt

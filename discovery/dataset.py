@@ -62,9 +62,10 @@ def _read(part: RecordPart, rig: Rig) -> Recording:
         # Public measured data lie in the user's data folder, not beside the rig file.
         from discovery_datasets import registry
 
-        if path.name in {Path(name).name for name in registry.FILES}:
+        name = registry.registered(path)
+        if name is not None:
             try:
-                path = registry.locate(path.name)
+                path = registry.locate(name)
             except registry.DataUnavailable as error:
                 raise InputError(f"{path} does not exist, and the {error}") from None
     return read_recording(path, rig, part.samples, where=part.where, name=part.name)

@@ -10,7 +10,8 @@ from __future__ import annotations
 import hashlib
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,9 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     Parameters
     ----------
     path : path
-        TOML file. The files of its ``[records]`` are looked for beside it, then in the folder that the environment
-        variable ``DISCOVERY_DATA`` names and in that folder's subfolders.
+        TOML file. The files of its ``[records]`` are looked for beside it, then in the folders that the environment
+        variable ``DISCOVERY_DATA`` names, separated as in ``PATH``: there, in the subfolder that is called like the
+        folder of the rig file, and in any other.
 
     Returns
     -------
@@ -48,8 +50,8 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     Raises
     ------
     InputError
-        If the file is missing or no TOML, a key is unknown, missing or lacks its unit, or a value is of the wrong kind
-        or physically impossible.
+        If the file is missing or no TOML, a key is unknown, missing or lacks its unit, a value is of the wrong kind or
+        physically impossible, or several subfolders hold a file of ``[records]``.
     """
     path = Path(path)
     try:
@@ -203,13 +205,31 @@ def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[Reco
 
 
 def _find(path: Path, file: str) -> Path:
+    from discovery_datasets.registry import data_folders, registered
+
     beside = path.parent / file
-    folder = os.environ.get("DISCOVERY_DATA")
-    if not folder or Path(file).is_absolute() or os.path.exists(beside):
+    folders = data_folders()
+    if not folders or Path(file).is_absolute() or os.path.exists(beside):
         return beside
-    try:
-        places = [Path(folder), *sorted(place for place in Path(folder).iterdir() if place.is_dir())]
-    except OSError:
-        return beside
+    own = path.resolve().parent.name
+    near = [place / file for folder in folders for place in (folder, folder / own)]
+    found = [place for place in near if os.path.exists(place)][:1]
+    if not found and registered(beside) is None:  # another set may have a file of that name
+        found = _in_subfolders(folders, file)
+    if len({place.parent.name for place in found}) > 1:
+        raise InputError(
+            f"The rig file {path} names {file!r}, which is in {' and in '.join(str(p.parent) for p in found)}. Name it "
+            "with its folder."
+        )
     # The name may be no file's at all; then it is refused where the recording is read.
-    return next((place / file for place in places if os.path.exists(place / file)), beside)
+    return found[0] if found else beside
+
+
+def _in_subfolders(folders: Sequence[Path], file: str) -> list[Path]:
+    """Return the files of that name in the subfolders."""
+    found = []
+    for folder in folders:
+        with suppress(OSError):
+            places = sorted(place for place in folder.iterdir() if place.is_dir())
+            found += [place / file for place in places if os.path.exists(place / file)]
+    return found

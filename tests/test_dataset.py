@@ -110,8 +110,19 @@ def test_public_data_that_are_not_here_are_refused_with_the_remedy(folder: Path,
     monkeypatch.setenv("DISCOVERY_DATA", str(folder))
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     with pytest.raises(InputError, match="DISCOVERY_DATA") as error:
-        load_dataset(folder / "rig.toml", [folder / "SNLS80mV.mat"])
+        load_dataset(folder / "rig.toml", [folder / "silverbox" / "SNLS80mV.mat"])
     assert "fetch" in str(error.value)
+
+
+def test_a_name_that_only_a_public_set_of_another_folder_has_is_not_taken_from_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "data" / "carter_cdip").mkdir(parents=True)
+    (folder / "data" / "carter_cdip" / "train.csv").write_text("t_s,angle_rad\n0,0\n")
+    monkeypatch.setenv("DISCOVERY_DATA", str(folder / "data"))
+    with pytest.raises(InputError) as error:
+        load_dataset(folder / "rig.toml", [folder / "train.csv"])
+    assert "carter" not in str(error.value)
 
 
 def test_a_public_file_with_another_hash_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,7 +131,7 @@ def test_a_public_file_with_another_hash_is_refused(folder: Path, monkeypatch: p
     monkeypatch.setenv("DISCOVERY_DATA", str(folder))
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     with pytest.raises(InputError, match="SHA-256"):
-        load_dataset(folder / "rig.toml", [folder / "SNLS80mV.mat"])
+        load_dataset(folder / "rig.toml", [folder / "elsewhere" / "silverbox" / "SNLS80mV.mat"])
 
 
 PICKED = """

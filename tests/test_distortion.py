@@ -1,14 +1,13 @@
 from __future__ import annotations
 
 import json
-import os
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured_data import DATASETS, needs
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
@@ -17,7 +16,6 @@ from discovery.multisine import Multisine
 from discovery.recording import Recording, read_recording
 from discovery.rig_file import read_rig
 
-DATASETS = Path(__file__).parents[1] / "datasets"
 RATE = 200.0
 RESONANCE = ([0.05], [1.0, -1.86, 0.9409])  # poles of radius 0.97: settles by 60 dB in 227 samples
 
@@ -324,8 +322,8 @@ def test_summary_is_json_and_says_what_was_found():
 
 
 @pytest.mark.measured
-@pytest.mark.skipif("DISCOVERY_DATA" not in os.environ, reason="DISCOVERY_DATA does not name the measured data")
 def test_silverbox_is_odd_far_above_its_noise():
+    needs("silverbox")
     rig = read_rig(DATASETS / "silverbox" / "rig.toml")
     part = rig.records["train"][0]
     result = analyse_multisine(read_recording(part.file, rig, part.samples))

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from discovery_datasets import registry
+from measured_data import DATASETS, needs
 
 from discovery.dataset import Dataset, load_dataset
 from discovery.errors import InputError
@@ -17,7 +18,6 @@ from discovery.registry import catalogue
 from discovery.rig import RecordPart, Rig
 from discovery.rig_file import read_rig
 
-DATASETS = Path(__file__).parents[1] / "datasets"
 SETS = sorted({name.partition("/")[0] for name in registry.FILES})
 RIGS = sorted(str(path.relative_to(DATASETS)) for folder in SETS for path in (DATASETS / folder).glob("rig*.toml"))
 
@@ -37,9 +37,13 @@ def test_rig_files_are_complete_and_refer_to_registered_files(name):
     rig = read_rig(DATASETS / name)
     assert set(rig.declared) <= set(catalogue())
     assert rig.records["train"]
-    assert rig.records["holdout"]
     for part in (part for parts in rig.records.values() for part in parts):
-        assert registry.entry_of(part.file.name).name.startswith(f"{name.partition('/')[0]}/")
+        assert registry.registered(part.file).startswith(f"{name.partition('/')[0]}/")
+
+
+def test_every_registered_recording_is_used():
+    used = {registry.registered(p.file) for rig in RIGS for ps in read_rig(DATASETS / rig).records.values() for p in ps}
+    assert registry.FILES.keys() - used == {"falling_balls/balls.txt"}
 
 
 def test_no_ball_is_left_out():
@@ -49,21 +53,18 @@ def test_no_ball_is_left_out():
     assert len(balls) == 11
 
 
-@pytest.fixture
-def data() -> None:
-    """Skip where the measured files are not here."""
-    missing = [state.name for state in registry.check() if state.state != "ok"]
-    if missing:
-        pytest.skip(f"measured data are not here: {', '.join(missing)}; set {registry.VARIABLE} to their folder")
+def here(part: RecordPart) -> Path:
+    return registry.locate(registry.registered(part.file))
 
 
 def load(name: str) -> Dataset:
+    needs(name.partition("/")[0])
     return load_dataset(DATASETS / name)
 
 
 @pytest.mark.measured
 @pytest.mark.parametrize("name", [rig for rig in RIGS if not rig.startswith(("falling", "silverbox"))])
-def test_measured_sets_are_read_and_nothing_is_left_out(data, name):
+def test_measured_sets_are_read_and_nothing_is_left_out(name):
     dataset = load(name)
     for _, experiment in dataset.everything:
         recording = experiment.recording
@@ -73,7 +74,7 @@ def test_measured_sets_are_read_and_nothing_is_left_out(data, name):
 
 
 @pytest.mark.measured
-def test_what_is_known_of_the_instruments(data):
+def test_what_is_known_of_the_instruments():
     small = load("multiarm_pendulum/rig_small.toml").holdout[0].recording
     assert small.noise[0] == pytest.approx(2 * np.pi / 40000 / np.sqrt(12.0), rel=1e-3)
     assert "steps of 0.0001571 rad" in small.notes[0]
@@ -85,30 +86,32 @@ def test_what_is_known_of_the_instruments(data):
 
 
 @pytest.mark.measured
-def test_the_length_of_the_video_pendulum_is_the_tracked_radius(data):
-    frame = pd.read_csv(registry.locate("clean_AAAtAmp3.csv"))
+def test_the_length_of_the_video_pendulum_is_the_tracked_radius():
+    needs("video_pendulum")
+    frame = pd.read_csv(registry.locate("video_pendulum/clean_AAAtAmp3.csv"))
     rig = read_rig(DATASETS / "video_pendulum" / "rig.toml")
     assert np.hypot(frame["x_m"], frame["y_m"]).mean() == pytest.approx(rig.length.value, abs=1e-4)
 
 
 @pytest.mark.measured
-def test_the_pulses_of_the_drive_are_what_the_controller_did_not_command(data):
+def test_the_pulses_of_the_drive_are_what_the_controller_did_not_command():
+    needs("emps")
     rig = read_rig(DATASETS / "emps" / "rig_closed_loop.toml")
     (part,) = rig.records["holdout"]
     from discovery.io import read_table
 
-    table = read_table(registry.locate(part.file.name))
+    table = read_table(here(part))
     q = table.numbers("qm")
     c = rig.controller
     law = c.kv * (c.kp * (table.numbers("qg") - q) - np.gradient(q, 1e-3))
     command, pulses = table.numbers("vir"), table.numbers("pulses_N")
     assert np.std(command - law - pulses) < 0.1 * np.std(command - law)
-    reference = read_recording(registry.locate(part.file.name), rig).input
+    reference = read_recording(here(part), rig).input
     np.testing.assert_allclose(c.kv * c.kp * (reference - table.numbers("qg")), pulses, atol=1e-9)
 
 
 @pytest.mark.measured
-def test_balls_fall(data):
+def test_balls_fall():
     for name in (rig for rig in RIGS if rig.startswith("falling")):
         dataset = load(name)
         assert dataset.train[0].recording.name.endswith("drop_1")
@@ -118,9 +121,10 @@ def test_balls_fall(data):
 
 def spoil(tmp_path: Path, rig: Rig, edit) -> Recording:
     """Read the training part of a set with a fault put into it; text files only."""
+    needs(rig.path.parent.name)
     (part,) = rig.records["train"]
     assert isinstance(part, RecordPart)
-    frame = pd.read_csv(registry.locate(part.file.name)).iloc[slice(*part.samples)].reset_index(drop=True)
+    frame = pd.read_csv(here(part)).iloc[slice(*part.samples)].reset_index(drop=True)
     edit(frame).to_csv(tmp_path / "spoilt.csv", index=False)
     return read_recording(tmp_path / "spoilt.csv", rig)
 
@@ -144,7 +148,7 @@ def clip(column, every):
 @pytest.mark.measured
 @pytest.mark.parametrize(("name", "column"), [*ANGLE.items(), *LINK.items()])
 @pytest.mark.parametrize(("fault", "note"), [(hold, "is stuck for 100 samples"), (clip, "saturates at")])
-def test_faults_of_the_sensor_are_found_in_measured_sets(data, tmp_path, name, column, fault, note):
+def test_faults_of_the_sensor_are_found_in_measured_sets(tmp_path, name, column, fault, note):
     rig = read_rig(DATASETS / name)
     recording = spoil(tmp_path, rig, fault(column, rig.columns.every))
     assert note in " ".join(recording.notes)
@@ -153,7 +157,7 @@ def test_faults_of_the_sensor_are_found_in_measured_sets(data, tmp_path, name, c
 
 @pytest.mark.measured
 @pytest.mark.parametrize(("name", "column"), [*ANGLE.items(), *LINK.items()])
-def test_lost_rows_spikes_and_dead_sensors_are_found(data, tmp_path, name, column):
+def test_lost_rows_spikes_and_dead_sensors_are_found(tmp_path, name, column):
     rig = read_rig(DATASETS / name)
     lost = spoil(tmp_path, rig, lambda f: f.drop(index=range(500, 500 + 30 * rig.columns.every)))
     assert "30 samples are missing in 1 gap of" in " ".join(lost.notes)
@@ -169,7 +173,7 @@ def test_lost_rows_spikes_and_dead_sensors_are_found(data, tmp_path, name, colum
 
 @pytest.mark.measured
 @pytest.mark.parametrize(("name", "column"), ANGLE.items())
-def test_wrong_units_of_a_pendulum_are_found(data, tmp_path, name, column):
+def test_wrong_units_of_a_pendulum_are_found(tmp_path, name, column):
     rig = read_rig(DATASETS / name)
     with pytest.raises(InputError, match='unit = "deg"'):
         spoil(tmp_path, rig, lambda f: f.assign(**{column: np.degrees(f[column])}))
@@ -180,7 +184,7 @@ def test_wrong_units_of_a_pendulum_are_found(data, tmp_path, name, column):
 
 
 @pytest.mark.measured
-def test_a_drifting_instrument_is_found(data, tmp_path):
+def test_a_drifting_instrument_is_found(tmp_path):
     rig = read_rig(DATASETS / "video_pendulum" / "rig.toml")
     drifted = spoil(tmp_path, rig, lambda f: f.assign(theta_rad=f["theta_rad"] + 0.05 * f.index / len(f)))
     (creep,) = re.findall(r"creeps by ([\d.]+) rad", " ".join(drifted.notes))
@@ -188,6 +192,6 @@ def test_a_drifting_instrument_is_found(data, tmp_path):
 
 
 @pytest.mark.measured
-def test_a_slow_clock_is_noted(data, tmp_path):
+def test_a_slow_clock_is_noted(tmp_path):
     rig = read_rig(DATASETS / "rotary_flexible_link" / "rig_link.toml")
     assert "2 s apart" in " ".join(spoil(tmp_path, rig, lambda f: f.assign(t_s=1e3 * f["t_s"])).notes)

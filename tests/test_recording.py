@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import os
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from discovery_datasets import registry
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from measured_data import needs
 from scipy.io import savemat
 
 from discovery.errors import InputError
@@ -257,10 +257,8 @@ def test_table_names_rows_by_file_line(tmp_path):
 
 @pytest.mark.measured
 def test_silverbox():
-    folder = os.environ.get("DISCOVERY_DATA")
-    if not folder:
-        pytest.skip("DISCOVERY_DATA is not set: the measured Silverbox is not here")
-    path = Path(folder) / "silverbox" / "SNLS80mV.mat"
+    needs("silverbox")
+    path = registry.locate("silverbox/SNLS80mV.mat")
     rig = oscillator(time=TimeColumn(None, "s", 1e7 / 2**14), output=OutputColumn("V2", "V", None))
     recording = read_recording(path, rig, samples=(40650, 105712))
     assert recording.time.size == 65062

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from discovery_datasets import registry
+from measured_data import needs
 
 from discovery.dataset import Dataset, load_dataset
 from discovery.loop import LoopResult, close_loop
@@ -20,10 +20,7 @@ RIG = Path(__file__).parents[1] / "datasets" / "silverbox" / "rig.toml"
 
 @pytest.fixture(scope="module")
 def dataset() -> Dataset:
-    try:
-        registry.locate("silverbox/SNLS80mV.mat")
-    except registry.DataUnavailable as reason:
-        pytest.skip(str(reason))
+    needs("silverbox")
     return load_dataset(RIG)
 
 

@@ -1,7 +1,8 @@
 """Public measured data of other laboratories: where each file comes from, and where it lies here.
 
-No measurement is part of this project. A file is looked for in the folder that the environment variable DISCOVERY_DATA
-names, then in the user's cache; `fetch` downloads it, when asked. Its SHA-256 decides whether it is the right one.
+No measurement is part of this project. A file is looked for in the folders that the environment variable DISCOVERY_DATA
+names, separated as in PATH, then in the user's cache; `fetch` downloads it, when asked. Its SHA-256 decides whether it
+is the right one. Names of files repeat across sets: a file is known by its folder and name.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+from urllib.parse import quote
 
 from platformdirs import user_cache_dir
 
@@ -40,7 +42,8 @@ class MeasuredFile:
     name : str
         Folder and file name, as ``folder/file``.
     repository, commit, path : str
-        Origin on GitHub; `path` is that of the original where the file was derived from it.
+        Origin on GitHub; `path` is that of the original where the file was derived from it. The commit is HEAD where
+        nobody recorded it.
     sha256 : str
         Hash of the file, hexadecimal.
     measured : str
@@ -64,7 +67,7 @@ class MeasuredFile:
     @property
     def url(self) -> str:
         """Address of the original file."""
-        return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{self.path}"
+        return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{quote(self.path)}"
 
 
 @dataclass(frozen=True)
@@ -86,17 +89,26 @@ FILES: dict[str, MeasuredFile] = _read_table()
 
 
 def entry_of(name: str) -> MeasuredFile:
-    """Entry of that name; the file name alone is enough.
+    """Entry of that name; the file name alone is enough where one set has it.
 
     Raises
     ------
     DataUnavailable
-        If no file is registered under it.
+        If no file is registered under it, or several are.
     """
     found = [entry for entry in FILES.values() if name in (entry.name, Path(entry.name).name)]
     if not found:
         raise DataUnavailable(f"no measured file is registered as {name!r}; known are {', '.join(FILES)}")
+    if len(found) > 1:
+        names = " and ".join(entry.name for entry in found)
+        raise DataUnavailable(f"several measured files are called {name!r}: {names}. Give the folder too")
     return found[0]
+
+
+def registered(path: Path) -> str | None:
+    """Name of the registered file that a path means, by its folder and file name; None where it means none."""
+    name = "/".join(path.absolute().parts[-2:])
+    return name if name in FILES else None
 
 
 def card(name: str) -> str:
@@ -125,9 +137,13 @@ def cache_folder() -> Path:
     return Path(user_cache_dir("discovery")) / "measured"
 
 
+def data_folders() -> list[Path]:
+    """Folders that the environment variable names, in its order."""
+    return [Path(folder) for folder in os.environ.get(VARIABLE, "").split(os.pathsep) if folder]
+
+
 def _folders() -> list[Path]:
-    named = os.environ.get(VARIABLE)
-    return ([Path(named)] if named else []) + [cache_folder()]
+    return [*data_folders(), cache_folder()]
 
 
 def state_of(name: str) -> FileState:

@@ -158,9 +158,10 @@ def origins(cases: Sequence[tuple[str, Case]]) -> dict[str, dict[str, Any]]:
             with path.open("rb") as file:
                 return file_digest(file, "sha256").hexdigest()
         # Public measured data lie in the user's data folder, and are used only as they were registered.
-        from discovery_datasets.registry import FILES
+        from discovery_datasets.registry import FILES, registered
 
-        return next((entry.sha256 for name, entry in FILES.items() if Path(name).name == path.name), None)
+        name = registered(path)
+        return None if name is None else FILES[name].sha256
 
     package = version("discovery")
     return {

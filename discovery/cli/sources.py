@@ -180,7 +180,8 @@ def data_list(name: str | None) -> None:
             raise InputError(str(error)) from None
         return
     for key, entry in registry.FILES.items():
-        click.echo(f"{key:50} {entry.licence}\n    {entry.url}")
+        derived = " (derived from it; not fetched)" if entry.derived else ""
+        click.echo(f"{key:50} {entry.licence}\n    {entry.url}{derived}")
 
 
 @data.command("fetch")

@@ -26,11 +26,12 @@ def at_hand(datasets: Path) -> tuple[list[str], list[str]]:
     datasets : Path
         Folder with a folder for each set.
     """
-    states = {Path(s.name).name: s for s in registry.check()}
+    states = {s.name: s for s in registry.check()}
     sizes: dict[str, int] = {}
     missing: dict[str, None] = {}
     for name, path in measured_rigs(datasets).items():
-        files = {part.file.name for parts in read_rig(path).records.values() for part in parts}
+        listed = (part.file for parts in read_rig(path).records.values() for part in parts)
+        files = {known for file in listed if (known := registry.registered(file))}
         lacking = [states[f] for f in sorted(files) if states[f].state != "ok"]
         if lacking:
             why = ", ".join(f"{s.name} is {s.state}" for s in lacking)
