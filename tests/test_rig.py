@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 
 import numpy as np
 import pytest
@@ -161,6 +162,43 @@ def test_records_are_found_in_the_data_folder(write, tmp_path, monkeypatch):
     there.touch()
     monkeypatch.setenv("DISCOVERY_DATA", str(tmp_path / "data"))
     assert read_rig(write(OSCILLATOR)).records["train"][0].file == there
+
+
+@pytest.fixture
+def records(tmp_path, monkeypatch):
+    """Return a function that makes files in two data folders, and the file that a rig file's drop.csv then is."""
+    monkeypatch.setenv("DISCOVERY_DATA", f"{tmp_path / 'one'}{os.pathsep}{tmp_path / 'two'}")
+    rig = 'name = "ball"\nkind = "falling_body"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+    rig += 'output = { name = "h", unit = "m" }\n[records]\ntrain = [{ file = "drop.csv" }]\n'
+
+    def find(folder, *files):
+        for file in files:
+            (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / file).touch()
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "rig.toml").write_text(rig)
+        file = read_rig(tmp_path / folder / "rig.toml").records["train"][0].file
+        return file.relative_to(tmp_path).as_posix()
+
+    return find
+
+
+def test_records_are_found_in_the_folder_called_like_that_of_the_rig_file(records):
+    assert records("b", "one/a/drop.csv", "two/b/drop.csv", "two/c/drop.csv") == "two/b/drop.csv"
+
+
+def test_the_first_data_folder_comes_first(records):
+    assert records("mine", "one/a/drop.csv", "two/a/drop.csv") == "one/a/drop.csv"
+
+
+def test_a_name_that_several_subfolders_have_is_refused(records):
+    with pytest.raises(InputError, match=r"'drop\.csv', which is in .*a and in .*b\. Name it with its folder"):
+        records("mine", "one/a/drop.csv", "two/b/drop.csv")
+
+
+def test_records_of_a_registered_set_are_not_those_of_another(records):
+    set_ = "balloon_globo_chico"
+    assert records(set_, "one/balloon_globo_mediano/drop.csv") == f"{set_}/drop.csv"
 
 
 @pytest.mark.parametrize(
