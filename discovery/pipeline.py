@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -191,7 +192,9 @@ def run(
     out.mkdir(parents=True, exist_ok=True)
     discovered = stages.discover(dataset, seed=seed, tell=tell) if stages.can_discover(dataset.rig) else None
     fits = stages.estimate(dataset, tell=tell)
+    began = time.perf_counter()
     loop = stages.loop(dataset, seed=seed, tell=tell)
+    seconds = time.perf_counter() - began
     missing = stages.unexplained(loop, dataset, tell=tell)
     tested = stages.scored(loop, dataset, tell=tell)
     on = stages.continued(loop, dataset, tell=tell)
@@ -214,7 +217,7 @@ def run(
         "after": list(loop.predictions["after"]),
     }
     content = {
-        "provenance": provenance(dataset, seed=seed, command=command),
+        "provenance": {**provenance(dataset, seed=seed, command=command), "loop_seconds": seconds},
         "data_note": note,
         **_describe(dataset),
         **(discovered.summary() if discovered else dict.fromkeys(("discovery", "radius", "multisine"))),

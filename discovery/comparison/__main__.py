@@ -9,7 +9,7 @@ from discovery.errors import DiscoveryError
 
 
 def main() -> None:
-    """List the rigs whose recordings are at hand, or write the page over their runs."""
+    """List the rigs whose recordings are at hand, or write the page over their runs; a regression is a failure."""
     from discovery.comparison.rigs import at_hand
 
     match sys.argv[1:]:
@@ -19,17 +19,21 @@ def main() -> None:
             for sentence in missing:
                 print(sentence, file=sys.stderr)
             if missing:
-                print("set DISCOVERY_DATA to the folder that holds the measured files", file=sys.stderr)
+                print("set DISCOVERY_DATA to the folders that hold the measured files", file=sys.stderr)
         case ["page", datasets, folder]:
             try:
-                print(_page(Path(datasets), Path(folder)))
+                page, regressions = _page(Path(datasets), Path(folder))
             except DiscoveryError as error:
                 sys.exit(f"discovery: {error}")
+            print(page)
+            if regressions:
+                sys.exit("\n".join(f"regression in {r}" for r in regressions))
         case _:
             sys.exit("usage: python -m discovery.comparison list DATASETS | page DATASETS FOLDER")
 
 
-def _page(datasets: Path, folder: Path) -> Path:
+def _page(datasets: Path, folder: Path) -> tuple[Path, list[str]]:
+    from discovery.comparison.entry import read_entries
     from discovery.comparison.known import read_known
     from discovery.comparison.page import build_comparison
     from discovery.comparison.reference import score_reference
@@ -44,7 +48,9 @@ def _page(datasets: Path, folder: Path) -> Path:
             write_json(run / "reference.json", score_reference(rigs[name], reference))
     failed = [name for name in names if not (folder / name / "results.json").exists()]
     unfinished = [f"no finished run: {', '.join(failed)}"] if failed else []
-    return build_comparison(rigs, folder, (*missing, *unfinished))
+    entries = read_entries(rigs, folder)
+    page = build_comparison(entries, folder, (*missing, *unfinished))
+    return page, [f"{e.name}: {r}" for e in entries if e.name in names for r in e.regressions]
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from discovery.comparison.derived import gravity_over_length
-from discovery.comparison.known import Known
+from discovery.comparison.known import Goal, Known, read_known
+from discovery.errors import InputError
 from discovery.provenance import read_json
 from discovery.report.numbers import scale_for, significant, unit_text
 from discovery.report.results import Run, read_run
@@ -17,7 +18,7 @@ from discovery.report.words import effect_name, listed
 from discovery.selection.sentences import verdict_sentence
 from discovery.units import si_factor
 
-__all__ = ["Entry", "Outcome", "read_entry"]
+__all__ = ["Entry", "Outcome", "read_entries", "read_entry"]
 
 #: Verdicts under which effects are named.
 _NAMED = ("explained", "partly_explained")
@@ -120,7 +121,8 @@ class Entry:
     def judged(self) -> str:
         """The held-out group by which a rig is compared: run on from training, unless others state the other one."""
         stated = {g for f in self.known.figures for g in f.errors} | self.known.goal.errors.keys()
-        return "continued" if self.run.results.get("continued") and "holdout" not in stated else "holdout"
+        on = self.run.results.get("continued") and ("continued" in stated or "holdout" not in stated)
+        return "continued" if on else "holdout"
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -157,7 +159,21 @@ class Entry:
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
         """Every goal with what was found."""
-        goal, found = self.known.goal, []
+        return self._against(self.known.goal)
+
+    @property
+    def bounds(self) -> tuple[Outcome, ...]:
+        """What stands in the place of goals that are not reached yet, with what was found."""
+        return tuple(o for o in self._against(self.known.bounds) if o not in self.outcomes)
+
+    @property
+    def regressions(self) -> tuple[str, ...]:
+        """Goals and bounds that must be reached and are not."""
+        return tuple(o.sentence for o in self._against(self.known.bounds) if not o.reached)
+
+    def _against(self, goal: Goal) -> tuple[Outcome, ...]:
+        """Return every item of a goal with what was found."""
+        found = []
         for group, limit in goal.errors.items():
             value = self.error("after", group)
             reached = value is not None and value <= limit
@@ -168,10 +184,10 @@ class Entry:
         added = {e["id"] for e in self.named}
         for name in goal.not_named:
             found.append(Outcome(name not in added, f"{effect_name(name)} is {'not ' * (name not in added)}added"))
-        if goal.verdict is not None:
+        if goal.verdict:
             verdict = self.run.loop["verdict"]
-            words = (effect_name(v) for v in (goal.verdict, verdict))
-            found.append(Outcome(verdict == goal.verdict, "verdict “{}”: it is “{}”".format(*words)))
+            wanted = " or ".join(f"“{effect_name(v)}”" for v in goal.verdict)
+            found.append(Outcome(verdict in goal.verdict, f"verdict {wanted}: it is “{effect_name(verdict)}”"))
         if goal.fewer_parameters_than is not None:
             count = self.parameters
             reached = count < goal.fewer_parameters_than
@@ -184,6 +200,10 @@ class Entry:
                 f"g/L within {significant(100 * limit, 2)} % of the geometry: {significant(100 * away, 2)} % away"
             )
             found.append(Outcome(away <= limit, sentence))
+        if goal.seconds is not None:
+            took = self.run.results["provenance"].get("loop_seconds", math.inf)
+            sentence = f"the loop takes at most {significant(goal.seconds)} s: {significant(took)} s"
+            found.append(Outcome(took <= goal.seconds, sentence))
         return tuple(found)
 
     def _named(self, names: tuple[str, ...]) -> Outcome:
@@ -243,3 +263,28 @@ def read_entry(name: str, folder: Path, known: Known) -> Entry:
     scored = folder / "reference.json"
     reference = read_json(scored) if scored.exists() else None
     return Entry(name, read_run(folder), known, reference)
+
+
+def read_entries(rigs: Mapping[str, Path], folder: Path) -> list[Entry]:
+    """Return the entries of the rigs that have a run, in their order.
+
+    Parameters
+    ----------
+    rigs : mapping of str to Path
+        Rig files by name.
+    folder : Path
+        The folder of the runs; that of a rig lies in the folder of its name.
+
+    Raises
+    ------
+    InputError
+        If no rig has a run.
+    """
+    entries = [
+        read_entry(name, folder / name, read_known(rig))
+        for name, rig in rigs.items()
+        if (folder / name / "results.json").exists()
+    ]
+    if not entries:
+        raise InputError(f"{folder} holds no run of a measured set; make one with `make measured`.")
+    return entries

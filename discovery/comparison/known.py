@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -53,20 +54,23 @@ class Goal(_Table):
         Effects that must be added; of each inner tuple, one.
     not_named : tuple of str
         Effects that must not be.
-    verdict : str or None
-        What the loop must say.
+    verdict : tuple of str
+        Verdicts of which the loop must say one; any where there are none.
     fewer_parameters_than : int or None
         Free physical parameters of the final model.
     gravity_over_length : float or None
         Largest relative distance of a pendulum's fitted g/L from that of its geometry.
+    seconds : float or None
+        That the loop may take.
     """
 
     errors: Mapping[str, float] = {}
     named: tuple[tuple[str, ...], ...] = ()
     not_named: tuple[str, ...] = ()
-    verdict: str | None = None
+    verdict: tuple[str, ...] = ()
     fewer_parameters_than: int | None = None
     gravity_over_length: float | None = None
+    seconds: float | None = None
 
 
 class Reference(_Table):
@@ -97,6 +101,9 @@ class Known(_Table):
         Unit of an rms in this table and on the page; empty for that of the output. Relative errors are in per cent.
     figures : tuple of Figure
     goal : Goal
+    regression : Goal
+        What a run must still reach where the goal is not reached yet: stands in the place of the same keys of the goal,
+        of `errors` group by group. An infinite limit is none.
     reference : Reference or None
     remarks : tuple of str
         Sentences that a reader needs.
@@ -106,8 +113,17 @@ class Known(_Table):
     unit: str = ""
     figures: tuple[Figure, ...] = ()
     goal: Goal = Goal()
+    regression: Goal = Goal()
     reference: Reference | None = None
     remarks: tuple[str, ...] = ()
+
+    @property
+    def bounds(self) -> Goal:
+        """What a run that falls short of it makes worse: the goal, or what stands in its place."""
+        stated = {name: getattr(self.regression, name) for name in self.regression.model_fields_set}
+        errors = {**self.goal.errors, **self.regression.errors}
+        stated["errors"] = {group: limit for group, limit in errors.items() if math.isfinite(limit)}
+        return self.goal.model_copy(update=stated)
 
 
 def read_known(rig: Path) -> Known:

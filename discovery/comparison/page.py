@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from discovery.comparison.derived import Check, drive_checks, gravity_over_length
-from discovery.comparison.entry import Entry, read_entry
+from discovery.comparison.entry import Entry
 from discovery.comparison.figure import draw
-from discovery.comparison.known import read_known
-from discovery.errors import InputError
 from discovery.io import atomic_write
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.page import added_effects, embed, environment
@@ -25,13 +23,13 @@ __all__ = ["build_comparison"]
 _MANY = "falling_body"
 
 
-def build_comparison(rigs: Mapping[str, Path], folder: Path, left_out: Sequence[str] = ()) -> Path:
+def build_comparison(entries: Sequence[Entry], folder: Path, left_out: Sequence[str] = ()) -> Path:
     """Write ``index.html``, ``figures/`` and ``tables/`` of a folder of runs.
 
     Parameters
     ----------
-    rigs : mapping of str to Path
-        Rig files by name, in the order of the page; the run of a rig lies in the folder of its name.
+    entries : sequence of Entry
+        At least one, in the order of the page.
     folder : Path
         The folder of the runs.
     left_out : sequence of str
@@ -41,19 +39,7 @@ def build_comparison(rigs: Mapping[str, Path], folder: Path, left_out: Sequence[
     -------
     Path
         The page.
-
-    Raises
-    ------
-    InputError
-        If no rig has a run.
     """
-    entries = [
-        read_entry(name, folder / name, read_known(rig))
-        for name, rig in rigs.items()
-        if (folder / name / "results.json").exists()
-    ]
-    if not entries:
-        raise InputError(f"{folder} holds no run of a measured set; make one with `make measured`.")
     alone = [e for e in entries if e.run.results["rig"]["kind"] != _MANY]
     many = [e for e in entries if e not in alone]
     tables = {"overview": _overview(alone), **({"laws": _laws(many)} if many else {})}
@@ -69,6 +55,7 @@ def build_comparison(rigs: Mapping[str, Path], folder: Path, left_out: Sequence[
         "figures": {"overview": [figure]},
         "entries": [_section(e) for e in alone],
         "many": [_section(e) for e in many],
+        "regressions": [f"{e.name}: {r}" for e in entries for r in e.regressions],
         "left_out": left_out,
     }
     path = folder / "index.html"
@@ -82,6 +69,7 @@ def _answer(entries: Sequence[Entry]) -> str:
     """Return what the page says in one sentence."""
     outcomes = [o for e in entries for o in e.outcomes]
     reached = sum(o.reached for o in outcomes)
+    worse = sum(len(e.regressions) for e in entries)
     after = {e.name: e.error("after", e.judged) or 0.0 for e in entries}
     better = sum(after[e.name] < (e.error("before", e.judged) or 0.0) for e in entries)
     known = [(e, best[0]) for e in entries if (best := e.best_known(e.judged)) is not None]
@@ -89,7 +77,7 @@ def _answer(entries: Sequence[Entry]) -> str:
     return (
         f"Of {len(entries)} rigs, the loop lowers the held-out error of {better}, and reaches the best comparable "
         f"figure or less on {beaten} of the {len(known)} that have one; of {len(outcomes)} goals stated beforehand "
-        f"{reached} are reached."
+        f"{reached} are reached. {f'Regressions: {worse}' if worse else 'No result is a regression'}."
     )
 
 
@@ -225,7 +213,7 @@ def _laws(entries: Sequence[Entry]) -> Table:
         raw.append([e.name, " + ".join(e.added), e.run.loop["verdict"], *errors, e.floor()[0]])
     unit = entries[0].unit
     head = (
-        "ball",
+        "body",
         "added",
         "parameters",
         "verdict",
@@ -234,7 +222,7 @@ def _laws(entries: Sequence[Entry]) -> Table:
         f"floor [{unit}]",
     )
     keys = ("rig", "added", "verdict", "train_before", "train_after", "before", "after", "floor")
-    caption = "What the data want added to the fall without air, ball by ball; “or”: they cannot tell which."
+    caption = "What the data want added to the fall without air, body by body; “or”: they cannot tell which."
     return Table("laws", caption, head, cells, keys, raw, (0, 1, 2, 3))
 
 
@@ -254,6 +242,7 @@ def _section(entry: Entry) -> dict[str, Any]:
         "errors": _errors(entry).html(),
         "checks": checks.html() if checks else "",
         "outcomes": entry.outcomes,
+        "bounds": entry.bounds,
         "remarks": entry.known.remarks,
         "notes": list(notes),
     }
