@@ -181,6 +181,7 @@ class LoopResult:
             "probability": found.probability if found else None,
             "group_probability": found.group_probability if found else None,
             "ambiguous_with": list(found.group if found else ()),
+            "may_stand_for_unknown": found is not None and found.doubtful,
             **({"stands_for": other.summary()} if other else {}),
         }
 

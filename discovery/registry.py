@@ -13,6 +13,7 @@ from types import ModuleType
 from discovery.effect import Effect
 from discovery.errors import InputError
 from discovery.external_force import ExternalForce
+from discovery.smooth_force import SmoothForce
 
 __all__ = ["catalogue", "get_effect"]
 
@@ -47,7 +48,7 @@ def catalogue() -> dict[str, Effect]:
 
 
 def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> Effect:
-    """Return one effect, the external force that no catalogue lists, or one of what is declared besides.
+    """Return one effect, a force that no catalogue lists, or one of what is declared besides.
 
     Raises
     ------
@@ -56,8 +57,9 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
     """
     import difflib
 
-    if effect_id == ExternalForce.id():
-        return ExternalForce()
+    for unlisted in (ExternalForce, SmoothForce):
+        if effect_id == unlisted.id():
+            return unlisted()
     known = {**catalogue(), **(besides or {})}
     if effect_id not in known:
         near = difflib.get_close_matches(effect_id, known, n=3, cutoff=0.4)

@@ -114,7 +114,7 @@ def test_what_nothing_explains_stays_unexplained_with_its_strongest_lead() -> No
     assert search.best.added == ()
     assert verdict_of((), (), complete=is_complete(search.best, search.root, shared)) == "unexplained"
     lead = strongest_lead(search)
-    assert lead is None or lead.code in ("training", "held_out", "size", "chance", "finite")
+    assert lead is None or lead.code in ("training", "held_out", "size", "chance", "finite", "unknown")
 
 
 def test_estimates_have_the_truth_within_their_intervals() -> None:

@@ -16,7 +16,7 @@ class FrictionThroughPlay(Memory):
               \dot z = \dot b - \frac{|\dot b|\,|z|\, z + \dot b\, z^2}{2 w_d^2}
 
     z is the slack that is taken up, from -w_d to w_d. Near the middle the cube is flat: hardly a force where the parts
-    do not touch. Once they do, it is the friction f_d, whatever the speed.
+    do not touch. Once they do, it is the friction f_d, whatever the speed. It is offered for drives.
     """
 
     systems = frozenset({OSCILLATOR})

@@ -17,10 +17,10 @@ class InverseDynamics(OneCoordinate):
     .. math:: F = m \ddot u - m_0\, \text{effects}(u, \dot u)
 
     The effects are forces over a reference inertia m_0, the recorded force over the natural acceleration: a force is
-    then known as well as the recording tells it, however little the inertia shows beside it. Nothing is integrated but the memory of effects, and there is no initial state (Gautier, Janot and Vandanjon, IEEE
-    Transactions on Control Systems Technology 21 (2013) 428, the inverse dynamic identification model). A late
-    instrument would be a motion that is early: those effects are not offered here, nor an offset of the force
-    beside `constant_force`.
+    then known as well as the recording tells it, however little the inertia shows beside it. Nothing is integrated but
+    the memory of effects, and there is no initial state (Gautier, Janot and Vandanjon, IEEE Transactions on Control
+    Systems Technology 21 (2013) 428, the inverse dynamic identification model). A late instrument would be a motion
+    that is early: those effects are not offered here, nor an offset of the force beside `constant_force`.
     """
 
     name = "inverse_dynamics"

@@ -23,8 +23,8 @@ class OneCoordinate(Base):
 
     system = OSCILLATOR
     n_coordinates = 1
-    # A spring rests elsewhere under it: `equilibrium_offset`.
-    provides = frozenset({"constant_force"})
+    # A spring rests elsewhere under a constant force (`equilibrium_offset`); play is a drive's.
+    provides = frozenset({"constant_force", "friction_through_play"})
 
     @property
     def position(self) -> tuple[sp.Expr, sp.Expr]:

@@ -17,6 +17,7 @@ from discovery.holdout import HoldOut
 from discovery.model import Model
 from discovery.problem import NaturalUnits, conventions
 from discovery.selection.settings import LoopSettings
+from discovery.smooth_force import SmoothForce
 from discovery.step import choose_step
 from discovery.unequal_steps import unequal_bench
 
@@ -66,7 +67,7 @@ class Context:
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        return tuple(sorted({*model.effects, *self.candidates(model)}))
+        return tuple(sorted({*model.effects, *self.candidates(model), SmoothForce.id()}))
 
     def added(self, model: Model) -> tuple[str, ...]:
         """Return the effects of a model that are not declared."""

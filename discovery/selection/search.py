@@ -16,7 +16,9 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
 from discovery.selection.odds import Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
+from discovery.selection.unknown import Unknown, unknown_force
 from discovery.simplicity import is_pliable, simplicity
+from discovery.smooth_force import SmoothForce
 
 __all__ = ["Search"]
 
@@ -42,6 +44,8 @@ class Search:
         The start, and the set found so far.
     decisions : list of Decision
         What was decided, in order.
+    unknown : Unknown or None
+        What an unknown force explains beside the set found; None where that leaves noise.
     """
 
     def __init__(self, start: Fit, context: Context) -> None:
@@ -50,6 +54,7 @@ class Search:
         self.offers = Offers(context)
         (self.root,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.best = self.root
+        self.unknown: Unknown | None = None
         self._smaller: dict[tuple[Contender, str], Contender] = {}
         self._finest: dict[Contender, Contender] = {}
 
@@ -58,6 +63,7 @@ class Search:
         self._grow()
         self._simplify()
         self._prune()
+        self._ask_the_unknown()
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
@@ -104,6 +110,16 @@ class Search:
             odds, code = judged[effect]
             self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
             self.best = self.without(effect)
+
+    def _ask_the_unknown(self) -> None:
+        """Weigh an unknown force beside the set found, where more than noise is left."""
+        if self._leaves_noise() or not np.isfinite(self.best.joint):
+            return
+        self.context.tell("weighing an unknown force")
+        self.unknown = found = unknown_force(self.context, self.best)
+        numbers = {"train": found.train, "held": found.held, "odds": min(found.train, found.train + found.held)}
+        if not self.best.added and numbers["odds"] > self.context.settings.nats:
+            self.decisions.append(Decision("add", (SmoothForce.id(),), False, "unknown", numbers))
 
     def finest(self) -> Contender:
         """Return the set found on the finest mechanics that explain the recordings no worse."""

@@ -136,9 +136,12 @@ def effect_sentence(effect: Record) -> str:
     if effect["probability"] is None:
         return words
     words += f", probability {probability_words(effect['probability'])}"
-    if not effect["ambiguous_with"]:
+    if effect["ambiguous_with"]:
+        words += f", of the group {probability_words(effect['group_probability'])}"
+    if not effect.get("may_stand_for_unknown"):
         return words
-    return f"{words}, of the group {probability_words(effect['group_probability'])}"
+    more = _nats(effect["evidence"]["force_instead"])
+    return f"{words}; an unknown force, smooth in position and rate, explains {more} more in its place"
 
 
 def decision_sentence(step: Record) -> str:
@@ -199,6 +202,10 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "finite": lambda _: "the motion blows up",
     "complete": _complete,
     "rival": lambda numbers: f"two others explain more: the log evidence is {_nats(numbers['odds'])} higher with them",
+    "unknown": lambda numbers: (
+        f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
+        f"and {_plain(numbers['held'])} held out"
+    ),
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
     "budget": lambda _: "the model holds as many effects as the search may add",
 }

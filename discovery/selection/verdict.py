@@ -46,6 +46,11 @@ class Named:
         These others.
     rivals : tuple of Contender
         The sets with these in its place.
+    force : mapping of str to float
+        Log odds of the effect beside an unknown force, and of that force in its place [nats]; empty where the model
+        leaves noise. See `discovery.selection.unknown`.
+    doubtful : bool
+        The force explains more in its place, and the effect nothing beside the force.
     """
 
     effect: str
@@ -54,10 +59,12 @@ class Named:
     group_probability: float
     group: tuple[str, ...]
     rivals: tuple[Contender, ...]
+    force: Mapping[str, float]
+    doubtful: bool
 
     def evidence(self) -> dict[str, float]:
         """Return the numbers of the report."""
-        return {**asdict(self.odds), "odds": self.odds.total}
+        return {**asdict(self.odds), "odds": self.odds.total, **self.force}
 
 
 @dataclass(frozen=True)
@@ -153,14 +160,20 @@ def named(search: Search) -> list[Named]:
         group = [c for c in others if search.best.joint - c.joint < settings.nats]
         names = tuple(next(e for e in c.added if e not in smaller.added) for c in group)
         shared = 1.0 + sum(weights[c] for c in group)
-        found.append(Named(effect, odds, 1.0 / total, shared / total, names, tuple(group)))
+        force, doubtful = {}, False
+        if search.unknown is not None:
+            kept, instead = search.unknown.kept[effect], search.unknown.instead[effect]
+            force = {"beside_force": kept, "force_instead": instead}
+            doubtful = bool(instead > settings.nats > kept)
+        found.append(Named(effect, odds, 1.0 / total, shared / total, names, tuple(group), force, doubtful))
     return found
 
 
 def strongest_lead(search: Search) -> Lead | None:
     """Return the most likely candidate that was refused at the end of the search; None where there was none."""
     refused = [d for d in search.decisions if d.action == "add" and not d.accepted and d.numbers.get("train", 0) > 0]
-    last = [d for d in refused if d.candidates == refused[-1].candidates] if refused else []
+    of_laws = [d for d in refused if d.code != "unknown"]
+    last = [d for d in of_laws if d.candidates == of_laws[-1].candidates] + [d for d in refused if d.code == "unknown"]
     if not last:
         return None
     best = max(last, key=lambda d: d.numbers["train"] + d.numbers["held"])

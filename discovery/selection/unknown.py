@@ -1,0 +1,82 @@
+"""Weigh an unknown force, smooth in position and rate, as one more candidate.
+
+Beside it a named law can only be cheaper, never better: its few constants replace many coefficients. Where the force
+explains more in the place of a law, and the law nothing beside the force, the law may only stand for it. Laws that are
+right do not always pass: a drag whose rest depends on the position, too, is replaced as well. The force therefore
+takes no law out; it is told with it, and it is the lead where it explains more than what could not be named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from discovery.batch import fit_problems
+from discovery.model import Model
+from discovery.problem import Problem
+from discovery.refits import Refit
+from discovery.selection.contender import Contender, contenders
+from discovery.selection.context import Context
+from discovery.smooth_force import SmoothForce
+
+__all__ = ["Unknown", "unknown_force"]
+
+#: Sizes of the force that are tried, each as likely as another [natural accelerations].
+SIZES = (0.01, 0.1, 1.0)
+_ITERATIONS = 10
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """What an unknown force explains beside a set of effects.
+
+    Parameters
+    ----------
+    train, held : float
+        What it gains beside the set in training, and on what is held out [nats].
+    kept : mapping of str to float
+        Log odds of each added effect beside the force [nats].
+    instead : mapping of str to float
+        Log odds of the force in the place of each, against the set as it is [nats].
+    """
+
+    train: float
+    held: float
+    kept: dict[str, float]
+    instead: dict[str, float]
+
+
+def unknown_force(context: Context, found: Contender) -> Unknown:
+    """Weigh the force beside a set of effects, and in the place of each of them."""
+    models = [found.model, *(found.model.without([e]) for e in found.added)]
+    problems = [_with_force(found.refit.problem, model) for model in models]
+    every = [p for own in problems for p in own]
+    starts = [p.start(found.refit.values) for p in every]
+    minima = iter(fit_problems(every, starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True))
+    (train, joint), *others = [_integrated(context, [Refit("", p, next(minima)) for p in own]) for own in problems]
+    own = found.evidence
+    without = dict(zip(found.added, (other for _, other in others), strict=True))
+    return Unknown(
+        train=train - own.train,
+        held=joint - train - own.held,
+        kept={e: joint - other for e, other in without.items()},
+        instead={e: other - own.joint for e, other in without.items()},
+    )
+
+
+def _with_force(problem: Problem, model: Model) -> list[Problem]:
+    """Return a model with a force of each size; the coefficients are known about zero, within that size."""
+    unit = {p.name: problem.units.scale(p) for p in SmoothForce.parameters()}
+    wider = Model(model.base, (*model.effects, SmoothForce.id()), model.known)
+    known = [{n: (0.0, size * scale) for n, scale in unit.items()} for size in SIZES]
+    return [replace(problem, model=wider, gaussian={**problem.gaussian, **own}) for own in known]
+
+
+def _integrated(context: Context, refits: Sequence[Refit]) -> tuple[float, float]:
+    """Return the log evidence in training and of all recordings, the size of the force integrated [nats]."""
+    found = contenders(context, [(context.added(r.problem.model), r) for r in refits])
+    each = np.array([(c.evidence.train, c.joint) for c in found])
+    train, joint = np.logaddexp.reduce(each, axis=0) - np.log(len(found))
+    return float(train), float(joint)
