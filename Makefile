@@ -18,8 +18,8 @@ CASES ?= 300
 
 # What results are made from, and what only their pages are made from.
 PAGE := $(sort $(shell find discovery/report -type f ! -name '*.pyc'))
-PAPER := $(sort $(shell find discovery/reproduction -type f ! -name '*.pyc'))
-CODE := $(sort $(filter-out discovery/report/% discovery/reproduction/% discovery/comparison/% discovery/catalogue_page.py,$(shell find discovery -name '*.py' -o -name '*.txt')) \
+PAPER := $(sort $(shell find benchmarks/paper -type f ! -name '*.pyc'))
+CODE := $(sort $(filter-out discovery/report/%,$(shell find discovery -name '*.py' -o -name '*.txt')) \
 	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml)) requirements.lock
 TWIN := Simulated: no recording of a very flexible arm was ever published. A geometrically exact beam stands in for the rig.
 
@@ -70,10 +70,10 @@ $(LOOPS): reports/%/loop.json: datasets/%/rig.toml datasets/%/train_paper.csv da
 # A study is not repeated while the code that it depends on is the same.
 reports/paper/studies.json: $(CODE) $(PAPER) | $(READY)
 	@echo "the source paper: every equation, figure and claim"
-	@$(BIN)/python -m discovery.reproduction $(@D)
+	@$(BIN)/python -m benchmarks.paper $(@D)
 
 reports/paper/report.html: reports/paper/studies.json $(PAGE) $(PAPER)
-	@[ -z "$$(find $^ -newer $@ 2>&1)" ] || $(BIN)/python -m discovery.reproduction $(@D)
+	@[ -z "$$(find $^ -newer $@ 2>&1)" ] || $(BIN)/python -m benchmarks.paper $(@D)
 	@touch $@
 
 reports/index.html: $(PAGES) $(LOOPS) $(PAGE)
@@ -86,9 +86,9 @@ reports/index.html: $(PAGES) $(LOOPS) $(PAGE)
 # known.toml of its set allows fails the target by name and value. The posterior is left out: the page compares estimates
 # and errors.
 measured: $(READY) ## Run every measured set that is at hand (DISCOVERY_DATA); the result is reports/measured/index.html
-	@rigs="$$($(BIN)/python -m discovery.comparison list datasets)" || exit 1; [ -n "$$rigs" ] || exit 0; \
+	@rigs="$$($(BIN)/python -m benchmarks.measured list datasets)" || exit 1; [ -n "$$rigs" ] || exit 0; \
 	$(MAKE) --no-print-directory -k -j $(WORKERS) $$(for rig in $$rigs; do echo "reports/measured/$$rig/report.html"; done); status=$$?; \
-	page="$$($(BIN)/python -m discovery.comparison page datasets reports/measured)" || status=1; \
+	page="$$($(BIN)/python -m benchmarks.measured page datasets reports/measured)" || status=1; \
 	[ -z "$$page" ] || echo "open $$page"; exit $$status
 
 reports/measured/%/results.json: datasets/%.toml $(CODE) | $(READY)
@@ -134,8 +134,8 @@ datasets: $(READY) ## Simulate the twin's recordings again
 docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/arm.png ## Write the catalogue page, the pictures and the README's table again
 	$(BIN)/python docs/results_table.py reports README.md
 
-docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrades.py discovery/catalogue_page.py | $(READY)
-	$(BIN)/python -m discovery.catalogue_page $@
+docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrades.py docs/catalogue_page.py | $(READY)
+	$(BIN)/python docs/catalogue_page.py $@
 
 docs/images/architecture.svg: docs/draw_architecture.py | $(READY)
 	$(BIN)/python $< $@

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.spread import spread
+from discovery.runs.spread import spread
 
 COUNTS = (50, 200, 800, 3200)
 ROUND = 2_000

@@ -25,15 +25,15 @@ import numpy as np
 from numba import njit
 from scipy.integrate import solve_ivp
 
-from discovery import simulate
-from discovery.bench import Bench
-from discovery.dataset import load_dataset
-from discovery.drive import Drive
-from discovery.experiment import Experiment
-from discovery.model import Model
-from discovery.recording import Recording
-from discovery.registry import catalogue
-from discovery.simulate import Misses, Simulator, simulated
+from discovery.declarations.registry import catalogue
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.recordings.dataset import load_dataset
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.simulation import simulate
+from discovery.simulation.simulate import Misses, Simulator, simulated
 from discovery.testing.states import every_effect
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
@@ -270,7 +270,7 @@ _FIRST_CALL = """
 import sys, time
 start = time.perf_counter()
 import numpy as np
-from discovery.simulate import Misses, Simulator
+from discovery.simulation.simulate import Misses, Simulator
 imported = time.perf_counter()
 simulator = Simulator({base!r}, {effects!r}, np.linspace(0.0, 1.0, 11), None, step=0.05)
 simulator(np.ones((len(simulator.names), 1)), np.zeros(1), np.zeros(1))

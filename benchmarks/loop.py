@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from discovery.attribution import candidates, screen
-from discovery.bench import Bench
-from discovery.dataset import Dataset, load_dataset
-from discovery.fit import fit
-from discovery.loop import close_loop
-from discovery.model import Model
-from discovery.problem import known_values, natural_units
-from discovery.refits import refit
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import fit
+from discovery.estimation.problem import known_values, natural_units
+from discovery.estimation.step import choose_step
+from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.runs.loop import close_loop
+from discovery.screening.attribution import candidates, screen
+from discovery.screening.refits import refit
 from discovery.selection.settings import LoopSettings
-from discovery.step import choose_step
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 BASES = ("constant_radius", "reduced", "elastica_calm", "elastica")

@@ -18,14 +18,14 @@ from discovery_datasets.recordings import make_motion
 from discovery_datasets.twin import record
 from scipy.integrate import solve_ivp
 
-from discovery.differentiate import FloatArray
-from discovery.motion import Motion, motion_of
-from discovery.radius import discover_radius
-from discovery.recording import Recording
-from discovery.rig import Rig
-from discovery.rig_file import read_rig
-from discovery.sindy import default_pysindy, discover
-from discovery.smooth_input import build_drive
+from discovery.recordings.recording import Recording
+from discovery.recordings.smooth_input import build_drive
+from discovery.rigs.rig import Rig
+from discovery.rigs.rig_file import read_rig
+from discovery.signals.differentiate import FloatArray
+from discovery.signals.motion import Motion, motion_of
+from discovery.sindy.radius import discover_radius
+from discovery.sindy.sindy import default_pysindy, discover
 
 PAPER = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139, "gamma": 0.4462}
 STRUCTURE = frozenset({"theta_t'", "delta", "delta^3"})

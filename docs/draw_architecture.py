@@ -13,16 +13,18 @@ from pathlib import Path
 WIDTH, LEFT, BOX, STEP, TALL = 860, 20, 560, 74, 58
 #: Layers from top to bottom: colour, title, modules, and what a run has at that level.
 LAYERS = [
-    ("#f6e8d5", "cli, report, export, reproduction", "commands, pages, exports; the source paper", "report.html"),
-    ("#f6e8d5", "pipeline, stages, curves", "every stage in order, each saved as it is done", "results.json, *.nc"),
-    ("#dbe9f4", "loop, selection, attribution", "what is missing: screen, refit, compare log evidences", "loop.json"),
-    ("#dbe9f4", "sindy, fit, posterior, elastica", "discover, estimate, sample, check", "equation, estimates"),
-    ("#dcefe3", "library, differentiate, problem", "candidate columns; residuals of a model on recordings", "motion"),
-    ("#dcefe3", "rig, recording, drive, simulate", "files in; smooth input; batches of simulations", "rig.toml, *.csv"),
-    ("#ece5f3", "model, program, compile", "base + sum of effects: equations, then a compiled kernel", ""),
+    ("#f6e8d5", "cli, report, testing", "commands, pages, what every effect must fulfil", "report.html"),
+    ("#f6e8d5", "runs, export, results", "every stage in order, each saved as it is done", "results.json, *.nc"),
+    ("#dbe9f4", "diagnosis, selection, screening", "what is missing: screen, refit, compare evidences", "loop.json"),
+    ("#dbe9f4", "sindy, posterior, theory", "discover, sample, check", "equation, posterior"),
+    ("#dcefe3", "estimation", "residuals of a model on recordings, fits with a covariance", "estimates"),
+    ("#dcefe3", "rigs, recordings, signals", "files in, checked; smooth input; derivatives", "rig.toml, *.csv"),
+    ("#ece5f3", "simulation", "batches of simulations on a compiled kernel", ""),
+    ("#ece5f3", "equations", "base + sum of effects: equations of motion, then a program", ""),
     ("#ece5f3", "mechanics/*", "bases: constant_radius, reduced, elastica, oscillator", ""),
     ("#fbe3e4", "effects/*", "one physical effect a file: a new effect goes here", ""),
-    ("#eeeeee", "effect, symbols, parameters, units, errors", "what an effect is, and the words it is written in", ""),
+    ("#eeeeee", "declarations", "what an effect is, and the words it is written in", ""),
+    ("#eeeeee", "foundation", "exceptions, files, caches, threads: no mechanics", ""),
 ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import math
 import sys
 from pathlib import Path
 
-from discovery.provenance import read_json
+from discovery.results.provenance import read_json
 
 BEGIN, END = "<!-- results: written by `make docs` -->", "<!-- end of results -->"
 #: What the makers of each set of recordings hid in it; for a measurement, what is known of the system.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.experiment import Experiment
-from discovery.model import Model
-from discovery.recording import Recording
-from discovery.rig import Rig
+from discovery.equations.model import Model
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Rig
 
 XI, ALPHA, GAIN, START = 0.3, 9.0, 1.7, (0.4, -0.2)
 NOISE = 0.02

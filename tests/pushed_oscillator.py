@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.bench import Bench
-from discovery.drive import Drive
-from discovery.experiment import Experiment
-from discovery.model import Model
-from discovery.problem import NaturalUnits
-from discovery.recording import Recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.problem import NaturalUnits
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.testing.states import every_effect
 
 TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}

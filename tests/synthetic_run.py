@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from discovery.provenance import write_json
+from discovery.results.provenance import write_json
 
 ARM_DECLARED = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"]
 TIME = np.arange(0.0, 20.0, 0.05)

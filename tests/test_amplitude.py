@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from discovery.amplitude import backbone
+from discovery.signals.amplitude import backbone
 
 PERIOD = 2.0
 OMEGA = 2 * np.pi / PERIOD

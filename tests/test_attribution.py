@@ -6,20 +6,20 @@ from functools import cache
 import numpy as np
 import pytest
 
-from discovery.attribution import Candidate, candidates, grid_of, screen
-from discovery.bench import Bench
-from discovery.drive import Drive
-from discovery.effect import Sensor
-from discovery.experiment import Experiment
-from discovery.fit import Fit, fit
-from discovery.likeness import similarity
-from discovery.model import Model
-from discovery.problem import NaturalUnits, Problem
-from discovery.recording import Recording
-from discovery.refits import Refit, refit
-from discovery.registry import catalogue
-from discovery.responses import Grid, plan, respond
-from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.declarations.effect import Sensor
+from discovery.declarations.registry import catalogue
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, fit
+from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.screening.attribution import Candidate, candidates, grid_of, screen
+from discovery.screening.likeness import similarity
+from discovery.screening.refits import Refit, refit
+from discovery.screening.responses import Grid, plan, respond
 from discovery.testing.states import every_effect
 
 TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}

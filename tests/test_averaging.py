@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.averaging import averaged, averaged_down
-from discovery.dataset import load_dataset
-from discovery.fit import declared_model, fit
-from discovery.recording import Recording
-from discovery.rig import Rig
-from discovery.rig_file import read_rig
+from discovery.estimation.fit import declared_model, fit
+from discovery.recordings.averaging import averaged, averaged_down
+from discovery.recordings.dataset import load_dataset
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Rig
+from discovery.rigs.rig_file import read_rig
 
 STEP, NOISE = 1e-3, 1e-3
 RIG = """
@@ -78,7 +78,7 @@ def test_what_averages_miss_of_a_swing_is_of_fourth_order(length: int, frequency
 
 
 def test_a_fit_to_averages_tells_as_much(rigs: dict[str, Rig]) -> None:
-    from discovery.experiment import make_experiment
+    from discovery.recordings.experiment import make_experiment
 
     whole = noisy()
     fits = []

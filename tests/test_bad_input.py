@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from discovery.errors import InputError
-from discovery.recording import read_recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.foundation.errors import InputError
+from discovery.recordings.recording import read_recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 ARM = Rig(
     "arm",

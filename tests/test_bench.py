@@ -7,13 +7,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from discovery import simulate
-from discovery.bench import Bench
-from discovery.drive import Drive
-from discovery.experiment import Experiment
-from discovery.recording import Recording
-from discovery.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.workers import aside, at_once, in_threads
+from discovery.estimation.bench import Bench
+from discovery.foundation.workers import aside, at_once, in_threads
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.simulation import simulate
 
 EFFECTS = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law", "sensor_delay")
 VALUES = {"length": 1.0, "xi": 0.05, "alpha": 9.0, "beta": 0.5, "gamma": 0.45}

@@ -24,8 +24,8 @@ from scipy.optimize import brentq
 
 from benchmarks.blind import base, generate, peers, run, score
 from benchmarks.blind.truth import catalogue_values
-from discovery.dataset import load_dataset
-from discovery.fit import declared_model, fit
+from discovery.estimation.fit import declared_model, fit
+from discovery.recordings.dataset import load_dataset
 
 TIME = np.linspace(0, 3, 61)
 MOVE = sequence(trapezoid(1.0, 1.2), trapezoid(-0.4, 1.0, start=2.0))
@@ -271,7 +271,7 @@ def test_cases_are_what_their_seed_says_and_stay_in_their_ranges(draws):
 
 
 def test_no_trouble_outside_is_in_the_catalogue_and_every_effect_can_be_drawn(draws):
-    from discovery.registry import catalogue
+    from discovery.declarations.registry import catalogue
 
     assert not set(FAMILIES["outside"]) & set(catalogue())
     rng = np.random.default_rng(0)
@@ -607,7 +607,7 @@ MAPPED = [
 
 @pytest.mark.parametrize("effect", MAPPED, ids=lambda e: e.id)
 def test_mapped_parameters_are_those_of_the_catalogue(effect):
-    from discovery.registry import get_effect
+    from discovery.declarations.registry import get_effect
 
     values = catalogue_values(effect.id, asdict(effect), asdict(PAPER_RIG))
     assert values
@@ -617,11 +617,11 @@ def test_mapped_parameters_are_those_of_the_catalogue(effect):
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", MAPPED, ids=lambda e: e.id)
 def test_mapped_parameters_give_the_same_motion(effect, tmp_path):
-    from discovery.bench import Bench
-    from discovery.dataset import load_dataset
-    from discovery.fit import fit
-    from discovery.model import Model
-    from discovery.problem import known_values
+    from discovery.equations.model import Model
+    from discovery.estimation.bench import Bench
+    from discovery.estimation.fit import fit
+    from discovery.estimation.problem import known_values
+    from discovery.recordings.dataset import load_dataset
 
     rig = replace(PAPER_RIG, retardation=1e-4)
     gentle = sequence(trapezoid(0.8, 0.9), trapezoid(-0.4, 0.6, start=4.0))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from discovery.bounded_gain import bounded_gains
+from discovery.screening.bounded_gain import bounded_gains
 
 
 def gains(parts: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, ...]:

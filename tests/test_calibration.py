@@ -21,17 +21,17 @@ from benchmarks.calibration.replicate import (
     placed,
     simulated,
 )
-from discovery.experiment import Experiment
-from discovery.importance import importance_sample
-from discovery.instrument import instruments
-from discovery.likelihood import LogPosterior, log_posterior
-from discovery.model import Model
-from discovery.noise import noise_of
-from discovery.noise.model import Logistic
-from discovery.parameters import Flat, HalfNormal, LogNormal, Normal
-from discovery.problem import NaturalUnits
-from discovery.recording import Recording
-from discovery.rig import Rig
+from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
+from discovery.equations.model import Model
+from discovery.estimation.problem import NaturalUnits
+from discovery.posterior.importance import importance_sample
+from discovery.posterior.instrument import instruments
+from discovery.posterior.likelihood import LogPosterior, log_posterior
+from discovery.posterior.noise import noise_of
+from discovery.posterior.noise.model import Logistic
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Rig
 
 XI, ALPHA, DRIVE = 0.3, 9.0, 2.1
 READING = 0.05

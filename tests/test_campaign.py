@@ -15,10 +15,10 @@ import pytest
 import synthetic_run
 from click.testing import CliRunner
 
-from discovery.campaign import campaign, collect, rows, unfinished, watched
 from discovery.cli import campaign_cases, campaigns
-from discovery.errors import ComputationError, InputError
-from discovery.spread import SCHEDULER, _is_safe, case_seed, spread
+from discovery.foundation.errors import ComputationError, InputError
+from discovery.runs.campaign import campaign, collect, rows, unfinished, watched
+from discovery.runs.spread import SCHEDULER, _is_safe, case_seed, spread
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 
@@ -118,7 +118,7 @@ def test_cases_are_taken_as_workers_become_free():
 
 def test_no_scheduler_at_an_address_is_told(monkeypatch):
     monkeypatch.setenv(SCHEDULER, "127.0.0.1:1")
-    monkeypatch.setattr("discovery.spread._PATIENCE", 0.2)
+    monkeypatch.setattr("discovery.runs.spread._PATIENCE", 0.2)
     with pytest.raises(InputError, match=r"No Dask scheduler answers at '127\.0\.0\.1:1'"):
         list(spread(drawn, CASES))
 
@@ -164,7 +164,7 @@ def test_nothing_listens_on_any_port():
     code = """
 import sys
 from test_campaign import CASES, listening
-from discovery.spread import spread
+from discovery.runs.spread import spread
 if __name__ == "__main__":
     found = [o.result for o in spread(listening, CASES, workers=2)]
     assert 1 <= len({one["process"] for one in found}) <= 2
@@ -178,7 +178,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "host:8786", "tcp://127.evil.org:1", "10.0.0.1"])
 def test_a_scheduler_through_which_others_can_run_code_is_refused(address, monkeypatch):
-    monkeypatch.setattr("discovery.spread._PATIENCE", 0.2)
+    monkeypatch.setattr("discovery.runs.spread._PATIENCE", 0.2)
     with pytest.raises(InputError, match=r"neither encrypted nor authenticated.*tls://.*--insecure"):
         list(spread(drawn, CASES, scheduler=address))
 
@@ -189,8 +189,8 @@ def test_what_nobody_else_can_use_needs_no_word(address):
 
 
 def test_a_scheduler_may_be_accepted_all_the_same(monkeypatch):
-    monkeypatch.setattr("discovery.spread._PATIENCE", 0.2)
-    monkeypatch.setattr("discovery.spread._is_safe", lambda _: False)
+    monkeypatch.setattr("discovery.runs.spread._PATIENCE", 0.2)
+    monkeypatch.setattr("discovery.runs.spread._is_safe", lambda _: False)
     with pytest.raises(InputError, match="No Dask scheduler answers"):
         list(spread(drawn, CASES, scheduler="127.0.0.1:1", insecure=True))
 
@@ -201,7 +201,7 @@ def test_processes_end_with_what_started_them(signalled, tmp_path):
 import sys, time
 from pathlib import Path
 from test_campaign import sleeping
-from discovery.spread import spread
+from discovery.runs.spread import spread
 if __name__ == "__main__":
     stream = spread(sleeping, [("quick", 0), ("a", {str(tmp_path)!r}), ("b", {str(tmp_path)!r})], workers=2)
     next(stream)
@@ -286,7 +286,7 @@ def test_outcomes_are_collected_in_one_table(tmp_path, monkeypatch):
     def work(case, seed):
         return {"parameters": {"alpha": 8.0 + case}, "list": [case] * case} if case % 2 else {"alone": case}
 
-    monkeypatch.setattr("discovery.campaign._ROWS", 5)
+    monkeypatch.setattr("discovery.runs.campaign._ROWS", 5)
     list(campaign(work, CASES, tmp_path, workers=1))
     table = pd.read_parquet(collect(tmp_path))
     assert list(table["name"]) == sorted(name for name, _ in CASES)
@@ -358,7 +358,7 @@ def test_lists_become_tables_of_their_own_and_all_is_csv_too(tmp_path):
 
 
 def test_no_bar_stands_above_a_refusal(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("discovery.spread._PATIENCE", 0.3)
+    monkeypatch.setattr("discovery.runs.spread._PATIENCE", 0.3)
     outcomes = campaign(drawn, CASES, tmp_path, scheduler="tcp://127.0.0.1:1")
     with pytest.raises(InputError, match="No Dask scheduler"):
         list(watched(outcomes, len(CASES), "cases"))
@@ -599,7 +599,7 @@ def test_the_help_tells_what_a_user_must_know():
 @pytest.fixture
 def looped(monkeypatch):
     """What the loop was called with, the loop itself left out."""
-    from discovery import pipeline, stages
+    from discovery.runs import pipeline, stages
 
     seen = {}
     content = {

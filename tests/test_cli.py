@@ -22,7 +22,6 @@ import synthetic_run
 from discovery_datasets import instrument, recordings, registry
 from discovery_datasets.disturbances import DISTURBANCES
 
-from discovery import compile as compiled
 from discovery.cli import cli, main
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
@@ -30,13 +29,14 @@ from discovery.cli.options import estimate_text, progress
 from discovery.cli.sources import MANOEUVRES, SYSTEMS
 from discovery.cli.stages import NOISES
 from discovery.cli.stages import _say_loop as say_loop
-from discovery.errors import ComputationError, InputError
-from discovery.loop import UPGRADES
-from discovery.noise import GAUSSIAN, NOISE_MODELS, words_of
-from discovery.provenance import surroundings
-from discovery.reading_noise import noise_note, understated
-from discovery.reading_notes import bend_notes
-from discovery.registry import catalogue
+from discovery.declarations.registry import catalogue
+from discovery.foundation.errors import ComputationError, InputError
+from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
+from discovery.recordings.reading_noise import noise_note, understated
+from discovery.recordings.reading_notes import bend_notes
+from discovery.results.provenance import surroundings
+from discovery.runs.loop import UPGRADES
+from discovery.simulation.kernel import compile as compiled
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 ROWS = 801  # 8 s
@@ -68,7 +68,7 @@ def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> Said:
 def shell(*arguments: object) -> Said:
     """Run a command in a process of its own, warnings being errors."""
     run = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "discovery.cli", *map(str, arguments)], capture_output=True, text=True
+        [sys.executable, "-W", "error", "-m", "discovery", *map(str, arguments)], capture_output=True, text=True
     )
     return Said(run.returncode, run.stdout, run.stderr)
 
@@ -234,7 +234,7 @@ def test_a_state_in_degrees_is_refused_before_the_loop(
     def stop(*_: object, **__: object) -> None:
         raise ComputationError("The loop began.")
 
-    monkeypatch.setattr("discovery.stages.loop", stop)
+    monkeypatch.setattr("discovery.runs.stages.loop", stop)
     said = call(capsys, "loop", film.rig, "--train", film.train, "--predict", film.train, "--initial-state", state,
                 "--out", tmp_path / "out", "--quiet")  # fmt: skip
     if not offered:
@@ -246,7 +246,7 @@ def test_a_state_in_degrees_is_refused_before_the_loop(
 
 
 def test_a_length_may_be_any_that_was_recorded_but_not_in_another_unit(tmp_path: Path) -> None:
-    from discovery.dataset import load_dataset
+    from discovery.recordings.dataset import load_dataset
 
     time = np.arange(400) / 40
     pd.DataFrame({"t": time, "y": 12 * np.cos(3 * time)}).to_csv(tmp_path / "y.csv", index=False)
@@ -264,7 +264,7 @@ def test_a_length_may_be_any_that_was_recorded_but_not_in_another_unit(tmp_path:
 
 
 def test_a_drive_that_has_turned_far_may_start_there(tmp_path: Path) -> None:
-    from discovery.dataset import load_dataset
+    from discovery.recordings.dataset import load_dataset
 
     time = np.arange(400) / 40
     pd.DataFrame({"t": time, "u": np.sin(time), "y": 10 * time}).to_csv(tmp_path / "y.csv", index=False)
@@ -295,7 +295,7 @@ def test_quiet_keeps_what_a_result_means(
     def stop(*_: object, **__: object) -> None:
         raise ComputationError("The loop began.")
 
-    monkeypatch.setattr("discovery.stages.loop", stop)
+    monkeypatch.setattr("discovery.runs.stages.loop", stop)
     arguments = ["loop", film.rig, "--train", film.train, "--predict", film.train, "--out", tmp_path]
     quiet, loud = (call(capsys, *arguments, *more).err for more in (["--quiet"], []))
     warning = f"{film.train}: without --initial-state the prediction starts at rest"
@@ -334,8 +334,8 @@ def test_an_interrupted_command_says_what_the_next_one_does(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("discovery.rig_file.read_rig", interrupt)
-    monkeypatch.setattr("discovery.dataset.read_rig", interrupt)
+    monkeypatch.setattr("discovery.rigs.rig_file.read_rig", interrupt)
+    monkeypatch.setattr("discovery.recordings.dataset.read_rig", interrupt)
     said = call(capsys, command, film.rig, "--out", tmp_path / "out")
     assert said.status == 130
     assert words in said.err
@@ -343,7 +343,7 @@ def test_an_interrupted_command_says_what_the_next_one_does(
 
 def test_an_interruption_does_not_wait_for_the_compiler(film: Film, tmp_path: Path) -> None:
     cache, out = tmp_path / "cache", tmp_path / "of" / "this"
-    command = [sys.executable, "-m", "discovery.cli", "loop", film.rig, "--train", film.train, "--out", out]
+    command = [sys.executable, "-m", "discovery", "loop", film.rig, "--train", film.train, "--out", out]
     environment = {**os.environ, "DISCOVERY_CACHE": str(cache)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stderr is not None
@@ -594,7 +594,7 @@ def test_single_stages(
 
 
 def test_posterior(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from discovery.draws import Posterior
+    from discovery.posterior.draws import Posterior
 
     said = call(capsys, "posterior", case.rig, "--train", case.train, "--out", tmp_path, "--quiet")
     assert said.status == 0, said.err
@@ -606,9 +606,9 @@ def test_posterior(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_posterior_under_the_noise_of_largest_evidence(
     case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from discovery.posterior import sample
+    from discovery.posterior.sampling import sample
 
-    monkeypatch.setattr("discovery.posterior.sample", partial(sample, min_effective=400, r_hat_max=1.2))
+    monkeypatch.setattr("discovery.posterior.sampling.sample", partial(sample, min_effective=400, r_hat_max=1.2))
     said = call(capsys, "posterior", case.rig, "--train", case.train, "--out", tmp_path, "--noise", "auto")
     assert said.status == 0, said.err
     content = json.loads((tmp_path / "posterior.json").read_text())

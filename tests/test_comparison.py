@@ -17,18 +17,18 @@ from discovery_datasets.registry import MeasuredFile
 from measured_data import DATASETS, needs
 from test_browser import browser as browser
 
-from discovery.comparison.__main__ import main
-from discovery.comparison.derived import drive_checks, gravity_over_length
-from discovery.comparison.entry import Entry, read_entries, read_entry
-from discovery.comparison.known import Goal, Known, Reference, read_known
-from discovery.comparison.page import build_comparison
-from discovery.comparison.reference import score_reference
-from discovery.comparison.rigs import at_hand, measured_rigs
-from discovery.errors import InputError
-from discovery.registry import catalogue
+from benchmarks.measured.__main__ import main
+from benchmarks.measured.derived import drive_checks, gravity_over_length
+from benchmarks.measured.entry import Entry, read_entries, read_entry
+from benchmarks.measured.known import Goal, Known, Reference, read_known
+from benchmarks.measured.page import build_comparison
+from benchmarks.measured.reference import score_reference
+from benchmarks.measured.rigs import at_hand, measured_rigs
+from discovery.declarations.registry import catalogue
+from discovery.declarations.units import si_factor
+from discovery.foundation.errors import InputError
 from discovery.report.results import Run
-from discovery.rig_file import read_rig
-from discovery.units import si_factor
+from discovery.rigs.rig_file import read_rig
 
 RIGS = measured_rigs(DATASETS)
 

@@ -18,22 +18,22 @@ from pendulum import swing
 from synthetic_run import write_arm_run
 from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
 
-from discovery.bench import Bench
-from discovery.contradiction import (
+from discovery.diagnosis.contradiction import (
     Check,
     Contradiction,
     ContradictionReport,
     _adjusted,
     check_contradictions,
 )
-from discovery.dataset import load_dataset
-from discovery.exact_counterpart import exact_counterpart
-from discovery.fit import Fit, declared_model, fit, rig_uncertainty
-from discovery.model import Model
-from discovery.problem import known_values, natural_units
-from discovery.reconciliation import Reconciliation
+from discovery.diagnosis.exact_counterpart import exact_counterpart
+from discovery.diagnosis.reconciliation import Reconciliation
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, declared_model, fit, rig_uncertainty
+from discovery.estimation.problem import known_values, natural_units
+from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
-from discovery.rig import PAPER_MODEL, Quantity, Rig
+from discovery.rigs.rig import PAPER_MODEL, Quantity, Rig
 
 CANDIDATES = tuple(e for e in EFFECTS if e not in BASE)
 RIGIDITY = PAPER_RIG.flexural_rigidity

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from discovery.autocorrelation import autocorrelation
-from discovery.correlations import correlations
-from discovery.model import Model
-from discovery.parameter_roles import shared
-from discovery.registry import catalogue
+from discovery.declarations.registry import catalogue
+from discovery.equations.model import Model
+from discovery.posterior.autocorrelation import autocorrelation
+from discovery.posterior.correlations import correlations
+from discovery.posterior.parameter_roles import shared
 
 ARM = Model("constant_radius", ("viscous_damping", "linear_stiffness", "cubic_stiffness", "coulomb_friction"))
 

@@ -12,31 +12,31 @@ from discovery_datasets.twin import simulate as simulate_twin
 from scipy.integrate import simpson
 from test_mechanics import exact_drive, mechanics_program
 
-from discovery import symbols as s
-from discovery.compile import numpy_derivative
-from discovery.drive import Drive
-from discovery.drivetrain.arm_motion import fitted_coupling, integrate, move_arm
-from discovery.drivetrain.coupling import Arm, coupling_torque, effective_inertia
-from discovery.drivetrain.driven_arm import drive_arm
-from discovery.drivetrain.motor import ASSUMED_MOTOR, PositionController
-from discovery.effect import Dissipation, Kinetic, Load, Memory, Potential
-from discovery.elastica.force_map import load_at_tip
-from discovery.errors import InputError, SimulationFailure
-from discovery.experiment import Experiment, make_experiment
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import Dissipation, Kinetic, Load, Memory, Potential
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.equations.program import build_program, strands
+from discovery.estimation.fit import declared_model, fit
 from discovery.export import FittedModel, from_json, to_json
-from discovery.fit import declared_model, fit
+from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.base import SHORTENING_RADIUS
 from discovery.mechanics.reduced import rod_coupling, rod_inertia
 from discovery.mechanics.rod_shapes import polynomials, quadrature, reduced_shapes
-from discovery.model import Model
-from discovery.program import build_program, strands
-from discovery.recording import Recording, read_recording
-from discovery.registry import get_effect
-from discovery.rig import PAPER_MODEL, Quantity, Rig
-from discovery.rig_file import read_rig
-from discovery.simulate import Simulator
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.recordings.recording import Recording, read_recording
+from discovery.rigs.rig import PAPER_MODEL, Quantity, Rig
+from discovery.rigs.rig_file import read_rig
+from discovery.simulation.kernel.compile import numpy_derivative
+from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
+from discovery.theory.drivetrain.arm_motion import fitted_coupling, integrate, move_arm
+from discovery.theory.drivetrain.coupling import Arm, coupling_torque, effective_inertia
+from discovery.theory.drivetrain.driven_arm import drive_arm
+from discovery.theory.drivetrain.motor import ASSUMED_MOTOR, PositionController
+from discovery.theory.elastica.force_map import load_at_tip
 
 INERTIA = PAPER_RIG.effective_mass * PAPER_RIG.length**2
 ALPHA = 3 * PAPER_RIG.flexural_rigidity / (PAPER_RIG.effective_mass * PAPER_RIG.length**3)

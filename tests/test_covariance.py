@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from discovery.covariance import covariance_of
-from discovery.least_squares import Minimum
+from discovery.estimation.covariance import covariance_of
+from discovery.estimation.least_squares import Minimum
 
 N = 2000
 TIME = np.linspace(0.0, 40.0, N)

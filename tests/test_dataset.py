@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from discovery.dataset import load_dataset
-from discovery.errors import InputError
+from discovery.foundation.errors import InputError
+from discovery.recordings.dataset import load_dataset
 
 RIG = """
 name = "circuit"

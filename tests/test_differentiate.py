@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.differentiate import smooth
-from discovery.errors import InputError
-from discovery.motion import Motion, motion_of
-from discovery.recording import Recording
-from discovery.rig import Quantity, Rig
+from discovery.foundation.errors import InputError
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Quantity, Rig
+from discovery.signals.differentiate import smooth
+from discovery.signals.motion import Motion, motion_of
 
 W, XI = 2.9, 0.0458
 

@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from discovery import disk_cache
-from discovery.compiled_function import compiled
-from discovery.errors import InputError
-from discovery.locks import file_lock, folder_lock
+from discovery.foundation import disk_cache
+from discovery.foundation.compiled_function import compiled
+from discovery.foundation.errors import InputError
+from discovery.foundation.locks import file_lock, folder_lock
 
 
 @pytest.fixture
@@ -163,7 +163,7 @@ def test_a_lock_waits_ends_and_is_never_stale(tmp_path: Path) -> None:
     code = f"""
 import time
 from pathlib import Path
-from discovery.locks import file_lock
+from discovery.foundation.locks import file_lock
 with file_lock(Path({str(path)!r}), 1.0) as mine:
     print(mine, flush=True)
     time.sleep(600)
@@ -198,7 +198,7 @@ def test_a_read_only_installation_needs_no_home(folder: Path) -> None:
     # With this setting the compiler's own cache finds a place for nothing, as there.
     code = """
 import discovery_datasets.beam, discovery_datasets.engine
-import discovery.noise.filters, discovery.noise.tails, discovery.pipeline, discovery.report
+import discovery.posterior.noise.filters, discovery.posterior.noise.tails, discovery.runs.pipeline, discovery.report
 from test_disk_cache import called
 print(*called())
 """

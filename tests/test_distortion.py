@@ -11,10 +11,10 @@ from measured_data import DATASETS, needs
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from discovery.distortion import analyse_multisine
-from discovery.multisine import Multisine
-from discovery.recording import Recording, read_recording
-from discovery.rig_file import read_rig
+from discovery.recordings.recording import Recording, read_recording
+from discovery.rigs.rig_file import read_rig
+from discovery.signals.distortion import analyse_multisine
+from discovery.signals.multisine import Multisine
 
 RATE = 200.0
 RESONANCE = ([0.05], [1.0, -1.86, 0.9409])  # poles of radius 0.97: settles by 60 dB in 227 samples

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.errors import InputError
-from discovery.motion_profile import smooth_motion
-from discovery.recording import Recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.smooth_input import build_drive
+from discovery.foundation.errors import InputError
+from discovery.recordings.motion_profile import smooth_motion
+from discovery.recordings.recording import Recording
+from discovery.recordings.smooth_input import build_drive
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 HALF_WIDTH = 7e-5  # rad, the paper's encoder
 NOISE = HALF_WIDTH / np.sqrt(3.0)

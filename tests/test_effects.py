@@ -9,17 +9,17 @@ import pytest
 import sympy as sp
 from test_bench import arm
 
-from discovery.bench import Bench
-from discovery.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
-from discovery.errors import InputError
-from discovery.loop import UPGRADES as LOOP_UPGRADES
+from discovery.declarations.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
+from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Parameter
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS
 from discovery.mechanics.upgrades import UPGRADES, Upgrade
-from discovery.model import Model
-from discovery.parameters import HalfNormal, LogNormal, Normal, Parameter
-from discovery.registry import catalogue, get_effect
-from discovery.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
+from discovery.runs.loop import UPGRADES as LOOP_UPGRADES
 from discovery.testing import EffectContract
 from discovery.testing.recovery import check_recovery
 from discovery.testing.states import every_effect

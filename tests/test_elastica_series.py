@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from discovery.elastica.beam import perpendicular_law, shape_under_load, tip_under_load
-from discovery.elastica.force_map import force_components
-from discovery.elastica.series import elastica_series
-from discovery.elastica.static_law import SMALL_DEFLECTION
-from discovery.errors import InputError
+from discovery.foundation.errors import InputError
+from discovery.theory.elastica.beam import perpendicular_law, shape_under_load, tip_under_load
+from discovery.theory.elastica.force_map import force_components
+from discovery.theory.elastica.series import elastica_series
+from discovery.theory.elastica.static_law import SMALL_DEFLECTION
 
 
 @lru_cache

@@ -8,11 +8,11 @@ import pytest
 from arviz_stats.base import array_stats
 from scipy import stats
 
-from discovery import ensembles
-from discovery.checkpoint import restore, save
-from discovery.diagnostics import convergence, tail_effective
-from discovery.moves import DifferentialEvolution, IndependenceMove, Snooker, Stretch
-from discovery.student_mixture import StudentMixture
+from discovery.posterior import ensembles
+from discovery.posterior.checkpoint import restore, save
+from discovery.posterior.diagnostics import convergence, tail_effective
+from discovery.posterior.moves import DifferentialEvolution, IndependenceMove, Snooker, Stretch
+from discovery.posterior.student_mixture import StudentMixture
 
 MOVES = {
     "independence": lambda: IndependenceMove(StudentMixture.standard(3)),

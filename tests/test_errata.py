@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from discovery_datasets.twin import PAPER_RIG
 
-from discovery.reproduction import errata as checks
-from discovery.reproduction.errata_force import coupling_torque_frame, force_frame, motor_constant
-from discovery.reproduction.errata_motion import largest_deflection, time_scale
-from discovery.reproduction.stand import Stand, manoeuvre, stand
+from benchmarks.paper import errata as checks
+from benchmarks.paper.errata_force import coupling_torque_frame, force_frame, motor_constant
+from benchmarks.paper.errata_motion import largest_deflection, time_scale
+from benchmarks.paper.stand import Stand, manoeuvre, stand
 
 
 @pytest.fixture(scope="module")

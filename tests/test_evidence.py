@@ -24,18 +24,18 @@ from driven_oscillator import (
 )
 from scipy import special, stats
 
-from discovery.dataset import load_dataset
-from discovery.errors import ComputationError, InputError
-from discovery.fit import declared_model, fit
-from discovery.importance import LARGEST_K, importance_sample
-from discovery.likelihood import NOISE_PRIOR, log_posterior
-from discovery.marginal_likelihood import _log_mass, log_evidence, log_prior_mass
-from discovery.model import Model
-from discovery.model_comparison import compare_models
-from discovery.noise_choice import choose_noise
-from discovery.parameters import Flat, HalfNormal, LogNormal, Normal
-from discovery.posterior import sample
-from discovery.refits import Refit
+from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
+from discovery.equations.model import Model
+from discovery.estimation.fit import declared_model, fit
+from discovery.foundation.errors import ComputationError, InputError
+from discovery.posterior.importance import LARGEST_K, importance_sample
+from discovery.posterior.likelihood import NOISE_PRIOR, log_posterior
+from discovery.posterior.marginal_likelihood import _log_mass, log_evidence, log_prior_mass
+from discovery.posterior.model_comparison import compare_models
+from discovery.posterior.noise_choice import choose_noise
+from discovery.posterior.sampling import sample
+from discovery.recordings.dataset import load_dataset
+from discovery.screening.refits import Refit
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.stats import multivariate_normal
 
-from discovery.model_error import Channel, ModelError
+from discovery.estimation.model_error import Channel, ModelError
 from discovery.selection.belief import Belief
 from discovery.selection.evidence import Linearised, _bounded, evidence_of
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.drive import Drive
-from discovery.experiment import Experiment, largest_deflection, make_experiment
-from discovery.recording import Recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment, largest_deflection, make_experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 LENGTH = 0.8
 ARM = Rig("arm", length=Quantity(LENGTH, 1e-3), angle_noise=7e-5)

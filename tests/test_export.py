@@ -18,14 +18,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from discovery import registry, symbols
-from discovery.compile import numpy_derivative
-from discovery.drive import Drive
-from discovery.effect import ARM, Kinetic
-from discovery.effect import Drive as DriveEffect
-from discovery.equation import equation_terms
-from discovery.errors import InputError
-from discovery.experiment import make_experiment
+from discovery.declarations import registry, symbols
+from discovery.declarations.effect import ARM, Kinetic
+from discovery.declarations.effect import Drive as DriveEffect
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.registry import catalogue
+from discovery.equations.equation import equation_terms
+from discovery.equations.model import Model
+from discovery.equations.program import RECORDED, build_program
+from discovery.estimation.fit import declared_model, fit, rig_uncertainty
 from discovery.export import (
     FORMATS,
     FittedModel,
@@ -38,17 +39,16 @@ from discovery.export import (
     to_sympy,
     to_sympy_file,
 )
-from discovery.fit import declared_model, fit, rig_uncertainty
+from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.base import ROOT_JOINTS
-from discovery.model import Model
-from discovery.parameters import Parameter
-from discovery.program import RECORDED, build_program
-from discovery.provenance import surroundings
-from discovery.recording import read_recording
-from discovery.registry import catalogue
-from discovery.rig_file import read_rig
-from discovery.simulate import Simulator
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import make_experiment
+from discovery.recordings.recording import read_recording
+from discovery.results.provenance import surroundings
+from discovery.rigs.rig_file import read_rig
+from discovery.simulation.kernel.compile import numpy_derivative
+from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
 
 ROOT = Path(__file__).parents[1]

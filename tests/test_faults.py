@@ -18,15 +18,16 @@ import pytest
 from click.testing import CliRunner
 from test_cli import Said, call
 
-from discovery import checkpoint, curves
-from discovery.campaign import campaign, unfinished
 from discovery.cli import stages
-from discovery.errors import ComputationError, InputError
-from discovery.io import atomic_write
-from discovery.locks import folder_lock
-from discovery.manifest import check_whole, hashes, move_in_place, remove_unfinished
-from discovery.provenance import plain, read_json, restored, write_json
-from discovery.rig_file import read_rig
+from discovery.foundation.errors import ComputationError, InputError
+from discovery.foundation.io import atomic_write
+from discovery.foundation.locks import folder_lock
+from discovery.posterior import checkpoint
+from discovery.results import curves
+from discovery.results.manifest import check_whole, hashes, move_in_place, remove_unfinished
+from discovery.results.provenance import plain, read_json, restored, write_json
+from discovery.rigs.rig_file import read_rig
+from discovery.runs.campaign import campaign, unfinished
 
 RIG = """name = "a pendulum"
 kind = "pendulum"
@@ -351,7 +352,7 @@ def test_odd_results_are_refused(content: str, file: str, tmp_path: Path, capsys
 )
 def test_streams_that_are_full_or_closed(streams: str, status: int, rig: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    command = f'"$0" -m discovery.cli fit "$1" --out "$2" {streams}'
+    command = f'"$0" -m discovery fit "$1" --out "$2" {streams}'
     run = subprocess.run(["sh", "-c", command, sys.executable, rig, out], capture_output=True, text=True)
     assert run.returncode == status, run.stderr
     assert json.loads((out / "fit.json").read_text())
@@ -371,7 +372,7 @@ def test_a_fault_of_the_system_is_status_3(capsys: pytest.CaptureFixture[str], m
         def fail(*_: object, error: BaseException = error) -> None:
             raise error
 
-        monkeypatch.setattr("discovery.rig_file.read_rig", fail)
+        monkeypatch.setattr("discovery.rigs.rig_file.read_rig", fail)
         refused(call(capsys, "elastica", "rig.toml"), 3, words)
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from pushed_oscillator import DECLARED, EFFECTS, TRUTH, UNITS, pushes, recorded
 
-from discovery.attribution import screen
-from discovery.bench import Bench
-from discovery.finite import finite_starts
-from discovery.fit import fit
-from discovery.model import Model
-from discovery.refits import refit
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import fit
+from discovery.screening.attribution import screen
+from discovery.screening.finite import finite_starts
+from discovery.screening.refits import refit
 
 STEP = 0.02
 

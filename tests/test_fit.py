@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from discovery.batch import fit_problems
-from discovery.bench import Bench
-from discovery.drive import Drive
-from discovery.errors import InputError
-from discovery.experiment import Experiment
-from discovery.fit import SHIFT, Fit, declared_model, fit, refined
-from discovery.least_squares import levenberg_marquardt, minimise
-from discovery.model import Model
-from discovery.problem import NaturalUnits, Problem
-from discovery.recording import Recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import SHIFT, Fit, declared_model, fit, refined
+from discovery.estimation.least_squares import levenberg_marquardt, minimise
+from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.foundation.errors import InputError
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.testing.states import every_effect
 
 PAPER = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139, "gamma": 0.4462, "length": 1.0}
@@ -115,7 +115,7 @@ def test_refining_ends_where_finer_steps_do_not_help(monkeypatch: pytest.MonkeyP
         rounds.append(problem.bench.step)
         return 0.3
 
-    monkeypatch.setattr("discovery.fit.solver_shift", shift)
+    monkeypatch.setattr("discovery.estimation.fit.solver_shift", shift)
     best = refined(rough)
     assert rounds == [best.problem.bench.step]
     assert best.solver_shift == 0.3
@@ -265,7 +265,7 @@ def test_residuals_in_pieces_are_those_at_once(monkeypatch: pytest.MonkeyPatch) 
     # A stiffness that makes the solver blow up: refused, and its neighbours are not.
     many[problem.free.index("alpha"), 70] = 1e9
     at_once = b.residuals(*problem.expand(many))
-    monkeypatch.setattr("discovery.bench._PIECE", 64.0 * b.n_rows)
+    monkeypatch.setattr("discovery.estimation.bench._PIECE", 64.0 * b.n_rows)
     assert [p.indices(150)[:2] for p in b.pieces(150)] == [(0, 64), (64, 128), (128, 150)]
     np.testing.assert_array_equal(b.residuals(*problem.expand(many)), at_once)
     assert np.flatnonzero(~np.isfinite(at_once).all(axis=0)).tolist() == [70]

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from discovery.errors import InputError
-from discovery.force_view import force_samples, noise_gain, zero_phase
-from discovery.recording import read_recording
-from discovery.rig import Columns, Controller, ForceView, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.foundation.errors import InputError
+from discovery.recordings.force_view import force_samples, noise_gain, zero_phase
+from discovery.recordings.recording import read_recording
+from discovery.rigs.rig import Columns, Controller, ForceView, InputColumn, OutputColumn, Rig, TimeColumn
 
 RATE, CUTOFF = 1000.0, 10.0
 T = np.arange(20000) / RATE

@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_unit_mistakes import FALL, pendulum
 
-from discovery.dataset import load_dataset
-from discovery.gravity_scale import _stretches, angle_doubt, fall_doubt
+from discovery.recordings.dataset import load_dataset
+from discovery.recordings.gravity_scale import _stretches, angle_doubt, fall_doubt
 
 RATE = 30.0
 DEGREE = np.pi / 180.0

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from pendulum import swing
 
-from discovery import growing
-from discovery.bench import Bench
-from discovery.dataset import load_dataset
-from discovery.fit import declared_model, fit
-from discovery.growing import grown
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import declared_model, fit
+from discovery.recordings.dataset import load_dataset
+from discovery.screening import growing
+from discovery.screening.growing import grown
 
 
 def large_swing(tmp_path):

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.drive import Drive
-from discovery.experiment import Experiment
-from discovery.fit import fit
-from discovery.guess import scan
-from discovery.model import Model
-from discovery.problem import natural_units
-from discovery.recording import Recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.equations.model import Model
+from discovery.estimation.fit import fit
+from discovery.estimation.guess import scan
+from discovery.estimation.problem import natural_units
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 LINEAR = ("viscous_damping", "linear_stiffness")
 TIME = np.linspace(0.0, 30.0, 1501)
@@ -40,7 +40,7 @@ def forced(g: float, alpha: float, xi: float, seed: int = 0) -> Experiment:
     noisy = y + NOISE * rng.standard_normal(TIME.size)
     recording = Recording("f", TIME, u, noisy[:, None], ("output",), ("V",), np.array([NOISE]), "", "")
     columns = Columns(TimeColumn(), InputColumn("u", "V", "spline"), OutputColumn("y", "V"))
-    from discovery.smooth_input import build_drive
+    from discovery.recordings.smooth_input import build_drive
 
     rig = Rig("o", "oscillator", columns=columns)
     drive = build_drive(recording, rig)

@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 from pushed_oscillator import DECLARED, EFFECTS, UNITS, pushes, recorded
 
-from discovery.bench import Bench
-from discovery.fit import fit
-from discovery.holdout import HoldOut
-from discovery.model import Model
-from discovery.predict import held_out
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import fit
+from discovery.estimation.holdout import HoldOut
+from discovery.estimation.predict import held_out
 
 HELD = recorded("held", pushes(-0.8, 1.2, 0.3, 0.0), 100)
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.holdout_part import fitted_count, motion_over_noise
-from discovery.recording import Recording
+from discovery.recordings.holdout_part import fitted_count, motion_over_noise
+from discovery.recordings.recording import Recording
 
 TIME = np.linspace(0.0, 60.0, 3000)
 

@@ -20,13 +20,15 @@ def loaded_after(statement: str) -> set[str]:
     return set(json.loads(result.stdout.splitlines()[-1]))
 
 
-@pytest.mark.parametrize("statement", ["import discovery", "import discovery.errors, discovery.parameters"])
+@pytest.mark.parametrize(
+    "statement", ["import discovery", "import discovery.foundation.errors, discovery.declarations.parameters"]
+)
 def test_importing_the_package_stays_light(statement: str) -> None:
     assert loaded_after(statement).isdisjoint(HEAVY)
 
 
 def test_the_probe_sees_what_is_loaded() -> None:
-    assert "sympy" in loaded_after("import discovery.symbols")
+    assert "sympy" in loaded_after("import discovery.declarations.symbols")
 
 
 def test_every_module_can_be_imported() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from discovery.dataset import load_dataset
-from discovery.errors import InputError
-from discovery.input_choice import choose_interpolation
+from discovery.estimation.input_choice import choose_interpolation
+from discovery.foundation.errors import InputError
+from discovery.recordings.dataset import load_dataset
 
 RIG = """
 name = "circuit"

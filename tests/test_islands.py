@@ -8,10 +8,10 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.islands import Plan, plan
-from discovery.kernel_source import kernel_source
-from discovery.owned_terms import NOBODY
-from discovery.program import build_program
+from discovery.equations.program import build_program
+from discovery.simulation.kernel.islands import Plan, plan
+from discovery.simulation.kernel.owned_terms import NOBODY
+from discovery.simulation.kernel.source import kernel_source
 
 a, b, c, d, x, y, z = sp.symbols("a b c d x y z", real=True)
 SWITCHES = {a: "first", b: "second", c: "second", d: "third"}

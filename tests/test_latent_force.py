@@ -15,25 +15,25 @@ from discovery_datasets.quick import Readings, readings
 from scipy.integrate import solve_ivp
 from synthetic_run import write_arm_run
 
-from discovery import curves
-from discovery.chain_newton import close
-from discovery.experiment import Experiment, make_experiment
-from discovery.fit import Fit, declared_model, fit, rig_uncertainty
-from discovery.force_dependence import Sites, dependences, depends_on
-from discovery.force_law import MARGIN, sparse_law, spline_law
-from discovery.latent_force import reconstruct
-from discovery.missing_force import LEAST_GAIN, MissingForce, missing_force
-from discovery.model import Model
-from discovery.multiple_shooting import Chain
-from discovery.provenance import write_json
-from discovery.recording import Recording
-from discovery.registry import catalogue, get_effect
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.symbols import omega
+from discovery.diagnosis.chain_newton import close
+from discovery.diagnosis.force_dependence import Sites, dependences, depends_on
+from discovery.diagnosis.force_law import MARGIN, sparse_law, spline_law
+from discovery.diagnosis.latent_force import reconstruct
+from discovery.diagnosis.missing_force import LEAST_GAIN, MissingForce, missing_force
+from discovery.diagnosis.multiple_shooting import Chain
+from discovery.diagnosis.slow_model import Law
+from discovery.equations.model import Model
+from discovery.estimation.fit import Fit, declared_model, fit, rig_uncertainty
+from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.recordings.recording import Recording
 from discovery.report import figures
 from discovery.report.page import build_report
-from discovery.rig import Rig
-from discovery.rig_file import read_rig
-from discovery.slow_model import Law
-from discovery.symbols import omega
+from discovery.results import curves
+from discovery.results.provenance import write_json
+from discovery.rigs.rig import Rig
+from discovery.rigs.rig_file import read_rig
 
 RIG = replace(PAPER_RIG, retardation=1e-4)
 FILE = read_rig(Path(__file__).parents[1] / "datasets" / "arm" / "rig.toml")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import ast
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
@@ -10,26 +11,37 @@ import pytest
 from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 from numba.core.dispatcher import Dispatcher
 
-from discovery.compile import compile_kernel
+import discovery
+from discovery.simulation.kernel.compile import compile_kernel
 
 CONTRACTS = Path(__file__).parents[1] / ".importlinter"
 
 #: Heavy libraries are known in one place each.
 HOMES = {
     "numba": {
-        "discovery.compile",  # hears of the compiler, once a kernel is loaded
-        "discovery.compiled_function",
-        "discovery.vectormath",
-        "discovery.noise.filters",
-        "discovery.noise.tails",
-        "discovery.scalar_products",
+        "discovery.simulation.kernel.compile",  # hears of the compiler, once a kernel is loaded
+        "discovery.foundation.compiled_function",
+        "discovery.simulation.kernel.vectormath",
+        "discovery.posterior.noise.filters",
+        "discovery.posterior.noise.tails",
+        "discovery.screening.scalar_products",
         "discovery_datasets.compiled",
     },
-    "pysindy": {"discovery.sindy", "discovery.subset", "discovery.candidates", "discovery.force_law"},
-    "emcee": {"discovery.ensembles", "discovery.moves", "discovery.checkpoint", "discovery.diagnostics"},
+    "pysindy": {
+        "discovery.sindy.sindy",
+        "discovery.sindy.subset",
+        "discovery.sindy.candidates",
+        "discovery.diagnosis.force_law",
+    },
+    "emcee": {
+        "discovery.posterior.ensembles",
+        "discovery.posterior.moves",
+        "discovery.posterior.checkpoint",
+        "discovery.posterior.diagnostics",
+    },
     "matplotlib": {"discovery.report"},
     "corner": {"discovery.report"},
-    "pint": {"discovery.units"},
+    "pint": {"discovery.declarations.units"},
     "click": {"discovery.cli"},
 }
 
@@ -48,6 +60,13 @@ def graph(externals: bool = False) -> grimp.ImportGraph:
 def test_contracts_are_kept(capsys: pytest.CaptureFixture[str]) -> None:
     status = lint_imports(config_filename=str(CONTRACTS), no_cache=True)
     assert status == EXIT_STATUS_SUCCESS, capsys.readouterr().out
+
+
+def test_the_package_holds_rooms_only() -> None:
+    folder = Path(discovery.__file__).parent
+    assert {path.name for path in folder.glob("*.py")} == {"__init__.py", "__main__.py"}
+    for face in folder.glob("*/__init__.py"):
+        assert ast.get_docstring(ast.parse(face.read_text(encoding="utf-8"))), f"{face} does not say what belongs there"
 
 
 def test_no_import_cycles() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from discovery.least_squares import FloatArray, Minimum, levenberg_marquardt, minimise
+from discovery.estimation.least_squares import FloatArray, Minimum, levenberg_marquardt, minimise
 
 Residuals = Callable[[FloatArray], FloatArray]
 

@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from scipy.integrate import OdeSolution, solve_ivp
 from scipy.signal import TransferFunction, lsim
 
-from discovery.attribution import candidates
-from discovery.compile import numpy_derivative
-from discovery.drive import Drive
-from discovery.effect import Mode, Sensor
-from discovery.equation import equation_of_motion, equation_terms
+from discovery.declarations.effect import Mode, Sensor
+from discovery.declarations.registry import get_effect
+from discovery.equations.equation import equation_of_motion, equation_terms
+from discovery.equations.model import Model
+from discovery.equations.program import build_program
 from discovery.export import to_json, to_latex, to_sympy
-from discovery.grid import DriveLike
-from discovery.model import Model
-from discovery.program import build_program
-from discovery.registry import get_effect
+from discovery.recordings.drive import Drive
 from discovery.report.equations import model_formulas
-from discovery.simulate import Simulator
+from discovery.screening.attribution import candidates
+from discovery.simulation.grid import DriveLike
+from discovery.simulation.kernel.compile import numpy_derivative
+from discovery.simulation.simulate import Simulator
 
 LINEAR = ("viscous_damping", "linear_stiffness")
 ON_A_LINE = ("oscillator", "accelerometer", "base_excited", "moving_pivot", "servo", "inverse_dynamics", "falling_body")

@@ -18,9 +18,9 @@ from discovery_datasets.quick_effects import TipRotaryInertia
 from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
-from discovery.dataset import load_dataset
-from discovery.loop import LoopResult, _designs, close_loop
-from discovery.provenance import plain
+from discovery.recordings.dataset import load_dataset
+from discovery.results.provenance import plain
+from discovery.runs.loop import LoopResult, _designs, close_loop
 from discovery.selection.context import Context
 from discovery.selection.settings import LoopSettings
 
@@ -363,7 +363,7 @@ def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest
         asked.append(case.settings.tolerance)
         assert case.judge.tolerance == case.settings.tolerance
 
-    monkeypatch.setattr("discovery.loop._closed", noted)
+    monkeypatch.setattr("discovery.runs.loop._closed", noted)
     for noise in (1e-6, 3e-3):
         recording = replace(train.recording, noise=np.full(2, noise))
         close_loop([replace(train, recording=recording)], [])

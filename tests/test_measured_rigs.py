@@ -11,12 +11,12 @@ import pytest
 from discovery_datasets import registry
 from measured_data import DATASETS, needs
 
-from discovery.dataset import Dataset, load_dataset
-from discovery.errors import InputError
-from discovery.recording import Recording, read_recording
-from discovery.registry import catalogue
-from discovery.rig import RecordPart, Rig
-from discovery.rig_file import read_rig
+from discovery.declarations.registry import catalogue
+from discovery.foundation.errors import InputError
+from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.recordings.recording import Recording, read_recording
+from discovery.rigs.rig import RecordPart, Rig
+from discovery.rigs.rig_file import read_rig
 
 SETS = sorted({name.partition("/")[0] for name in registry.FILES})
 RIGS = sorted(str(path.relative_to(DATASETS)) for folder in SETS for path in (DATASETS / folder).glob("rig*.toml"))
@@ -98,7 +98,7 @@ def test_the_pulses_of_the_drive_are_what_the_controller_did_not_command():
     needs("emps")
     rig = read_rig(DATASETS / "emps" / "rig_closed_loop.toml")
     (part,) = rig.records["holdout"]
-    from discovery.io import read_table
+    from discovery.foundation.io import read_table
 
     table = read_table(here(part))
     q = table.numbers("qm")

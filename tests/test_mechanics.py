@@ -10,11 +10,11 @@ from discovery_datasets.manoeuvres import Manoeuvre, trapezoid
 from discovery_datasets.twin import simulate as simulate_twin
 from scipy.optimize import brentq, root
 
-from discovery import symbols as s
-from discovery.compile import numpy_derivative
-from discovery.drive import Drive
-from discovery.elastica.beam import perpendicular_law
-from discovery.errors import InputError
+from discovery.declarations import symbols as s
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.equations.program import RECORDED, Program, build_program
+from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.reduced import rod_coupling
 from discovery.mechanics.rod import STRAIGHT, rod_of
@@ -27,11 +27,11 @@ from discovery.mechanics.rod_shapes import (
     reduced_shapes,
     rod_masses,
 )
-from discovery.model import Model
-from discovery.program import RECORDED, Program, build_program
-from discovery.registry import get_effect
-from discovery.simulate import Simulator
+from discovery.recordings.drive import Drive
+from discovery.simulation.kernel.compile import numpy_derivative
+from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
+from discovery.theory.elastica.beam import perpendicular_law
 
 EFFECTS = ("viscous_damping", "linear_stiffness")
 ELASTICA = ("elastica_4", "elastica", "elastica_2", "elastica_1")

@@ -13,18 +13,18 @@ from discovery_datasets.quick import readings
 from discovery_datasets.quick_effects import BaseBacklash, BaseHysteresis, Hysteresis
 from numpy.typing import NDArray
 
-from discovery import symbols as s
-from discovery.bench import Bench
-from discovery.dataset import load_dataset
-from discovery.errors import InputError
+from discovery.declarations import symbols as s
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.equations.program import build_program
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import declared_model, fit, rig_uncertainty
+from discovery.estimation.problem import natural_units
 from discovery.export import to_numpy
-from discovery.fit import declared_model, fit, rig_uncertainty
-from discovery.loop import close_loop
-from discovery.model import Model
-from discovery.problem import natural_units
-from discovery.program import build_program
-from discovery.registry import get_effect
-from discovery.simulate import Simulator
+from discovery.foundation.errors import InputError
+from discovery.recordings.dataset import load_dataset
+from discovery.runs.loop import close_loop
+from discovery.simulation.simulate import Simulator
 
 MOVE = trapezoid(1.0, 1.35)
 #: Stiffness EI/l of the rod [N m/rad]; the paper's symbols for its rig.

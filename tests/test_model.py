@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from discovery.attribution import candidates
-from discovery.effect import OSCILLATOR
-from discovery.errors import InputError
+from discovery.declarations.effect import OSCILLATOR
+from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal, Parameter, natural_scale
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.equations.model import Model
+from discovery.equations.program import build_program
+from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
-from discovery.model import Model
-from discovery.parameters import Flat, HalfNormal, LogNormal, Normal, Parameter, natural_scale
-from discovery.program import build_program
-from discovery.registry import catalogue, get_effect
+from discovery.screening.attribution import candidates
 
 sizes = st.floats(1e-3, 1e3)
 exponents = st.integers(-4, 4)

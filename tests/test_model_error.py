@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import cho_factor, cho_solve
 
-from discovery.model_error import Channel, ModelError, innovations
+from discovery.estimation.model_error import Channel, ModelError, innovations
 
 
 def covariance(time: np.ndarray, error: ModelError) -> np.ndarray:

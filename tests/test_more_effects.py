@@ -11,20 +11,20 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from discovery.attribution import candidates
-from discovery.drive import Drive
-from discovery.effect import ARM, OSCILLATOR
-from discovery.errors import InputError
-from discovery.experiment import Experiment
+from discovery.declarations.effect import ARM, OSCILLATOR
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.symbols import v2
+from discovery.equations.model import Model
+from discovery.estimation.fit import declared_model
 from discovery.export import to_numpy
-from discovery.fit import declared_model
-from discovery.grid import DriveLike
-from discovery.model import Model
-from discovery.recording import Recording
-from discovery.registry import catalogue, get_effect
-from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
-from discovery.simulate import Simulator
-from discovery.symbols import v2
+from discovery.foundation.errors import InputError
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.screening.attribution import candidates
+from discovery.simulation.grid import DriveLike
+from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
 
 LINEAR = ("viscous_damping", "linear_stiffness")

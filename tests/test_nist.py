@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from discovery.least_squares import levenberg_marquardt, minimise
+from discovery.estimation.least_squares import levenberg_marquardt, minimise
 
 with (Path(__file__).parent / "data" / "nist_strd.toml").open("rb") as file:
     SETS = tomllib.load(file)

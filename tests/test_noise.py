@@ -24,17 +24,17 @@ from driven_oscillator import (
 )
 from scipy import integrate, optimize, signal, special, stats
 
-from discovery.errors import InputError
-from discovery.fit import fit
-from discovery.instrument import instruments
-from discovery.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
-from discovery.marginal_likelihood import log_evidence
-from discovery.model import Model
-from discovery.noise import GAUSSIAN, NOISE_MODELS, applicable, is_independent, noise_of, words_of
-from discovery.noise.filters import exponential, oscillating
-from discovery.noise.model import Logistic
-from discovery.noise.tails import rounded, scattered
-from discovery.whitening import settled
+from discovery.equations.model import Model
+from discovery.estimation.fit import fit
+from discovery.foundation.errors import InputError
+from discovery.posterior.instrument import instruments
+from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
+from discovery.posterior.marginal_likelihood import log_evidence
+from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, applicable, is_independent, noise_of, words_of
+from discovery.posterior.noise.filters import exponential, oscillating
+from discovery.posterior.noise.model import Logistic
+from discovery.posterior.noise.tails import rounded, scattered
+from discovery.posterior.whitening import settled
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.drive import Drive
-from discovery.grid import Grid
-from discovery.pace import Pace
+from discovery.recordings.drive import Drive
+from discovery.simulation.grid import Grid
+from discovery.simulation.pace import Pace
 
 SHARES = st.lists(st.floats(0.01, 1.0), min_size=1, max_size=20)
 

@@ -12,13 +12,13 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from discovery import stages
-from discovery.dataset import Dataset, load_dataset
-from discovery.errors import ComputationError
-from discovery.pipeline import _describe as describe
-from discovery.pipeline import run, save_prediction, write_loop
-from discovery.predict import predict
-from discovery.provenance import plain
+from discovery.estimation.predict import predict
+from discovery.foundation.errors import ComputationError
+from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.results.provenance import plain
+from discovery.runs import stages
+from discovery.runs.pipeline import _describe as describe
+from discovery.runs.pipeline import run, save_prediction, write_loop
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
@@ -138,7 +138,7 @@ def test_the_loop_and_the_trajectories_are_those_of_the_stage(dataset: Dataset, 
 
 
 def test_the_posterior_is_that_of_the_file_and_covers_the_fit(out: Path, results: dict[str, Any]) -> None:
-    from discovery.draws import Posterior
+    from discovery.posterior.draws import Posterior
 
     saved = Posterior.from_netcdf(out / "posterior.nc")
     rows = {row["name"]: row for row in results["posterior"]["rows"]}
@@ -196,7 +196,7 @@ def test_the_same_seed_gives_the_same_numbers(dataset: Dataset, results: dict[st
 def test_recordings_too_long_for_predictive_bands_are_no_trouble(
     dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("discovery.posterior_study.LONGEST_BAND", 10)
+    monkeypatch.setattr("discovery.posterior.study.LONGEST_BAND", 10)
     run(dataset, tmp_path, seed=SEED, tell=silent)
     assert {p.name for p in tmp_path.iterdir()} == FILES - {"predictive.nc"}
 

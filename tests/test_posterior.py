@@ -15,18 +15,18 @@ import xarray as xr
 from driven_oscillator import ALPHA, EFFECTS, GAIN, NOISE, START, XI, Sine, linear_model
 from scipy import stats
 
-from discovery import ensembles
-from discovery.draws import Posterior
-from discovery.errors import ComputationError, InputError, NotConverged, NotIdentifiable
-from discovery.experiment import Experiment
-from discovery.fit import fit
-from discovery.instrument import instruments
-from discovery.likelihood import NOISE_PRIOR, log_posterior
-from discovery.model import Model
-from discovery.posterior import sample
-from discovery.predictive import predictive
-from discovery.recording import Recording
-from discovery.rig import Rig
+from discovery.equations.model import Model
+from discovery.estimation.fit import fit
+from discovery.foundation.errors import ComputationError, InputError, NotConverged, NotIdentifiable
+from discovery.posterior import ensembles
+from discovery.posterior.draws import Posterior
+from discovery.posterior.instrument import instruments
+from discovery.posterior.likelihood import NOISE_PRIOR, log_posterior
+from discovery.posterior.predictive import predictive
+from discovery.posterior.sampling import sample
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Rig
 
 TIME = np.linspace(0.0, 12.0, 151)
 

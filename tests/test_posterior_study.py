@@ -10,12 +10,12 @@ import pytest
 from scipy import stats
 from test_posterior import EFFECTS, NOISE, START, experiment
 
-from discovery.errors import SimulationFailure
-from discovery.fit import fit
-from discovery.model import Model
-from discovery.posterior import sample
-from discovery.posterior_study import study_posterior
-from discovery.predictive import Band, fitted_starts, predictive
+from discovery.equations.model import Model
+from discovery.estimation.fit import fit
+from discovery.foundation.errors import SimulationFailure
+from discovery.posterior.predictive import Band, fitted_starts, predictive
+from discovery.posterior.sampling import sample
+from discovery.posterior.study import study_posterior
 
 
 @pytest.fixture(scope="module")
@@ -83,13 +83,13 @@ def test_a_recording_in_which_the_motion_blows_up_has_no_band(sampled, held, mon
             raise SimulationFailure({}, 1.0, "the motion is not finite any more.")
         return predictive(posterior, experiments, *rest, **more)
 
-    monkeypatch.setattr("discovery.posterior_study.predictive", blowing)
+    monkeypatch.setattr("discovery.posterior.study.predictive", blowing)
     _, fitted, posterior = sampled
     found = study_posterior(posterior, fitted, held, rng=np.random.default_rng(3))
     assert [band.name for band in found.bands] == ["train", "like"]
     assert {c.recording for c in found.coverage} == {"train", "like"}
     # What was fitted must not.
-    monkeypatch.setattr("discovery.posterior_study.predictive", lambda *_, **__: blowing(posterior, held))
+    monkeypatch.setattr("discovery.posterior.study.predictive", lambda *_, **__: blowing(posterior, held))
     with pytest.raises(SimulationFailure):
         study_posterior(posterior, fitted, rng=np.random.default_rng(3))
 

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
 
-from discovery.bench import Bench
-from discovery.compile import numpy_derivative
-from discovery.drive import Drive
 from discovery.effects.table_tilt import G
-from discovery.errors import ComputationError
-from discovery.experiment import Experiment
-from discovery.fit import Fit, fit
-from discovery.model import Model
-from discovery.predict import equilibrium, held_out, predict
-from discovery.problem import NaturalUnits, Problem
-from discovery.program import build_program
-from discovery.recording import Recording
-from discovery.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.equations.model import Model
+from discovery.equations.program import build_program
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, fit
+from discovery.estimation.predict import equilibrium, held_out, predict
+from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.foundation.errors import ComputationError
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, ForceView, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.testing.states import every_effect
 
 UNITS = NaturalUnits(1 / 3, 1.0, 1.0)
@@ -121,7 +121,7 @@ def test_the_rod_bends_under_its_own_weight_too(base: str, n: int, motor: float,
     )
     import sympy as sp
 
-    from discovery.symbols import theta_m
+    from discovery.declarations.symbols import theta_m
 
     x, y = sp.lambdify([*program.states[:n], theta_m], list(model.mechanics.reading(None)))(*q, motor)
     assert found == pytest.approx(np.arctan2(y, x) - motor, abs=1e-9)

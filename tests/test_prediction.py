@@ -9,13 +9,13 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from discovery.dynamic_reduction import DYNAMIC_REDUCTION
-from discovery.elastica.beam import DEFLECTION_MAX
-from discovery.elastica.static_law import radius_law, spring_law, static_law, torque_law
-from discovery.errors import InputError
-from discovery.prediction import LAWS, MASSES, Prediction, predict
-from discovery.rig import Quantity, Rig
-from discovery.rig_file import read_rig
+from discovery.foundation.errors import InputError
+from discovery.rigs.rig import Quantity, Rig
+from discovery.rigs.rig_file import read_rig
+from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
+from discovery.theory.elastica.beam import DEFLECTION_MAX
+from discovery.theory.elastica.static_law import radius_law, spring_law, static_law, torque_law
+from discovery.theory.prediction import LAWS, MASSES, Prediction, predict
 
 PAPER_RIG = Rig(
     name="paper",

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from discovery.marginal_priors import MarginalPrior
-from discovery.parameters import Flat, HalfNormal, LogNormal, Normal
-from discovery.prior_sensitivity import prior_effects
+from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
+from discovery.posterior.marginal_priors import MarginalPrior
+from discovery.posterior.prior_sensitivity import prior_effects
 
 EVERYWHERE = (-math.inf, math.inf)
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import least_squares
 from test_posterior import ALPHA, EFFECTS, GAIN, NOISE, XI, experiment, responses
 
-from discovery.fit import fit
-from discovery.likelihood import log_posterior
-from discovery.model import Model
-from discovery.profile_likelihood import CUT, Profile, profiles
+from discovery.equations.model import Model
+from discovery.estimation.fit import fit
+from discovery.posterior.likelihood import log_posterior
+from discovery.posterior.profile_likelihood import CUT, Profile, profiles
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery import provenance as module
-from discovery.dataset import Dataset, load_dataset
-from discovery.provenance import plain, provenance, read_json, restored, write_json
+from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.results import provenance as module
+from discovery.results.provenance import plain, provenance, read_json, restored, write_json
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 

@@ -11,7 +11,7 @@ import pytest
 from test_import import HEAVY, loaded_after
 
 PACKAGES = {
-    "discovery.elastica": {
+    "discovery.theory.elastica": {
         "elastica_series",
         "fit_static_law",
         "force_components",
@@ -24,8 +24,8 @@ PACKAGES = {
         "small_deflection_tip",
         "tip_under_load",
     },
-    "discovery.general": {"GeneralModel", "simulate_general"},
-    "discovery.drivetrain": {
+    "discovery.theory.massless_arm": {"GeneralModel", "simulate_general"},
+    "discovery.theory.drivetrain": {
         "ASSUMED_MOTOR",
         "Arm",
         "Motor",

@@ -41,7 +41,7 @@ def test_every_environment_variable_is_explained() -> None:
     read = {name for path in sources for name in re.findall(r"DISCOVERY_[A-Z]+", path.read_text(encoding="utf-8"))}
     shown = re.findall(r"^\| `(DISCOVERY_[A-Z]+)` \|", README.read_text(encoding="utf-8"), re.MULTILINE)
     assert len(shown) == len(set(shown))
-    # A constant of `discovery.stages`.
+    # A constant of `discovery.runs.stages`.
     assert set(shown) == read - {"DISCOVERY_SAMPLES"}
 
 

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from measured_data import needs
 from scipy.io import savemat
 
-from discovery.errors import InputError
-from discovery.io import atomic_write, read_table
-from discovery.quantisation import resolution
-from discovery.reading_noise import estimate_noise
-from discovery.recording import read_recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import atomic_write, read_table
+from discovery.recordings.quantisation import resolution
+from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.recording import read_recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 ARM = Rig("arm", length=Quantity(1.0, 1e-3), position_noise=3e-4, angle_noise=7e-5)
 

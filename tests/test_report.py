@@ -18,10 +18,9 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.errors import InputError
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
-from discovery.provenance import write_json
-from discovery.registry import catalogue, get_effect
 from discovery.report import build_report, posterior, story
 from discovery.report.convergence import convergence_sentence
 from discovery.report.drive import drive_symbols
@@ -36,6 +35,7 @@ from discovery.report.numbers import interval, scale_for, significant, uncertain
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline
+from discovery.results.provenance import write_json
 from discovery.selection import sentences
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
@@ -263,7 +263,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
 
 def test_every_decision_of_the_loop_has_its_words() -> None:
     folder = Path(story.__file__).parents[1]
-    sources = [folder / "loop.py", *(folder / "selection").glob("*.py")]
+    sources = [folder / "runs" / "loop.py", *(folder / "selection").glob("*.py")]
     used = {word for path in sources for word in re.findall(r'Decision\(\s*"(\w+)"', path.read_text(encoding="utf-8"))}
     assert used
     assert used <= story._WORDS.keys()
@@ -812,7 +812,7 @@ def test_broken_terms_are_refused(broken: str) -> None:
 
 
 def test_every_effect_that_sparse_regression_names_has_a_term_that_can_be_written() -> None:
-    from discovery.candidates import _effects
+    from discovery.sindy.candidates import _effects
 
     for name in (*_effects("delta", "theta_t'"), *_effects("q", "q'")):
         assert _text(block(formula(name)))

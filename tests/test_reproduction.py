@@ -20,23 +20,23 @@ from discovery_datasets.twin import PAPER_RIG
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
-from discovery.errors import InputError, NotConverged, NotIdentifiable
-from discovery.model import Model
-from discovery.recording import Recording
+from benchmarks.paper import parallel, rest_fit, study
+from benchmarks.paper.measures import angle_error, distance, excursion, mean_and_peak, model_errors, radius_error
+from benchmarks.paper.page import build_page
+from benchmarks.paper.paper_fit import CUBIC, LINEAR, PaperModels, fit_radius, paper_models
+from benchmarks.paper.rest_fit import RestFit, fit_from_rest, rig_alpha, rig_values
+from benchmarks.paper.stand import ANGLE_NOISE, POSITION_NOISE, Stand, as_rig, manoeuvre, scaled_rig, stand
+from benchmarks.paper.studies.claims import error_ratios, static_radius
+from benchmarks.paper.studies.comparison import calibrated_rig
+from benchmarks.paper.studies.normalisation import time_scale, transfer
+from benchmarks.paper.studies.sensitivity import paper_numbers as numbers_of
+from benchmarks.paper.studies.statics import statics
+from benchmarks.paper.studies.steps import freed
+from discovery.equations.model import Model
+from discovery.foundation.errors import InputError, NotConverged, NotIdentifiable
+from discovery.recordings.recording import Recording
 from discovery.report.paper import paper_numbers
-from discovery.reproduction import parallel, rest_fit, study
-from discovery.reproduction.measures import angle_error, distance, excursion, mean_and_peak, model_errors, radius_error
-from discovery.reproduction.page import build_page
-from discovery.reproduction.paper_fit import CUBIC, LINEAR, PaperModels, fit_radius, paper_models
-from discovery.reproduction.rest_fit import RestFit, fit_from_rest, rig_alpha, rig_values
-from discovery.reproduction.stand import ANGLE_NOISE, POSITION_NOISE, Stand, as_rig, manoeuvre, scaled_rig, stand
-from discovery.reproduction.studies.claims import error_ratios, static_radius
-from discovery.reproduction.studies.comparison import calibrated_rig
-from discovery.reproduction.studies.normalisation import time_scale, transfer
-from discovery.reproduction.studies.sensitivity import paper_numbers as numbers_of
-from discovery.reproduction.studies.statics import statics
-from discovery.reproduction.studies.steps import freed
-from discovery.rig import Quantity
+from discovery.rigs.rig import Quantity
 
 #: As the paper prints them: mean position errors [m] of linear model, cubic spring, and with the radius law.
 PRINTED = {"linear": 28.3e-3, "cubic": 19.2e-3, "with_radius": 5.3e-3}
@@ -466,7 +466,7 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
                 return work()
 
             setattr(module, name, recorded)
-            monkeypatch.setitem(sys.modules, f"discovery.reproduction.studies.{name}", module)
+            monkeypatch.setitem(sys.modules, f"benchmarks.paper.studies.{name}", module)
         monkeypatch.setattr(study, "STUDIES", {name: f"about {name}" for name in studies})
         return run
 
@@ -547,7 +547,7 @@ def test_a_study_whose_curves_are_written_but_not_its_numbers_is_run_again(
 
 
 def test_the_code_of_a_study_is_known_by_its_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("discovery", "discovery_datasets"):
+    for name in ("discovery", "discovery_datasets", "paper"):
         origin = Path(getattr(study, name).__path__[0])
         shutil.copytree(origin, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
         monkeypatch.setattr(study, name, SimpleNamespace(__path__=[str(tmp_path / name)]))
@@ -561,15 +561,15 @@ def test_the_code_of_a_study_is_known_by_its_hash(tmp_path: Path, monkeypatch: p
         file.write_text(source, encoding="utf-8")
         return found
 
-    depends = ("discovery/simulate.py", "discovery/reproduction/studies/steps.py", "discovery_datasets/arm.py")
+    depends = ("discovery/simulation/simulate.py", "paper/studies/steps.py", "discovery_datasets/arm.py")
     assert [changed(path) for path in depends] == [True] * 3
-    page = ("discovery/reproduction/page.py", "discovery/reproduction/figures/errors.py", "discovery/report/style.py")
+    page = ("paper/page.py", "paper/figures/errors.py", "discovery/report/style.py")
     assert [changed(path) for path in page] == [False] * 3
     assert study.written_by() == before
 
 
 def test_a_page_without_studies_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"holds no results; run `python -m discovery\.reproduction"):
+    with pytest.raises(InputError, match=r"holds no results; run `python -m benchmarks\.paper"):
         build_page(tmp_path)
 
 

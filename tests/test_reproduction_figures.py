@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.paper.figures import SECTIONS, draw_all
 from discovery.report.paper import paper_numbers
 from discovery.report.style import Picture, render, styled
-from discovery.reproduction.figures import SECTIONS, draw_all
 
 TIME = np.arange(0.0, 24.0, 0.02)
 RECORDED = {f"fig_{n:02d}" for n in range(5, 14)}

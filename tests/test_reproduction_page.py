@@ -25,15 +25,13 @@ from discovery_datasets.manoeuvres import Manoeuvre
 from discovery_datasets.twin import ArmRig, TwinMotion
 from test_browser import browser, opened  # noqa: F401
 
-from discovery.errors import InputError
-from discovery.report.paper import paper_numbers
-from discovery.reproduction import errata
-from discovery.reproduction.errata_motion import time_scale
-from discovery.reproduction.findings import typeset
-from discovery.reproduction.items import paper_items
-from discovery.reproduction.page import build_page
-from discovery.reproduction.stand import Stand, stand
-from discovery.reproduction.studies import (
+from benchmarks.paper import errata
+from benchmarks.paper.errata_motion import time_scale
+from benchmarks.paper.findings import typeset
+from benchmarks.paper.items import paper_items
+from benchmarks.paper.page import build_page
+from benchmarks.paper.stand import Stand, stand
+from benchmarks.paper.studies import (
     claims,
     comparison,
     dynamics,
@@ -43,7 +41,9 @@ from discovery.reproduction.studies import (
     sensitivity,
     steps,
 )
-from discovery.reproduction.study import STUDIES, run_studies
+from benchmarks.paper.study import STUDIES, run_studies
+from discovery.foundation.errors import InputError
+from discovery.report.paper import paper_numbers
 
 DURATION = 7.0
 #: Figures that a section of the page has beside Figures 5 to 13.
@@ -149,7 +149,7 @@ def _reduce(patch: pytest.MonkeyPatch) -> None:
         patch.setattr(module, "stand", _short)
     simulate = _remembering()
     for place in ("stand", "errata_motion", "studies.dynamics", "studies.motor"):
-        patch.setattr(f"discovery.reproduction.{place}.simulate", simulate)
+        patch.setattr(f"benchmarks.paper.{place}.simulate", simulate)
     for module in (normalisation, sensitivity):
         patch.setattr(module, "in_parallel", _serial)
     patch.setattr(sensitivity, "SPEEDS", (1.0, 1.4))
@@ -454,7 +454,7 @@ def test_nothing_refers_to_another_place(made: Made) -> None:
         assert not any(place in text for place in here)
         assert not re.search(r"(?<![\w.<-])/(home|root|tmp|work|usr|var|Users)/|file:|[A-Z]:\\", text)
     assert "url(" not in plain
-    assert f"python -m discovery.reproduction {made.folder.name}" in made.reader.text
+    assert f"python -m benchmarks.paper {made.folder.name}" in made.reader.text
 
 
 def test_a_page_built_again_is_the_same(made: Made) -> None:

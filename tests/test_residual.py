@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from discovery.experiment import Experiment
-from discovery.recording import Recording
-from discovery.residual import ResidualReport, errors, examine, systematic_share
-from discovery.rig import Columns, OutputColumn, Rig, TimeColumn
+from discovery.estimation.residual import ResidualReport, errors, examine, systematic_share
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
 
 TIME = np.arange(2500) / 100.0
 PERIOD = 2.0

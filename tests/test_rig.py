@@ -8,9 +8,9 @@ import os
 import numpy as np
 import pytest
 
-from discovery.errors import InputError
-from discovery.rig import ARM_COLUMNS, LINEAR_MODEL, PAPER_MODEL, Quantity
-from discovery.rig_file import read_rig
+from discovery.foundation.errors import InputError
+from discovery.rigs.rig import ARM_COLUMNS, LINEAR_MODEL, PAPER_MODEL, Quantity
+from discovery.rigs.rig_file import read_rig
 
 ARM = """
 name = "fibreglass arm"

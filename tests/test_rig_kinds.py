@@ -7,12 +7,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from discovery.errors import InputError
-from discovery.kinds import KINDS
-from discovery.recording import read_recording
-from discovery.rig import Controller, ForceView, Quantity
-from discovery.rig_file import read_rig
-from discovery.rig_schema import MEANT_FOR, QUANTITIES, RigTable
+from discovery.foundation.errors import InputError
+from discovery.recordings.recording import read_recording
+from discovery.rigs.kinds import KINDS
+from discovery.rigs.rig import Controller, ForceView, Quantity
+from discovery.rigs.rig_file import read_rig
+from discovery.rigs.rig_schema import MEANT_FOR, QUANTITIES, RigTable
 
 TIME = "[columns]\ntime = { rate_hz = 100.0 }\n"
 DRIVEN = TIME + 'input = { name = "u", unit = "V" }\noutput = { name = "y", unit = "mm" }\n'

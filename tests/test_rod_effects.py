@@ -17,23 +17,23 @@ from test_effects import TestCatalogue as Contract
 from test_effects import planted
 from test_mechanics import exact_drive
 
-from discovery import symbols as s
-from discovery.compile import numpy_derivative
-from discovery.drivetrain.coupling import Arm
-from discovery.effect import ARM, Dissipation
-from discovery.experiment import Experiment
-from discovery.fit import fit
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import ARM, Dissipation
+from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.equations.program import build_program
+from discovery.estimation.fit import fit
+from discovery.estimation.predict import equilibrium
+from discovery.estimation.problem import NaturalUnits
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import STRAIGHT, rod_of
-from discovery.model import Model
-from discovery.parameters import HalfNormal, Parameter
-from discovery.predict import equilibrium
-from discovery.problem import NaturalUnits
-from discovery.program import build_program
-from discovery.recording import Recording
-from discovery.registry import get_effect
-from discovery.rig import Quantity, Rig
-from discovery.simulate import Simulator
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Quantity, Rig
+from discovery.simulation.kernel.compile import numpy_derivative
+from discovery.simulation.simulate import Simulator
+from discovery.theory.drivetrain.coupling import Arm
 
 PLAIN = ("viscous_damping", "linear_stiffness")
 LENGTH, INERTIA = PAPER_RIG.length, PAPER_RIG.effective_mass * PAPER_RIG.length**2

@@ -219,8 +219,8 @@ def test_every_ingredient_of_a_body_acts_and_moves_nothing_at_strength_zero(syst
 
 
 def test_no_outsider_nor_error_is_in_the_catalogue_and_every_effect_is():
-    from discovery.effect import OSCILLATOR
-    from discovery.registry import catalogue
+    from discovery.declarations.effect import OSCILLATOR
+    from discovery.declarations.registry import catalogue
 
     known = catalogue()
     assert not {*body_effects.OUTSIDERS, *body_errors.LAWS, *INSTRUMENT_ERRORS, "taper"} & set(known)

@@ -13,14 +13,14 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from discovery import stages
-from discovery.dataset import load_dataset
-from discovery.draws import Posterior
-from discovery.errors import InputError
-from discovery.holdout import HoldOut
-from discovery.pipeline import run
+from discovery.estimation.holdout import HoldOut
+from discovery.estimation.residual import errors
+from discovery.foundation.errors import InputError
+from discovery.posterior.draws import Posterior
+from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
-from discovery.residual import errors
+from discovery.runs import stages
+from discovery.runs.pipeline import run
 
 MASS, DAMPING, NOISE = 3.0, 0.8, 1.0
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 
-from discovery.fit import fit
-from discovery.holdout import HoldOut
-from discovery.model import Model
+from discovery.equations.model import Model
+from discovery.estimation.fit import fit
+from discovery.estimation.holdout import HoldOut
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.final import finished

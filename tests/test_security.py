@@ -19,8 +19,8 @@ from synthetic_run import write_oscillator_run
 from test_cli import call
 from test_faults import RIG, swing
 
-from discovery.errors import InputError
-from discovery.io import read_table
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import read_table
 from discovery.report import build_report
 
 #: Each would do something where it is pasted into code, markup or mathematics.

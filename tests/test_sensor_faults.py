@@ -11,12 +11,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from discovery.quantisation import quantum, resolution
-from discovery.reading_noise import misstated, noise_note, understated
-from discovery.reading_notes import bend_notes, clean_output, gap_notes, misread, swing_notes, time_notes
-from discovery.recording import read_recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
-from discovery.sensor_faults import drift, flat_runs, spikes
+from discovery.recordings.quantisation import quantum, resolution
+from discovery.recordings.reading_noise import misstated, noise_note, understated
+from discovery.recordings.reading_notes import bend_notes, clean_output, gap_notes, misread, swing_notes, time_notes
+from discovery.recordings.recording import read_recording
+from discovery.recordings.sensor_faults import drift, flat_runs, spikes
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 
 T = 0.005 * np.arange(8000)
 DECAY = np.exp(-0.05 * T) * np.cos(6.0 * T)

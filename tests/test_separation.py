@@ -20,17 +20,24 @@ from scipy.optimize import minimize
 from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
-from discovery.errors import InputError
-from discovery.experiment import Experiment
-from discovery.fit import Fit
-from discovery.loop import _separations
-from discovery.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
-from discovery.pipeline import write_loop
+from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
+from discovery.diagnosis.rival_distance import Distance, _absorbed
+from discovery.diagnosis.separation import (
+    Separation,
+    _Search,
+    allowed_limits,
+    demonstrated_limits,
+    separate,
+    similarity_matrix,
+)
+from discovery.estimation.fit import Fit
+from discovery.foundation.errors import InputError
+from discovery.recordings.experiment import Experiment
 from discovery.report import build_report
-from discovery.rig import Rig
-from discovery.rival_distance import Distance, _absorbed
-from discovery.separation import Separation, _Search, allowed_limits, demonstrated_limits, separate, similarity_matrix
-from discovery.simplicity import simplicity
+from discovery.rigs.rig import Rig
+from discovery.runs.loop import _separations
+from discovery.runs.pipeline import write_loop
+from discovery.selection.simplicity import simplicity
 
 LIMITS = MotorLimits(angle=1.5, speed=2.0, acceleration=12.0, duration=6.0, deflection=0.95)
 #: The same in a rig file; but for the duration, which is that of the recordings.
@@ -340,7 +347,7 @@ def test_limits_as_shown_change_nothing() -> None:
 def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ("table_tilt", "encoder_ripple")
     fits = stating(pair, motor_speed_limit=0.7)
-    monkeypatch.setattr("discovery.loop.fit_near", lambda problem, values: problem)
+    monkeypatch.setattr("discovery.runs.loop.fit_near", lambda problem, values: problem)
     chosen, other = (SimpleNamespace(refit=SimpleNamespace(problem=fits[name], values={})) for name in pair)
     settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(is_arm=True)]
     context: Any = SimpleNamespace(tell=lambda text: None, settings=settings, train=train)
@@ -383,7 +390,7 @@ def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.Mo
         begun.append((settings["options"]["maxfev"], len(settings["options"]["initial_simplex"])))
         return minimize(loss, centre, **settings)
 
-    monkeypatch.setattr("discovery.separation.minimize", watched)
+    monkeypatch.setattr("discovery.diagnosis.separation.minimize", watched)
     for evaluations in (1, 2, 5, 20, 50, 100):
         for seed in range(6):
             search = _Search(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
@@ -407,7 +414,7 @@ def test_few_trials_find_more_than_chance_and_than_an_unfinished_simplex(monkeyp
 
     found = missed()
     with monkeypatch.context() as changed:
-        changed.setattr("discovery.separation._RANDOM", 1.0)
+        changed.setattr("discovery.diagnosis.separation._RANDOM", 1.0)
         assert found < 0.85 * missed()
     monkeypatch.setattr(_Search, "_steps", lambda self, count, rng: self._simplex(count))
     assert found < 0.85 * missed()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from discovery.attribution import Candidate, Shapes
-from discovery.significance import chance_gains, surrogates
+from discovery.screening.attribution import Candidate, Shapes
+from discovery.screening.significance import chance_gains, surrogates
 
 N = 400
 RNG = np.random.default_rng(5)

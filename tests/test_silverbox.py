@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from measured_data import needs
 
-from discovery.dataset import Dataset, load_dataset
-from discovery.loop import LoopResult, close_loop
+from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.runs.loop import LoopResult, close_loop
 
 pytestmark = pytest.mark.measured
 

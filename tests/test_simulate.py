@@ -17,23 +17,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from discovery import compile as compiled
-from discovery.compile import compile_kernel, numpy_derivative
-from discovery.drive import Drive
-from discovery.errors import ComputationError, SimulationFailure
-from discovery.experiment import Experiment
-from discovery.grid import DriveLike, Grid
-from discovery.kernel_source import kernel_source
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.equations.model import Model
+from discovery.equations.program import build_program
+from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.step import choose_step
+from discovery.foundation.errors import ComputationError, SimulationFailure
 from discovery.mechanics import get_base
-from discovery.model import Model
-from discovery.problem import NaturalUnits
-from discovery.program import build_program
-from discovery.recording import Recording
-from discovery.registry import catalogue, get_effect
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.runge_kutta import dormand_prince
-from discovery.simulate import Simulator, check_finite
-from discovery.step import choose_step
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.simulation.grid import DriveLike, Grid
+from discovery.simulation.kernel import compile as compiled
+from discovery.simulation.kernel.compile import compile_kernel, numpy_derivative
+from discovery.simulation.kernel.source import kernel_source
+from discovery.simulation.runge_kutta import dormand_prince
+from discovery.simulation.simulate import Simulator, check_finite
 from discovery.testing.states import every_effect
 
 PAPER = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139, "gamma": 0.4462, "length": 1.0, "mu": 0.2845, "tau_r": 0.0}
@@ -235,7 +235,7 @@ def test_a_step_is_not_far_shorter_than_its_error_asks_for(monkeypatch: pytest.M
     assert error(step) < 1e-3
     # Some of the way to the blow-up is left to candidates.
     assert error(1.2 * step) < 5e-3
-    monkeypatch.setattr("discovery.step._LONGER", 0)
+    monkeypatch.setattr("discovery.estimation.step._LONGER", 0)
     assert step > 1.5 * choose_step(model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-3)
 
 
@@ -275,7 +275,7 @@ def test_a_step_in_one_loop_is_that_in_stages(monkeypatch: pytest.MonkeyPatch) -
     time, drive = np.linspace(0.0, 3.0, 61), trapezoid(1.0, 1.25)
     effects = ("viscous_damping", "linear_stiffness", "cubic_stiffness")
     fused = Simulator("constant_radius", effects, time, drive, step=0.02)
-    monkeypatch.setattr("discovery.kernel_source._SHORT", 0)
+    monkeypatch.setattr("discovery.simulation.kernel.source._SHORT", 0)
     text = kernel_source(fused.kernel.program, 32, {})
     assert "for stage in range(5)" in text
     namespace: dict = {}
@@ -518,8 +518,8 @@ def test_a_blow_up_keeps_its_length_and_names_parameters_and_time() -> None:
 def test_a_second_process_does_not_compile(tmp_path: Path) -> None:
     code = """
 import json, numba, numpy as np
-from discovery.compile import heard_compiling
-from discovery.simulate import Simulator
+from discovery.simulation.kernel.compile import heard_compiling
+from discovery.simulation.simulate import Simulator
 s = Simulator("oscillator", ("linear_stiffness",), np.linspace(0, 1, 3), None, step=0.1)
 heard = []
 with heard_compiling(lambda: heard.append("began"), lambda: heard.append("ended")):
@@ -550,9 +550,9 @@ print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values(
 def test_a_kernel_computes_the_same_when_just_compiled_and_when_loaded(tmp_path: Path) -> None:
     code = """
 import hashlib, numpy as np
-from discovery.simulate import Simulator
-from discovery.noise.filters import oscillating
-from discovery.noise.tails import rounded
+from discovery.simulation.simulate import Simulator
+from discovery.posterior.noise.filters import oscillating
+from discovery.posterior.noise.tails import rounded
 effects = ("linear_stiffness", "viscous_damping", "cubic_stiffness", "coulomb_friction", "sensor_delay")
 s = Simulator("elastica_calm", effects, np.linspace(0, 2, 101), None, step=0.01)
 values = {"length": 1.0, "mu": 0.05, "xi": 0.05, "alpha": 9.0, "tau": 0.0137}

@@ -11,18 +11,18 @@ import pysindy
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from discovery.differentiate import smooth
-from discovery.errors import InputError
-from discovery.library import build_library, stretches
-from discovery.motion import Motion, motion_of
-from discovery.radius import discover_radius
-from discovery.recording import Recording
-from discovery.rig_file import read_rig
-from discovery.rows import propagate
-from discovery.sindy import default_pysindy, discover
-from discovery.smooth_input import build_drive
-from discovery.structure import Equation, status_of
-from discovery.subset import BestSubset
+from discovery.foundation.errors import InputError
+from discovery.recordings.recording import Recording
+from discovery.recordings.smooth_input import build_drive
+from discovery.rigs.rig_file import read_rig
+from discovery.signals.differentiate import smooth
+from discovery.signals.motion import Motion, motion_of
+from discovery.sindy.library import build_library, stretches
+from discovery.sindy.radius import discover_radius
+from discovery.sindy.rows import propagate
+from discovery.sindy.sindy import default_pysindy, discover
+from discovery.sindy.structure import Equation, status_of
+from discovery.sindy.subset import BestSubset
 
 XI, ALPHA, BETA, GAMMA = 0.0458, 8.7907, 0.5139, 0.4462
 STRUCTURE = {"theta_t'", "delta", "delta^3"}

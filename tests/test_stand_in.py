@@ -7,10 +7,10 @@ import pytest
 import synthetic_run
 
 from discovery.cli.doubts import doubts
-from discovery.dataset import load_dataset
-from discovery.loop import LoopResult, close_loop
-from discovery.provenance import plain, write_json
+from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
+from discovery.results.provenance import plain, write_json
+from discovery.runs.loop import LoopResult, close_loop
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discovery import stiff
-from discovery.attribution import Candidate, screen
-from discovery.bench import Bench
-from discovery.dataset import load_dataset
-from discovery.fit import Fit, fit
-from discovery.model import Model
-from discovery.problem import Problem, known_values, natural_units
-from discovery.refits import Refit, refit
-from discovery.stiff import coarsened, unstiffened
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, fit
+from discovery.estimation.problem import Problem, known_values, natural_units
+from discovery.recordings.dataset import load_dataset
+from discovery.screening import stiff
+from discovery.screening.attribution import Candidate, screen
+from discovery.screening.refits import Refit, refit
+from discovery.screening.stiff import coarsened, unstiffened
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 EFFECTS = ("linear_stiffness", "structural_damping", "viscous_damping")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from discovery.errors import InputError
-from discovery.io import read_table
-from discovery.recording import read_recording
-from discovery.rig import Columns, OutputColumn, Rig, TimeColumn
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import read_table
+from discovery.recordings.recording import read_recording
+from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
 
 VALUES = np.array([[0.0, 1.5, -2e-3], [0.1, 2.5, 4e-3], [0.2, 3.5, 6e-3]])
 LAYOUTS = {

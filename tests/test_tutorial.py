@@ -17,8 +17,8 @@ from pathlib import Path
 import pytest
 
 from discovery.cli import main
-from discovery.kinds import KINDS
-from discovery.registry import catalogue
+from discovery.declarations.registry import catalogue
+from discovery.rigs.kinds import KINDS
 from discovery.selection.verdict import VERDICTS
 
 PAGE = Path(__file__).parents[1] / "docs" / "YOUR_RECORDING.md"

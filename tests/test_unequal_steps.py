@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from discovery import unequal_steps
-from discovery.bench import Bench
-from discovery.drive import Drive
-from discovery.experiment import Experiment
-from discovery.fit import fit, refined
-from discovery.holdout import HoldOut
-from discovery.model import Model
-from discovery.problem import NaturalUnits, Problem
-from discovery.recording import Recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.step import choose_step
-from discovery.unequal_steps import unequal_bench
+from discovery.equations.model import Model
+from discovery.estimation import unequal_steps
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import fit, refined
+from discovery.estimation.holdout import HoldOut
+from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.step import choose_step
+from discovery.estimation.unequal_steps import unequal_bench
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 EFFECTS = ("linear_stiffness", "viscous_damping")
 UNITS = NaturalUnits(1 / 3, 1.0, 1.0)
@@ -129,7 +129,7 @@ def test_a_pace_that_misses_the_tolerance_is_not_kept(monkeypatch: pytest.Monkey
         return replace(parts, errors=parts.errors[::-1].copy())
 
     # Short steps where none are needed.
-    monkeypatch.setattr("discovery.unequal_steps._measured", blind)
+    monkeypatch.setattr("discovery.estimation.unequal_steps._measured", blind)
     bench = unequal_bench(model, EFFECTS, [experiment], UNITS, VALUES, TOLERANCE)
     assert [e.pace for e in bench.experiments] == [None]
     exact = Bench.like(bench, bench.step / 4)

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from discovery.errors import InputError
-from discovery.recording import read_recording
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
-from discovery.unit_mistakes import near_hanging
+from discovery.foundation.errors import InputError
+from discovery.recordings.recording import read_recording
+from discovery.recordings.unit_mistakes import near_hanging
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 T = np.arange(0.0, 30.0, 0.02)
 

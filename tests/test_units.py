@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.errors import InputError
-from discovery.units import dimension, homogeneous, si_factor, si_symbol, split_suffix, suffix_unit, to_si
+from discovery.declarations.units import dimension, homogeneous, si_factor, si_symbol, split_suffix, suffix_unit, to_si
+from discovery.foundation.errors import InputError
 
 UREG = pint.UnitRegistry()
 BASES = ("kg", "m", "s", "A", "K")

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 
-from discovery.errors import InputError
-from discovery.holdout import HoldOut
-from discovery.model import Model
-from discovery.refits import Refit
-from discovery.registry import catalogue, get_effect
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.smooth_force import SmoothForce
+from discovery.equations.model import Model
+from discovery.estimation.holdout import HoldOut
+from discovery.foundation.errors import InputError
+from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.settings import LoopSettings
 from discovery.selection.unknown import unknown_force
-from discovery.smooth_force import SmoothForce
 
 LAW = "amplitude_dependent_damping"
 

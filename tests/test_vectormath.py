@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.vectormath import atan2, cos, exp, sin, sqrt
+from discovery.simulation.kernel.vectormath import atan2, cos, exp, sin, sqrt
 
 angles = st.floats(-1e5, 1e5)
 numbers = st.floats(-1e3, 1e3, allow_subnormal=False)

@@ -10,13 +10,13 @@ from discovery_datasets.manoeuvres import Manoeuvre
 from discovery_datasets.quick import readings
 from discovery_datasets.twin import PAPER_RIG, ArmRig
 
-from discovery.bench import Bench
-from discovery.experiment import Experiment, make_experiment
-from discovery.fit import Fit, fit, rig_uncertainty
-from discovery.model import Model
-from discovery.problem import known_values, natural_units
-from discovery.recording import Recording
-from discovery.rig import Quantity, Rig
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, fit, rig_uncertainty
+from discovery.estimation.problem import known_values, natural_units
+from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Quantity, Rig
 
 #: What the bare exact arm declares, and what the shared kernel may add to it.
 BASE = ("viscous_damping", "linear_stiffness")

@@ -24,8 +24,8 @@ from discovery_datasets.quick import readings
 from benchmarks.blind.generate import ANGLE_NOISE, rig_file, rounded
 from benchmarks.blind.memory import limit_memory
 from benchmarks.blind.score import proportion, root_mean_square
-from discovery.campaign import campaign, rows, unfinished, watched
-from discovery.provenance import write_json
+from discovery.results.provenance import write_json
+from discovery.runs.campaign import campaign, rows, unfinished, watched
 
 NOISE = 3e-4  # m, per axis
 LIMIT = 1200.0  # s that an arm may take
@@ -33,9 +33,9 @@ LIMIT = 1200.0  # s that an arm may take
 
 def error(seed: int, index: int) -> dict[str, float]:
     """Fit a clean arm and return the rms distance of its prediction to the noise-free hold-out [m]."""
-    from discovery.dataset import load_dataset
-    from discovery.fit import declared_model, fit, rig_uncertainty
-    from discovery.predict import predict
+    from discovery.estimation.fit import declared_model, fit, rig_uncertainty
+    from discovery.estimation.predict import predict
+    from discovery.recordings.dataset import load_dataset
 
     draw = draw_case([seed, index])
     rig = rounded(draw.scene.rig)

@@ -34,7 +34,7 @@ from discovery_datasets.instrument import record, write_csv
 from discovery_datasets.quick import readings
 
 from benchmarks.blind.memory import limit_memory
-from discovery.spread import Outcome, spread
+from discovery.runs.spread import Outcome, spread
 
 #: A strength is corrected so often towards its wanted size.
 CORRECTIONS = 2
@@ -43,10 +43,10 @@ ANGLE_NOISE = 7e-5  # rad
 
 @cache
 def _exact_arm():
-    from discovery.dataset import load_dataset
-    from discovery.fit import fit
-    from discovery.model import Model
-    from discovery.problem import known_values
+    from discovery.equations.model import Model
+    from discovery.estimation.fit import fit
+    from discovery.estimation.problem import known_values
+    from discovery.recordings.dataset import load_dataset
 
     def left(rig: Path, train: Sequence[Path], start: dict[str, float], retardation: float) -> np.ndarray:
         """Residual over noise of the exact arm refitted, all samples and axes."""

@@ -86,8 +86,8 @@ def nameable(accepted: Iterable[str]) -> bool:
 
 def columns(case: Path) -> tuple[FloatArray, FloatArray, FloatArray, list[str]]:
     """Target (n,), columns that are always used (n, 2), candidates (n, p) and the effects they stand for."""
-    from discovery.dataset import load_dataset
-    from discovery.motion import motion_of
+    from discovery.recordings.dataset import load_dataset
+    from discovery.signals.motion import motion_of
 
     dataset = load_dataset(case / "rig.toml", sorted(case.glob("train*.csv")), keep_third=False)
     mu = dataset.rig.beam_mass.value / dataset.rig.tip_mass.value

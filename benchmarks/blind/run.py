@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.blind.memory import limit_memory
-from discovery.io import atomic_write
-from discovery.spread import spread
+from discovery.foundation.io import atomic_write
+from discovery.runs.spread import spread
 
 
 def trainings(case: Path) -> list[Path]:
@@ -28,7 +28,7 @@ def exact_arm(declared, dataset):
     """Fit the exact arm with nothing added: what every effect must improve upon."""
     from dataclasses import replace
 
-    from discovery.fit import fit, rig_uncertainty
+    from discovery.estimation.fit import fit, rig_uncertainty
 
     start = {n: v for n, v in declared.values.items() if n in ("alpha", "xi")}
     gaussian = rig_uncertainty(dataset.train[0])
@@ -39,9 +39,9 @@ def exact_arm(declared, dataset):
 
 def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     """Run the loop on one case, predict its hold-out, and return what is summarised."""
-    from discovery.dataset import load_dataset
-    from discovery.pipeline import write_loop
-    from discovery.stages import loop
+    from discovery.recordings.dataset import load_dataset
+    from discovery.runs.pipeline import write_loop
+    from discovery.runs.stages import loop
 
     out.mkdir(parents=True, exist_ok=True)
     held = [case / "holdout.csv"] if with_holdout else []
@@ -58,10 +58,10 @@ def predict_arm(case: Path, out: Path, dataset, result) -> None:
     """Write what the camera reads in the hold-out, from the drive alone: declared, exact arm, after the loop."""
     import pandas as pd
 
-    from discovery.experiment import make_experiment
-    from discovery.pipeline import save_prediction
-    from discovery.predict import predict
-    from discovery.recording import read_recording
+    from discovery.estimation.predict import predict
+    from discovery.recordings.experiment import make_experiment
+    from discovery.recordings.recording import read_recording
+    from discovery.runs.pipeline import save_prediction
 
     drive = out / "drive.csv"
     pd.read_csv(case / "holdout.csv", usecols=["time_s", "motor_angle_rad"], dtype=str).to_csv(drive, index=False)
@@ -81,7 +81,7 @@ def predict_body(case: Path, out: Path, result) -> None:
     import pandas as pd
 
     from benchmarks.blind.rough.refit import free_run
-    from discovery.dataset import load_dataset
+    from discovery.recordings.dataset import load_dataset
 
     (held,) = load_dataset(case / "rig.toml", trainings(case), [case / "holdout.csv"]).holdout
     before, after = (free_run(found, held)[:, 0] for found in (result.before, result.foresight()))

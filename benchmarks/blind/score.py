@@ -20,7 +20,7 @@ from scipy import stats
 
 from benchmarks.blind.peers import nameable
 from benchmarks.blind.truth import catalogue_values
-from discovery.provenance import read_json, write_json
+from discovery.results.provenance import read_json, write_json
 
 #: The arm's own mechanics: a clean case is one where nothing else is added.
 GEOMETRY = frozenset(

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.calibration.manoeuvre_table import METHODS
 from benchmarks.calibration.ranks import BINS
-from discovery.io import atomic_write
+from discovery.foundation.io import atomic_write
 
 WIDTH = 4.06  # inches: 390 px
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")

@@ -40,7 +40,7 @@ def table(model: str, groups: Sequence[Mapping[str, Any]], pooled_target: Mappin
     ----------
     model : str
     groups : sequence of mapping
-        From `discovery.campaign.rows`, results of `benchmarks.calibration.manoeuvres.group`.
+        From `discovery.runs.campaign.rows`, results of `benchmarks.calibration.manoeuvres.group`.
     pooled_target : mapping of str to float
         From `benchmarks.calibration.manoeuvres.noise_free`.
     """

@@ -20,16 +20,16 @@ from scipy.stats import norm, t
 
 from benchmarks.calibration.pooled import pooled
 from benchmarks.calibration.studies import PAPER
-from discovery.bench import Bench
-from discovery.experiment import Experiment, make_experiment
-from discovery.fit import Fit, fit, rig_uncertainty
-from discovery.likelihood import log_posterior
-from discovery.marginal_likelihood import log_evidence
-from discovery.model import Model
-from discovery.prediction import predict
-from discovery.problem import known_values
-from discovery.recording import Recording
-from discovery.rig import Quantity, Rig
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, fit, rig_uncertainty
+from discovery.estimation.problem import known_values
+from discovery.posterior.likelihood import log_posterior
+from discovery.posterior.marginal_likelihood import log_evidence
+from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Quantity, Rig
+from discovery.theory.prediction import predict
 
 FloatArray = NDArray[np.float64]
 ARM = replace(PAPER_RIG, retardation=1.5e-4)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.problem import Problem
+from discovery.estimation.problem import Problem
 
 FloatArray = NDArray[np.float64]
 _ITERATIONS = 30

@@ -14,19 +14,19 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from discovery.batch import fit_problems
-from discovery.bench import Bench
-from discovery.covariance import covariance_of
-from discovery.experiment import Experiment
-from discovery.fit import Fit
-from discovery.importance import LARGEST_K, Weighted, importance_sample
-from discovery.instrument import instruments
-from discovery.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
-from discovery.model import Model
-from discovery.noise import GAUSSIAN, noise_of
-from discovery.noise.model import Logistic, share_of
-from discovery.parameters import HalfNormal, LogNormal, Normal, Prior
-from discovery.problem import NaturalUnits, Problem
+from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Prior
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
+from discovery.estimation.covariance import covariance_of
+from discovery.estimation.fit import Fit
+from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.posterior.importance import LARGEST_K, Weighted, importance_sample
+from discovery.posterior.instrument import instruments
+from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
+from discovery.posterior.noise import GAUSSIAN, noise_of
+from discovery.posterior.noise.model import Logistic, share_of
+from discovery.recordings.experiment import Experiment
 
 FloatArray = NDArray[np.float64]
 RANKED = 99  # draws among which a truth is ranked: ranks 0 to 99

@@ -19,9 +19,9 @@ from benchmarks.calibration import figures, manoeuvre_table, ranks
 from benchmarks.calibration.manoeuvres import GROUP, MODELS, group, noise_free
 from benchmarks.calibration.replicate import RANKED, replication
 from benchmarks.calibration.studies import KINDS, study
-from discovery.campaign import campaign, collect, rows, watched
-from discovery.errors import ComputationError
-from discovery.provenance import surroundings, write_json
+from discovery.foundation.errors import ComputationError
+from discovery.results.provenance import surroundings, write_json
+from discovery.runs.campaign import campaign, collect, rows, watched
 
 BLOCK = 20  # replications of one case
 

@@ -8,13 +8,13 @@ import numpy as np
 from discovery_datasets.manoeuvres import trapezoid
 
 from benchmarks.calibration.replicate import Study
-from discovery.experiment import make_experiment
-from discovery.model import Model
-from discovery.noise import GAUSSIAN
-from discovery.problem import NaturalUnits
-from discovery.recording import Recording
-from discovery.rig import Quantity, Rig
-from discovery.step import choose_step
+from discovery.equations.model import Model
+from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.step import choose_step
+from discovery.posterior.noise import GAUSSIAN
+from discovery.recordings.experiment import make_experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Quantity, Rig
 
 PAPER = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
 #: Around the paper's fit, wide enough for the data to decide and narrow enough for one swing to be one swing.

@@ -13,15 +13,15 @@ import numpy as np
 from arviz_stats.base import array_stats
 from scipy.integrate import solve_ivp
 
-from discovery.batch import fit_problems
-from discovery.covariance import covariance_of, solver_shift
-from discovery.experiment import Experiment
-from discovery.fit import Fit, fit
-from discovery.likelihood import LogPosterior, log_posterior
-from discovery.model import Model
-from discovery.problem import Problem
-from discovery.recording import Recording
-from discovery.rig import Rig
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.covariance import covariance_of, solver_shift
+from discovery.estimation.fit import Fit, fit
+from discovery.estimation.problem import Problem
+from discovery.posterior.likelihood import LogPosterior, log_posterior
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Rig
 
 NAMES = ("xi", "alpha", "beta", "log sigma")
 TRUTH = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139}

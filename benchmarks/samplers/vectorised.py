@@ -9,7 +9,7 @@ import emcee
 import numpy as np
 from scipy.integrate import odeint, solve_ivp
 
-from discovery.posterior import sample
+from discovery.posterior.sampling import sample
 from samplers.job import NOISE, TIME, Job, Result, bulk_effective, slope
 
 WALKERS, STEPS, BURN_IN = 32, 4000, 1000

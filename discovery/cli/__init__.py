@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> None:
     arguments : list of str, optional
         In the place of the process's own. Where it has its own, an interruption ends it at once, its threads included.
     """
-    from discovery.errors import ComputationError, InputError
+    from discovery.foundation.errors import ComputationError, InputError
 
     if arguments is None:
         open_streams()

@@ -53,9 +53,9 @@ def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
     InputError
         If there is none, or the one that is named cannot be read.
     """
-    from discovery.errors import InputError
-    from discovery.io import shown
-    from discovery.rig_file import read_rig
+    from discovery.foundation.errors import InputError
+    from discovery.foundation.io import shown
+    from discovery.rigs.rig_file import read_rig
 
     if not os.path.exists(where):
         raise InputError(f"{shown(where)} does not exist. Give a folder with rig files in it, or a rig file.")
@@ -75,9 +75,9 @@ def _is_rig(path: Path) -> bool:
     """Whether a TOML file describes a system, rightly or not."""
     import tomllib
 
-    from discovery.kinds import KINDS
-    from discovery.rig_schema import QUANTITIES
-    from discovery.units import split_suffix
+    from discovery.declarations.units import split_suffix
+    from discovery.rigs.kinds import KINDS
+    from discovery.rigs.rig_schema import QUANTITIES
 
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -128,8 +128,8 @@ def found_cases(
 
 def _recordings(rig: Path) -> tuple[list[tuple[str, Path]], tuple[Path, ...], bool]:
     """Return the training recordings of a rig with their names, the hold-outs, and whether its [records] name them."""
-    from discovery.errors import InputError
-    from discovery.rig_file import read_rig
+    from discovery.foundation.errors import InputError
+    from discovery.rigs.rig_file import read_rig
 
     try:
         records = read_rig(rig).records

@@ -22,13 +22,13 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     """Run the loop of one case, write its loop.json, and return what the tables of the campaign hold."""
     from dataclasses import replace
 
-    from discovery.dataset import load_dataset
-    from discovery.errors import InputError
-    from discovery.input_choice import choose_interpolation
-    from discovery.pipeline import write_loop
-    from discovery.rig_file import read_rig
+    from discovery.estimation.input_choice import choose_interpolation
+    from discovery.foundation.errors import InputError
+    from discovery.recordings.dataset import load_dataset
+    from discovery.rigs.rig_file import read_rig
+    from discovery.runs.pipeline import write_loop
+    from discovery.runs.stages import loop, unexplained
     from discovery.selection.sentences import verdict_sentence
-    from discovery.stages import loop, unexplained
 
     # A case that is done again and fails leaves nothing of before.
     for stale in (case.out / "loop.json", *case.out.glob("manoeuvre_*.csv")):
@@ -130,9 +130,9 @@ def campaign(
     must have this package installed and see rig files, recordings and --out under the same paths. A scheduler of
     another machine needs a tls:// address. Without a scheduler nothing listens on any port.
     """
-    from discovery.campaign import campaign as run
-    from discovery.campaign import collect, unfinished, watched
-    from discovery.errors import ComputationError
+    from discovery.foundation.errors import ComputationError
+    from discovery.runs.campaign import campaign as run
+    from discovery.runs.campaign import collect, unfinished, watched
 
     rigs, skipped = rig_files(where)
     cases = found_cases(rigs, where if where.is_dir() else where.parent, out, seed=seed, each=each)

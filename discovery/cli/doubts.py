@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from discovery.dataset import Dataset
-    from discovery.loop import LoopResult
-    from discovery.recording import Recording
+    from discovery.recordings.dataset import Dataset
+    from discovery.recordings.recording import Recording
+    from discovery.runs.loop import LoopResult
 
 __all__ = ["doubts"]
 
@@ -19,8 +19,8 @@ _SCATTERED = 1.5
 
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
-    from discovery.reading_noise import misstated, understated
-    from discovery.reading_notes import misread
+    from discovery.recordings.reading_noise import misstated, understated
+    from discovery.recordings.reading_notes import misread
 
     notes = {recording.name: recording.notes for recording in result.recordings}
     held = [e.recording for e in dataset.holdout or dataset.train]

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from discovery.dataset import Dataset
+    from discovery.recordings.dataset import Dataset
 
 __all__ = ["check_state", "read_state"]
 
@@ -26,7 +26,7 @@ def read_state(text: str | None) -> tuple[float, float] | None:
     """
     if text is None:
         return None
-    from discovery.errors import InputError
+    from discovery.foundation.errors import InputError
 
     try:
         angle, rate = (float(part) for part in text.split(","))
@@ -55,8 +55,8 @@ def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
         return
     import numpy as np
 
-    from discovery.errors import InputError
-    from discovery.units import si_factor
+    from discovery.declarations.units import si_factor
+    from discovery.foundation.errors import InputError
 
     value, rate = state
     unit, column = first.coordinate_unit, first.rig.columns.output.unit

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from discovery.dataset import Dataset
+    from discovery.recordings.dataset import Dataset
 
 __all__ = ["PATH", "SEED", "estimate_text", "held", "load", "note", "once", "options", "progress", "results_folder"]
 
@@ -82,7 +82,7 @@ def progress(quiet: bool):
     if quiet:
         yield lambda _: None
         return
-    from discovery.compile import heard_compiling
+    from discovery.simulation.kernel.compile import heard_compiling
 
     if not sys.stderr.isatty():
         last = ""
@@ -115,8 +115,8 @@ def load(
     rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...], quiet: bool, *, keep_third: bool = True
 ) -> Dataset:
     """Read the rig file and the recordings that a command names, and say what is unusual about them."""
-    from discovery.dataset import load_dataset
-    from discovery.input_choice import choose_interpolation
+    from discovery.estimation.input_choice import choose_interpolation
+    from discovery.recordings.dataset import load_dataset
 
     dataset = choose_interpolation(load_dataset(rig, train, holdout, keep_third=keep_third))
     for _, experiment in () if quiet else dataset.everything:
@@ -139,8 +139,8 @@ def results_folder(out: Path, *files: str) -> Path:
     """
     from tempfile import TemporaryFile
 
-    from discovery.errors import InputError
-    from discovery.io import reason, shown
+    from discovery.foundation.errors import InputError
+    from discovery.foundation.io import reason, shown
 
     if os.path.exists(out) and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder with --out.")
@@ -168,8 +168,8 @@ def results_folder(out: Path, *files: str) -> Path:
 
 def held(folder: Path) -> Path:
     """Return a folder that no other command writes to until this one ends; refuse one to which another does."""
-    from discovery.errors import InputError
-    from discovery.locks import folder_lock
+    from discovery.foundation.errors import InputError
+    from discovery.foundation.locks import folder_lock
 
     if not click.get_current_context().with_resource(folder_lock(folder)):
         raise InputError(

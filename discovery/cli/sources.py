@@ -33,8 +33,8 @@ def effects(name: str | None, system: str | None) -> None:
 
     A loop screens those of its system that neither its mechanics nor its declared model contain.
     """
+    from discovery.declarations.registry import catalogue, get_effect
     from discovery.mechanics.upgrades import UPGRADES, Upgrade
-    from discovery.registry import catalogue, get_effect
 
     if name is None:
         for effect_id, effect in sorted({**catalogue(), **UPGRADES}.items()):
@@ -74,7 +74,7 @@ def _hidden(text: str) -> Disturbance:
 
     from discovery_datasets.disturbances import DISTURBANCES
 
-    from discovery.errors import InputError, suggestion
+    from discovery.foundation.errors import InputError, suggestion
 
     effect_id, _, rest = text.partition(":")
     if effect_id not in DISTURBANCES:
@@ -146,7 +146,7 @@ def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) ->
     from discovery_datasets.recordings import MANOEUVRES, make_recording
     from discovery_datasets.twin import write_csv
 
-    from discovery.errors import InputError
+    from discovery.foundation.errors import InputError
 
     if manoeuvre not in MANOEUVRES:
         raise InputError(f"The twin knows no manoeuvre {manoeuvre!r}; it knows {', '.join(MANOEUVRES)}.")
@@ -171,7 +171,7 @@ def data_list(name: str | None) -> None:
     """List the registered files with origin and licence, or show the card of the set or file NAME."""
     from discovery_datasets import registry
 
-    from discovery.errors import InputError
+    from discovery.foundation.errors import InputError
 
     if name is not None:
         try:
@@ -190,7 +190,7 @@ def data_fetch(name: str) -> None:
     """Fetch one file from its public origin."""
     from discovery_datasets import registry
 
-    from discovery.errors import InputError
+    from discovery.foundation.errors import InputError
 
     try:
         click.echo(f"{registry.fetch(name)}")

@@ -31,8 +31,8 @@ NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
 )
 def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, data_note: str, with_posterior: bool) -> None:
     """Run the whole pipeline and write its report."""
-    from discovery.manifest import RESULTS, remove_unfinished
-    from discovery.pipeline import run as run_pipeline
+    from discovery.results.manifest import RESULTS, remove_unfinished
+    from discovery.runs.pipeline import run as run_pipeline
 
     dataset = load(rig, train, holdout, quiet)
     folder = results_folder(out, *RESULTS, "report.html")
@@ -67,9 +67,9 @@ def loop(
     rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None
 ) -> None:
     """Find what the declared model lacks."""
-    from discovery.errors import ComputationError
-    from discovery.stages import loop as close
-    from discovery.stages import unexplained
+    from discovery.foundation.errors import ComputationError
+    from discovery.runs.stages import loop as close
+    from discovery.runs.stages import unexplained
 
     initial = read_state(initial_state)
     if initial is not None and target is None:
@@ -78,8 +78,8 @@ def loop(
     check_state(initial, dataset)
     wanted = None
     if target is not None:
-        from discovery.experiment import make_experiment
-        from discovery.recording import read_recording
+        from discovery.recordings.experiment import make_experiment
+        from discovery.recordings.recording import read_recording
 
         wanted = make_experiment(read_recording(target, dataset.rig, with_output=False), dataset.rig)
         if initial is None and wanted.drive is None:
@@ -92,7 +92,7 @@ def loop(
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, tell=tell)
         missing = unexplained(result, dataset, tell=tell)
-        from discovery.pipeline import save_prediction, write_loop
+        from discovery.runs.pipeline import save_prediction, write_loop
 
         # One of an earlier run would be another model's.
         (folder / "prediction.csv").unlink(missing_ok=True)
@@ -140,7 +140,7 @@ def _say_loop(result) -> None:
 
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
-    from discovery.loop import UPGRADES
+    from discovery.runs.loop import UPGRADES
     from discovery.selection.sentences import effect_sentence
 
     role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"
@@ -154,7 +154,7 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
 
 def _say_errors(errors: Mapping[str, Any]) -> None:
     """Say the errors before and after, and what was held out where no recording was."""
-    from discovery.holdout import SEPARATE
+    from discovery.estimation.holdout import SEPARATE
 
     for when in ("before", "after"):
         found = errors[when]
@@ -175,8 +175,8 @@ def _say_errors(errors: Mapping[str, Any]) -> None:
 @options("train", "out", "seed", "quiet")
 def discover(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     """Find the equation of motion by sparse regression."""
-    from discovery import stages
-    from discovery.provenance import provenance, write_json
+    from discovery.results.provenance import provenance, write_json
+    from discovery.runs import stages
 
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "discovery.json")
@@ -194,8 +194,8 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
 @options("train", "out", "seed", "quiet")
 def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     """Fit the linear and the declared model by output error."""
-    from discovery import stages
-    from discovery.provenance import provenance, write_json
+    from discovery.results.provenance import provenance, write_json
+    from discovery.runs import stages
 
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "fit.json")
@@ -223,8 +223,8 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
 )
 def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, noise: str) -> None:
     """Sample the posterior of the declared model; an interrupted run is resumed."""
-    from discovery import stages
-    from discovery.provenance import provenance, write_json
+    from discovery.results.provenance import provenance, write_json
+    from discovery.runs import stages
 
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "posterior.json", "posterior.nc", "posterior_chains.h5")
@@ -259,12 +259,12 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool) -> None
 
     With recordings, the elastica's law is also fitted over the deflections that they reach.
     """
-    from discovery import stages
-    from discovery.dataset import Dataset
-    from discovery.draws import Posterior
-    from discovery.errors import InputError
-    from discovery.provenance import provenance, write_json
-    from discovery.rig_file import read_rig
+    from discovery.foundation.errors import InputError
+    from discovery.posterior.draws import Posterior
+    from discovery.recordings.dataset import Dataset
+    from discovery.results.provenance import provenance, write_json
+    from discovery.rigs.rig_file import read_rig
+    from discovery.runs import stages
 
     described = read_rig(rig)
     recorded = train or described.records
@@ -292,10 +292,10 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool) -> None
 @options("train", "out", "seed", "quiet")
 def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     """Examine what the declared model leaves."""
-    from discovery import stages
-    from discovery.problem import natural_units
-    from discovery.provenance import provenance, write_json
-    from discovery.residual import examine
+    from discovery.estimation.problem import natural_units
+    from discovery.estimation.residual import examine
+    from discovery.results.provenance import provenance, write_json
+    from discovery.runs import stages
 
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "residual.json")
@@ -313,8 +313,8 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
 @click.argument("folder", type=PATH)
 def report(folder: Path) -> None:
     """Write the page of a finished run again from its result files."""
-    from discovery.errors import InputError
-    from discovery.io import shown
+    from discovery.foundation.errors import InputError
+    from discovery.foundation.io import shown
     from discovery.report import build_report
 
     if not os.path.exists(folder / "results.json"):

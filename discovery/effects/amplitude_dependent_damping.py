@@ -1,8 +1,8 @@
 """Damping that grows with the deflection."""
 
-from discovery.effect import Dissipation
-from discovery.parameters import HalfNormal, Parameter
-from discovery.symbols import delta, delta_dot
+from discovery.declarations.effect import Dissipation
+from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.symbols import delta, delta_dot
 
 
 class AmplitudeDependentDamping(Dissipation):

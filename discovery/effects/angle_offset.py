@@ -2,8 +2,8 @@
 
 import sympy as sp
 
-from discovery.effect import Sensor
-from discovery.parameters import Normal, Parameter
+from discovery.declarations.effect import Sensor
+from discovery.declarations.parameters import Normal, Parameter
 
 
 class AngleOffset(Sensor):

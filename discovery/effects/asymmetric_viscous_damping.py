@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import Load
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import omega, rho
+from discovery.declarations.effect import Load
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import omega, rho
 
 
 class AsymmetricViscousDamping(Load):

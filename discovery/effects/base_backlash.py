@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import Joint
-from discovery.parameters import HalfNormal, LogNormal, Parameter
-from discovery.symbols import root
+from discovery.declarations.effect import Joint
+from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.symbols import root
 
 
 class BaseBacklash(Joint):

@@ -1,7 +1,7 @@
 """A clamp that gives way."""
 
-from discovery.effect import Shape
-from discovery.parameters import HalfNormal, Parameter
+from discovery.declarations.effect import Shape
+from discovery.declarations.parameters import HalfNormal, Parameter
 
 
 class BaseCompliance(Shape):

@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import Joint
-from discovery.parameters import HalfNormal, LogNormal, Parameter
-from discovery.symbols import root, root_dot
+from discovery.declarations.effect import Joint
+from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.symbols import root, root_dot
 
 _SLIP = sp.Symbol("z_c", real=True)
 #: Compliance that keeps a clamp defined which sticks without giving way at all.

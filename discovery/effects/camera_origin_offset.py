@@ -1,7 +1,7 @@
 """A camera whose origin is not the hub."""
 
-from discovery.effect import ARM, Sensor
-from discovery.parameters import Normal, Parameter
+from discovery.declarations.effect import ARM, Sensor
+from discovery.declarations.parameters import Normal, Parameter
 
 
 class CameraOriginOffset(Sensor):

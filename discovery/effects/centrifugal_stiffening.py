@@ -1,8 +1,8 @@
 """The part of the shortening radius that grows with the square of the tip's rate."""
 
-from discovery.effect import ARM, Load
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import delta, omega
+from discovery.declarations.effect import ARM, Load
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import delta, omega
 
 
 class CentrifugalStiffening(Load):

@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import OSCILLATOR, Load
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import delta_dot
+from discovery.declarations.effect import OSCILLATOR, Load
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import delta_dot
 
 
 class ConstantForce(Load):

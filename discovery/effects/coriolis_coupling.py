@@ -1,8 +1,8 @@
 """The part of the shortening radius in the product of both rates."""
 
-from discovery.effect import ARM, Load
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import delta, delta_dot, omega
+from discovery.declarations.effect import ARM, Load
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import delta, delta_dot, omega
 
 
 class CoriolisCoupling(Load):

@@ -1,8 +1,8 @@
 """The rod's own mass under motor acceleration."""
 
-from discovery.effect import ARM, Kinetic
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import omega, omega_m
+from discovery.declarations.effect import ARM, Kinetic
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import omega, omega_m
 
 
 class DistributedMass(Kinetic):

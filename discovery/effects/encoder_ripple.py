@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import ARM, Drive
-from discovery.parameters import LogNormal, Normal, Parameter
-from discovery.symbols import theta_m
+from discovery.declarations.effect import ARM, Drive
+from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.symbols import theta_m
 
 #: Cycles in one turn of the hub that the arm can follow.
 _FOLLOWED = 30.0

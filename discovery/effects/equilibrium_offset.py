@@ -1,8 +1,8 @@
 """A spring whose rest position is not zero."""
 
-from discovery.effect import Potential
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import alpha, delta
+from discovery.declarations.effect import Potential
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import alpha, delta
 
 
 class EquilibriumOffset(Potential):

@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import OSCILLATOR, Memory
-from discovery.parameters import HalfNormal, LogNormal, Parameter
-from discovery.symbols import bend_dot
+from discovery.declarations.effect import OSCILLATOR, Memory
+from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.symbols import bend_dot
 
 _SLACK = sp.Symbol("z_d", real=True)
 

@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import OSCILLATOR, Potential
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import theta
+from discovery.declarations.effect import OSCILLATOR, Potential
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import theta
 
 
 class GravityTorque(Potential):

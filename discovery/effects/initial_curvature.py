@@ -1,8 +1,8 @@
 """A rod that is bent before anything pulls on it."""
 
-from discovery.effect import Shape
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import arc
+from discovery.declarations.effect import Shape
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import arc
 
 
 class InitialCurvature(Shape):

@@ -1,8 +1,8 @@
 """A recorded input whose scale is wrong."""
 
-from discovery.effect import ARM, Drive
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import theta_m
+from discovery.declarations.effect import ARM, Drive
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import theta_m
 
 
 class InputGain(Drive):

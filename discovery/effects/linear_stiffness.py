@@ -1,8 +1,8 @@
 """The linear spring."""
 
-from discovery.effect import Potential
-from discovery.parameters import LogNormal, Parameter
-from discovery.symbols import U
+from discovery.declarations.effect import Potential
+from discovery.declarations.parameters import LogNormal, Parameter
+from discovery.declarations.symbols import U
 
 
 class LinearStiffness(Potential):

@@ -1,8 +1,8 @@
 """A material that hardens or softens as it bends."""
 
-from discovery.effect import ARM, Potential
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import U_4, alpha
+from discovery.declarations.effect import ARM, Potential
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import U_4, alpha
 
 
 class MaterialNonlinearity(Potential):

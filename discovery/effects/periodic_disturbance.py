@@ -3,9 +3,9 @@
 import numpy as np
 import sympy as sp
 
-from discovery.effect import Load
-from discovery.parameters import LogNormal, Normal, Parameter
-from discovery.symbols import t, v_x, v_y, x, y
+from discovery.declarations.effect import Load
+from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.symbols import t, v_x, v_y, x, y
 
 #: Share of the system's own frequency within which a force imitates a change of a free decay. Frequencies change by as
 #: much with the amplitude.

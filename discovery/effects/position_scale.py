@@ -1,7 +1,7 @@
 """An instrument whose scale is wrong."""
 
-from discovery.effect import Sensor
-from discovery.parameters import Normal, Parameter
+from discovery.declarations.effect import Sensor
+from discovery.declarations.parameters import Normal, Parameter
 
 
 class PositionScale(Sensor):

@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import Dissipation
-from discovery.parameters import HalfNormal, Parameter
-from discovery.symbols import v2
+from discovery.declarations.effect import Dissipation
+from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.symbols import v2
 
 
 class QuadraticDrag(Dissipation):

@@ -1,8 +1,8 @@
 """Fifth-order spring."""
 
-from discovery.effect import Potential
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import delta
+from discovery.declarations.effect import Potential
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import delta
 
 
 class QuinticStiffness(Potential):

@@ -1,8 +1,8 @@
 """The part of the shortening radius in the square of the deflection's rate."""
 
-from discovery.effect import ARM, Load
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import alpha_m, delta, delta_dot, omega
+from discovery.declarations.effect import ARM, Load
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import alpha_m, delta, delta_dot, omega
 
 
 class RadialInertia(Load):

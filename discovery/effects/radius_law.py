@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import ARM, Closure
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import delta
+from discovery.declarations.effect import ARM, Closure
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import delta
 
 
 class RadiusLaw(Closure):

@@ -1,8 +1,8 @@
 """The next term of the static radius law."""
 
-from discovery.effect import ARM, Closure
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import delta
+from discovery.declarations.effect import ARM, Closure
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import delta
 
 
 class RadiusQuartic(Closure):
@@ -15,7 +15,7 @@ class RadiusQuartic(Closure):
     """
 
     systems = frozenset({ARM})
-    cite = "series of the elastica, see discovery.elastica.series; source paper, equation (16), for the cosine"
+    cite = "series of the elastica, see discovery.theory.elastica.series; source paper, equation (16), for the cosine"
     r_4 = Parameter(
         "q^-4", "quartic term of the radius", (-0.2, 0.2), Normal(0.0, 0.02), starts=(0.003, -0.003), latex="r_4"
     )

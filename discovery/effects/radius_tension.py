@@ -1,8 +1,8 @@
 """The part of the radius that the tension of the turning rod adds."""
 
-from discovery.effect import ARM, Closure
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import alpha, delta, omega
+from discovery.declarations.effect import ARM, Closure
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import alpha, delta, omega
 
 
 class RadiusTension(Closure):
@@ -15,7 +15,7 @@ class RadiusTension(Closure):
     """
 
     systems = frozenset({ARM})
-    cite = "elastica under a force along the radius, see discovery.elastica.force_map"
+    cite = "elastica under a force along the radius, see discovery.theory.elastica.force_map"
     r_T = Parameter(
         "q^-4",
         "lengthening of the radius under tension",

@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import Mode
-from discovery.parameters import LogNormal, Normal, Parameter
-from discovery.symbols import push
+from discovery.declarations.effect import Mode
+from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.symbols import push
 
 _Z, _RATE = sp.symbols("z_2 zd_2", real=True)
 

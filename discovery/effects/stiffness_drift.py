@@ -1,8 +1,8 @@
 """A spring that changes during the recording."""
 
-from discovery.effect import Potential
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import U, alpha, t
+from discovery.declarations.effect import Potential
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import U, alpha, t
 
 
 class StiffnessDrift(Potential):

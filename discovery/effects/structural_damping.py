@@ -1,8 +1,8 @@
 """Damping inside the spring."""
 
-from discovery.effect import ARM, Dissipation
-from discovery.parameters import HalfNormal, Parameter
-from discovery.symbols import w2
+from discovery.declarations.effect import ARM, Dissipation
+from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.symbols import w2
 
 
 class StructuralDamping(Dissipation):

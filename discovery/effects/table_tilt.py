@@ -1,8 +1,8 @@
 """Gravity in a plane that is not level."""
 
-from discovery.effect import ARM, Potential
-from discovery.parameters import Normal, Parameter
-from discovery.symbols import length, x_g, y_g
+from discovery.declarations.effect import ARM, Potential
+from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.symbols import length, x_g, y_g
 
 #: Standard gravity [m s^-2].
 G = 9.80665

@@ -4,9 +4,9 @@ import math
 
 import sympy as sp
 
-from discovery.effect import Sensor
-from discovery.parameters import Flat, LogNormal, Normal, Parameter
-from discovery.symbols import t
+from discovery.declarations.effect import Sensor
+from discovery.declarations.parameters import Flat, LogNormal, Normal, Parameter
+from discovery.declarations.symbols import t
 
 #: Least squares of a sharp sawtooth on the smooth one: Li_2(0.99) / Li_2(0.99^2).
 _SHARP = 1.0274391

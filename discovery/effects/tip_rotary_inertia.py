@@ -1,8 +1,8 @@
 """A tip that turns with the end of the rod."""
 
-from discovery.effect import ARM, Kinetic
-from discovery.parameters import HalfNormal, Parameter
-from discovery.symbols import slope_dot
+from discovery.declarations.effect import ARM, Kinetic
+from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.symbols import slope_dot
 
 
 class TipRotaryInertia(Kinetic):
@@ -12,9 +12,9 @@ class TipRotaryInertia(Kinetic):
 
     J is the disc's moment of inertia about its own centre over m_eff l^2, theta(1) the slope of the end in the fixed
     frame: theta_m + (3/2) delta for a small deflection. The moment that turns the disc also bends the rod at its end,
-    which the shapes of the exact arm do not show: what is missing is a residual flexibility, see `discovery.rod_end`.
-    With it the first frequency of a beam with such a disc is met to 2 parts in 100000 and the second one, which J
-    lowers most, to 0.1 %, up to J = 0.04; a base of one coordinate has no second one.
+    which the shapes of the exact arm do not show: what is missing is a residual flexibility, see
+    `discovery.mechanics.rod_end`. With it the first frequency of a beam with such a disc is met to 2 parts in 100000
+    and the second one, which J lowers most, to 0.1 %, up to J = 0.04; a base of one coordinate has no second one.
     """
 
     systems = frozenset({ARM})

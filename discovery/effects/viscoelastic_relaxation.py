@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from discovery.effect import Memory
-from discovery.parameters import HalfNormal, LogNormal, Parameter
-from discovery.symbols import alpha, bend_dot
+from discovery.declarations.effect import Memory
+from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.symbols import alpha, bend_dot
 
 _STRAIN = sp.Symbol("e_v", real=True)
 

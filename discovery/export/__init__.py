@@ -1,4 +1,7 @@
-"""A discovered model to take along: as sympy, LaTeX, a Python file that needs numpy alone, and JSON."""
+"""A discovered model to take along: as sympy, LaTeX, a Python file that needs numpy alone, and JSON.
+
+Here belongs what writes a model or reads it again. What fits or shows one does not.
+"""
 
 from __future__ import annotations
 

@@ -6,15 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from discovery.errors import InputError
 from discovery.export.fitted import FittedModel
 from discovery.export.json_file import to_json
 from discovery.export.latex import to_latex
 from discovery.export.source import to_numpy
 from discovery.export.sympy_file import to_sympy_file
-from discovery.io import atomic_write
-from discovery.manifest import check_whole
-from discovery.provenance import read_json
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import atomic_write
+from discovery.results.manifest import check_whole
+from discovery.results.provenance import read_json
 
 __all__ = ["FORMATS", "export_model", "read_fitted"]
 

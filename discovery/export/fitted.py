@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.effect import ARM
-from discovery.errors import InputError
-from discovery.model import Model
+from discovery.declarations.effect import ARM
+from discovery.equations.model import Model
+from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
-    from discovery.fit import Fit
+    from discovery.estimation.fit import Fit
 
 __all__ = ["FittedModel", "fitted_model", "given_numbers", "reader_unit"]
 
@@ -89,7 +89,7 @@ class FittedModel:
     @classmethod
     def from_fit(cls, fit: Fit) -> FittedModel:
         """Return what a fit found, the parameters that it held included."""
-        from discovery.provenance import surroundings
+        from discovery.results.provenance import surroundings
 
         bench = fit.problem.bench
         parameters, initial = fit.problem.expand(fit.minimum.x[:, None])

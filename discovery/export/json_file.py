@@ -6,14 +6,14 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from discovery.errors import InputError
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.latex import latex_lines
 from discovery.export.symbolic import equation_text
+from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
-    from discovery.fit import Fit
-    from discovery.model import Model
+    from discovery.equations.model import Model
+    from discovery.estimation.fit import Fit
 
 __all__ = ["SCHEMA_VERSION", "from_json", "to_json"]
 

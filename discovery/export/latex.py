@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
-from discovery import symbols as s
-from discovery.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
-from discovery.equation import EquationTerms, motion_symbols
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
+from discovery.equations.equation import EquationTerms, motion_symbols
+from discovery.equations.model import Model
+from discovery.equations.program import RECORDED, radius_of
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import origin
 from discovery.export.latex_table import parameter_table, words_in_text
@@ -18,11 +20,9 @@ from discovery.export.latex_writer import LETTERED, LatexLine, Writer
 from discovery.export.symbolic import LETTERS, closed_form, received, to_sympy
 from discovery.mechanics.elastica import Elastica
 from discovery.mechanics.rod_shapes import reduced_shapes
-from discovery.model import Model
-from discovery.program import RECORDED, radius_of
 
 if TYPE_CHECKING:
-    from discovery.fit import Fit
+    from discovery.estimation.fit import Fit
 
 __all__ = ["LatexLine", "latex_lines", "to_latex"]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from discovery import symbols as s
-from discovery.effect import ARM, Mode
-from discovery.model import Model
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import ARM, Mode
+from discovery.equations.model import Model
 
 __all__ = ["LETTERED", "LatexLine", "Writer"]
 

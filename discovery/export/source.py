@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import sympy as sp
 from sympy.printing.numpy import NumPyPrinter
 
-from discovery import symbols as s
-from discovery.effect import ARM
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import ARM
+from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model, reader_unit
 from discovery.export.header import docstring, origin
 from discovery.export.source_text import (
@@ -31,10 +32,9 @@ from discovery.export.source_text import (
     READ_LATE,
 )
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, program_of, substituted
-from discovery.model import Model
 
 if TYPE_CHECKING:
-    from discovery.fit import Fit
+    from discovery.estimation.fit import Fit
 
 __all__ = ["to_numpy"]
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
-from discovery import symbols as s
-from discovery.effect import ARM, Effect, Joint, Memory
-from discovery.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
-from discovery.errors import InputError
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import ARM, Effect, Joint, Memory
+from discovery.equations.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
+from discovery.equations.model import Model
+from discovery.equations.program import RECORDED, build_program
 from discovery.export.fitted import FittedModel, given_numbers
+from discovery.foundation.errors import InputError
 from discovery.mechanics.rod import rod_of
-from discovery.model import Model
-from discovery.program import RECORDED, build_program
 
 if TYPE_CHECKING:
-    from discovery.fit import Fit
+    from discovery.estimation.fit import Fit
 
 __all__ = [
     "Assignments",
@@ -69,7 +69,7 @@ class SymbolicModel:
     initial : tuple of sympy.Expr
         The initial state for an initial `deflection` and `rate` and the motor's recorded angle and rate.
     equation : sympy.Eq or None
-        The equation of motion, see `discovery.equation.equation_terms`; None where there is no closed form.
+        The equation of motion, see `discovery.equations.equation.equation_terms`; None where there is no closed form.
     memory : tuple of sympy.Eq
         The equations of the states of memory effects that `equation` needs.
     """

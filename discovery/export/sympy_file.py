@@ -14,8 +14,8 @@ from discovery.export.header import docstring, origin
 from discovery.export.symbolic import SymbolicModel, to_sympy
 
 if TYPE_CHECKING:
-    from discovery.fit import Fit
-    from discovery.model import Model
+    from discovery.equations.model import Model
+    from discovery.estimation.fit import Fit
 
 __all__ = ["to_sympy_file"]
 

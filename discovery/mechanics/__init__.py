@@ -1,8 +1,11 @@
-"""The bases: the mechanics of the bare system, one file each."""
+"""The bases: the mechanics of the bare system, one file each.
+
+Here belong bases and how joints and ends change them. What an effect adds does not.
+"""
 
 from __future__ import annotations
 
-from discovery.errors import InputError
+from discovery.foundation.errors import InputError
 from discovery.mechanics.base import Base
 
 __all__ = ["Base", "base_names", "get_base"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from discovery import symbols as s
+from discovery.declarations import symbols as s
 from discovery.mechanics.one_coordinate import ForceDriven
 
 __all__ = ["BASE", "Accelerometer"]

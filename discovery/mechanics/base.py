@@ -2,7 +2,7 @@
 
 A base hands over straight-line mathematics: a list of assignments, the mass matrix M and bias force of
 M(q) q'' = force + sum over channels of J^T F, and for every channel its value or rate, its Jacobian dc/dq and the part
-of its acceleration that does not contain q''. `discovery.compile` turns this into a kernel.
+of its acceleration that does not contain q''. `discovery.simulation.kernel.compile` turns this into a kernel.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import NDArray
 
-from discovery.effect import ARM
+from discovery.declarations.effect import ARM
+from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.rod import STRAIGHT, Rod
-from discovery.parameters import Normal, Parameter
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -91,7 +91,7 @@ class Mechanics:
     assignments : tuple of (sympy.Symbol, sympy.Expr)
         Intermediate values in order of computation.
     channels : mapping of sympy.Symbol to Channel
-        What the symbols of `discovery.symbols` are in this base.
+        What the symbols of `discovery.declarations.symbols` are in this base.
     mass : tuple of tuple of sympy.Expr
         Mass matrix per unit of effective inertia.
     bending : tuple of (sympy.Expr, sympy.Expr, tuple of sympy.Expr)
@@ -173,7 +173,7 @@ class Base(ABC):
         """Return q, q' of shape (n_coordinates, k) for tip deflections [q] and rates [q/s] of shape (k,).
 
         `drive` holds theta_m, theta_m' at that time (zeros for an oscillator), `form` the deflection of the unloaded
-        rod [q] and the turn of its root per curvature [-], see `discovery.program.Program.form`.
+        rod [q] and the turn of its root per curvature [-], see `discovery.equations.program.Program.form`.
         """
 
     def calmed(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -198,7 +198,7 @@ class ArmBase(Base):
 
 
 def _total_derivative(expression: sp.Expr, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> sp.Expr:
-    from discovery.symbols import alpha_m, omega_m, theta_m
+    from discovery.declarations.symbols import alpha_m, omega_m, theta_m
 
     pairs = [*zip(q, qd, strict=True), (theta_m, omega_m), (omega_m, alpha_m)]
     import sympy as sp
@@ -254,7 +254,7 @@ def lagrangian_mechanics(
     """
     import sympy as sp
 
-    from discovery import symbols as s
+    from discovery.declarations import symbols as s
     from discovery.mechanics.rod_shapes import quadrature
 
     mass = sp.diff(kinetic, qd, 2)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from discovery import symbols as s
+from discovery.declarations import symbols as s
+from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
-from discovery.parameters import Normal, Parameter
 
 __all__ = ["BASE", "BaseExcited"]
 

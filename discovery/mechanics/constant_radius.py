@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from discovery import symbols as s
+from discovery.declarations import symbols as s
 from discovery.mechanics.base import ROOT_JOINTS, ArmBase, Mechanics, lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT, Rod
 

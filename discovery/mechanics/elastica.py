@@ -11,7 +11,8 @@ import numpy as np
 import sympy as sp
 from scipy.linalg import eigh
 
-from discovery import symbols as s
+from discovery.declarations import symbols as s
+from discovery.declarations.parameters import HalfNormal, Normal, Parameter
 from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS, ArmBase, Channel, Mechanics, RodEnd, Strand
 from discovery.mechanics.rod import STRAIGHT, Rod
 from discovery.mechanics.rod_shapes import (
@@ -25,7 +26,6 @@ from discovery.mechanics.rod_shapes import (
     rod_masses,
     static_shapes,
 )
-from discovery.parameters import HalfNormal, Normal, Parameter
 
 #: Retardation time [s] below which the ringing of a light rod may be chaotic: no step would be small enough.
 _CALM = 1.5e-4

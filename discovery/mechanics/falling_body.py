@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
-from discovery.parameters import Normal, Parameter
 
 __all__ = ["BASE", "FallingBody"]
 

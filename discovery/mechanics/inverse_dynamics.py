@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sympy as sp
 
-from discovery import symbols as s
+from discovery.declarations import symbols as s
+from discovery.declarations.parameters import LogNormal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
-from discovery.parameters import LogNormal, Parameter
 
 __all__ = ["BASE", "InverseDynamics"]
 

@@ -7,11 +7,11 @@ from abc import abstractmethod
 import numpy as np
 import sympy as sp
 
-from discovery import symbols as s
-from discovery.effect import OSCILLATOR
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import OSCILLATOR
+from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.base import Base, Channel, Mechanics, lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT
-from discovery.parameters import Normal, Parameter
 
 __all__ = ["ForceDriven", "OneCoordinate"]
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from discovery.effect import Effect, Shape
-from discovery.symbols import arc
+from discovery.declarations.effect import Effect, Shape
+from discovery.declarations.symbols import arc
 
 __all__ = ["STRAIGHT", "Rod", "ThirdOrder", "rod_of"]
 
@@ -48,7 +48,7 @@ class Rod:
     Parameters
     ----------
     rest : sympy.Expr
-        Slope of the unloaded rod against its root [rad], a polynomial in `discovery.symbols.arc`.
+        Slope of the unloaded rod against its root [rad], a polynomial in `discovery.declarations.symbols.arc`.
     root : sympy.Expr
         Turn of the root per bending curvature there [-].
     """

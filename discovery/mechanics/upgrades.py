@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from discovery.effect import ARM, Effect
+from discovery.declarations.effect import ARM, Effect
 
 __all__ = ["UPGRADES", "ElasticaGeometry", "RadiusInertia", "Upgrade"]
 

@@ -1,4 +1,7 @@
-"""The report of a run: one HTML page, its figures and its tables, from result files alone."""
+"""The report of a run: one HTML page, its figures and its tables, from result files alone.
+
+Here belongs what is shown. What computes a number does not.
+"""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _AGREE = 1.01
 
 def convergence_sentence(run: Run) -> str:
     """Return whether the sampler converged and by what numbers; empty without a posterior."""
-    from discovery.diagnostics import LENGTH_IN_TAU
+    from discovery.posterior.diagnostics import LENGTH_IN_TAU
 
     rows = (run.results.get("posterior") or {}).get("rows")
     if not rows:

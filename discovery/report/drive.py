@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.effect import ARM
+from discovery.declarations.effect import ARM
 from discovery.mechanics import get_base
 from discovery.report.equations import undriven
 from discovery.report.numbers import unit_text
@@ -24,10 +24,10 @@ def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     Parameters
     ----------
     model : mapping
-        What `discovery.model.Model.to_dict` gave.
+        What `discovery.equations.model.Model.to_dict` gave.
     """
-    from discovery.equation import MOVING_INPUT, equation_terms
-    from discovery.model import Model
+    from discovery.equations.equation import MOVING_INPUT, equation_terms
+    from discovery.equations.model import Model
 
     base = get_base(model["base"])
     if base.system == ARM or undriven(model):

@@ -10,7 +10,7 @@ from discovery.report.mathml import expression, row, symbol
 if TYPE_CHECKING:
     import sympy as sp
 
-    from discovery.effect import Effect
+    from discovery.declarations.effect import Effect
 
 __all__ = [
     "LETTERS",
@@ -107,7 +107,7 @@ def mode_formula(mode: Any, push: sp.Expr | None = None) -> str:
     """
     import sympy as sp
 
-    from discovery import symbols as s
+    from discovery.declarations import symbols as s
 
     push = s.u * sp.Symbol("g", real=True) if push is None else push
     z, states = mode.displacement(), mode.states()
@@ -142,8 +142,8 @@ def laws(effects: Sequence[Any], system: str) -> str:
     """
     import sympy as sp
 
-    from discovery import symbols as s
-    from discovery.program import radius_of
+    from discovery.declarations import symbols as s
+    from discovery.equations.program import radius_of
 
     name, arm = coordinate_name(system), system == "flexible_arm"
     kind = effects[0].kind

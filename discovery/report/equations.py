@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from discovery.dynamic_reduction import DYNAMIC_REDUCTION
-from discovery.effect import ARM, Mode, Sensor
+from discovery.declarations.effect import ARM, Mode, Sensor
+from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
-from discovery.registry import get_effect
 from discovery.report.effect_formulas import (
     LETTERS,
     along_the_rod,
@@ -23,11 +22,12 @@ from discovery.report.effect_formulas import (
     together,
 )
 from discovery.report.mathml import expression, number, power, row, symbol, total
+from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 
 if TYPE_CHECKING:
     import sympy as sp
 
-    from discovery.effect import Effect
+    from discovery.declarations.effect import Effect
     from discovery.mechanics.base import Mechanics
 
 __all__ = ["Formula", "discovered_equation", "model_formulas", "undriven"]
@@ -53,7 +53,7 @@ def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
     """Return what an effect adds to the left-hand side of an equation of one coordinate."""
     import sympy as sp
 
-    from discovery import symbols as s
+    from discovery.declarations import symbols as s
 
     declared = effect.expression()  # type: ignore[attr-defined]
     if effect.kind == "memory":
@@ -78,7 +78,7 @@ def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
 
 
 def _lever(channel: sp.Symbol, mechanics: Mechanics) -> sp.Expr:
-    from discovery import symbols as s
+    from discovery.declarations import symbols as s
 
     simple = {s.v2: 2 * s.omega, s.w2: 2 * s.delta_dot}
     if channel in simple:
@@ -125,8 +125,8 @@ def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
     """
     import sympy as sp
 
-    from discovery.equation import equation_terms, motion_symbols
-    from discovery.model import Model
+    from discovery.equations.equation import equation_terms, motion_symbols
+    from discovery.equations.model import Model
 
     base, described = get_base(model["base"]), Model(model["base"], tuple(model["effects"]))
     terms = equation_terms(described)
@@ -204,7 +204,7 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     Parameters
     ----------
     model : mapping
-        What `discovery.model.Model.to_dict` gave.
+        What `discovery.equations.model.Model.to_dict` gave.
     system : str
         Kind of system.
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.mechanics import get_base
-from discovery.registry import catalogue, get_effect
 from discovery.report.numbers import MISSING, interval, rounded, significant, uncertain, unit_text
 from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
@@ -70,7 +70,7 @@ def _subject(run: Run) -> Mapping[str, Any]:
 
 def posterior_table(run: Run) -> Table:
     """Return the sampled parameters and noise beside the fit and, on the paper's rig, the paper."""
-    from discovery.noise import is_independent
+    from discovery.posterior.noise import is_independent
 
     rows = run.quantities_sampled
     declared, paper = _declarations(_subject(run)), published(run).get("parameters", {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from discovery.errors import InputError
+from discovery.foundation.errors import InputError
 from discovery.report.mathml import power, row, symbol
 
 __all__ = ["formula"]

@@ -12,15 +12,15 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.errors import InputError
-from discovery.io import atomic_write
-from discovery.provenance import read_json
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import atomic_write
 from discovery.report.estimates import posterior_table
 from discovery.report.formula import formula
 from discovery.report.numbers import scale_for, significant, uncertain, unit_text
 from discovery.report.page import added_effects, environment, found_terms, regression_equation, three_terms
 from discovery.report.results import Run, read_run
 from discovery.report.words import effect_name, headline, held_group, origin
+from discovery.results.provenance import read_json
 
 __all__ = ["build_index"]
 

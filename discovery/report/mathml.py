@@ -108,7 +108,7 @@ def _printer(coordinate: str):
     }  # fmt: skip
 
     class Printer(MathMLPresentationPrinter):
-        """Sympy's printer with the symbols of `discovery.symbols`, constants before states."""
+        """Sympy's printer with the symbols of `discovery.declarations.symbols`, constants before states."""
 
         def _node(self, text: str):
             return self.dom.importNode(parseString(text).documentElement, deep=True)
@@ -166,8 +166,8 @@ def _printer(coordinate: str):
 
 @cache
 def _declared() -> dict[str, str]:
+    from discovery.declarations.registry import catalogue
     from discovery.mechanics import base_names, get_base
-    from discovery.registry import catalogue
 
     owners: list[Any] = [*catalogue().values(), *(get_base(name) for name in base_names())]
     return {p.name: p.latex for owner in owners for p in owner.parameters() if p.latex}
@@ -178,7 +178,7 @@ def _latex(name: str) -> str:
 
 
 def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
-    """Return MathML of a sympy expression in the symbols of `discovery.symbols`.
+    """Return MathML of a sympy expression in the symbols of `discovery.declarations.symbols`.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
     """
     import sympy as sp
 
-    from discovery.symbols import v2
+    from discovery.declarations.symbols import v2
 
     # The speed itself, so that its square root and its powers look as one writes them.
     shown = sp.sympify(value).subs(v2, sp.Symbol("tip_speed", positive=True) ** 2)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from discovery.declarations.registry import catalogue
 from discovery.mechanics import base_names, get_base
-from discovery.registry import catalogue
 from discovery.report.estimates import symbol_of
 from discovery.report.numbers import interval, significant
 from discovery.report.results import Run
@@ -30,7 +30,7 @@ def _physical(names: Iterable[str]) -> list[str]:
 
 def noise_differs(run: Run) -> list[str]:
     """Return what to know where the noise of the posterior is not the preferred one, in sentences; else nothing."""
-    from discovery.noise import words_of
+    from discovery.posterior.noise import words_of
 
     noise, posterior = run.results.get("noise"), run.results.get("posterior")
     if not noise or not posterior or noise["chosen"] == run.noise_sampled:

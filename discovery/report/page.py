@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from discovery.io import atomic_write
+from discovery.foundation.io import atomic_write
 from discovery.report import ambiguity, convergence, evidence, latent, measures, noise, posterior, story
 from discovery.report.drive import drive_words
 from discovery.report.equations import Formula, discovered_equation, model_formulas

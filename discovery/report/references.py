@@ -10,7 +10,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.registry import catalogue
+from discovery.declarations.registry import catalogue
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.mathml import inline
 from discovery.report.results import Run

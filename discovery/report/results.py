@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.angles import within_half_a_turn
-from discovery.errors import InputError
-from discovery.kinds import KINDS
-from discovery.manifest import check_whole
-from discovery.provenance import read_json
+from discovery.foundation.errors import InputError
+from discovery.recordings.angles import within_half_a_turn
+from discovery.results.manifest import check_whole
+from discovery.results.provenance import read_json
+from discovery.rigs.kinds import KINDS
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,8 +6,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from discovery.declarations.registry import catalogue
 from discovery.mechanics.upgrades import UPGRADES
-from discovery.registry import catalogue
 from discovery.report.mathml import GREEK
 from discovery.report.numbers import Scale, scale_for, significant
 from discovery.report.results import Run

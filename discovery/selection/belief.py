@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.parameters import Flat, LogNormal
-from discovery.problem import Problem
+from discovery.declarations.parameters import Flat, LogNormal
+from discovery.estimation.problem import Problem
 
 __all__ = ["Belief", "belief_of"]
 

@@ -9,18 +9,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.batch import fit_problems
-from discovery.bench import Bench
-from discovery.least_squares import Minimum
-from discovery.model import Model
-from discovery.model_error import ModelError
-from discovery.problem import Problem
-from discovery.refits import Refit
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
+from discovery.estimation.least_squares import Minimum
+from discovery.estimation.model_error import ModelError
+from discovery.estimation.problem import Problem
+from discovery.foundation.workers import at_once
+from discovery.screening.refits import Refit
 from discovery.selection.context import Context
 from discovery.selection.evidence import Evidence, evidence_of
 from discovery.selection.linearise import Slopes, linearised
-from discovery.simulate import THREADS
-from discovery.workers import at_once
+from discovery.simulation.simulate import THREADS
 
 __all__ = ["Contender", "contenders", "plain"]
 

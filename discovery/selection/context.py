@@ -9,17 +9,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.attribution import candidates
-from discovery.bench import Bench
-from discovery.experiment import Experiment
-from discovery.fit import MOST_STEPS, Fit, fit
-from discovery.holdout import HoldOut
-from discovery.model import Model
-from discovery.problem import NaturalUnits, conventions
+from discovery.declarations.smooth_force import SmoothForce
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import MOST_STEPS, Fit, fit
+from discovery.estimation.holdout import HoldOut
+from discovery.estimation.problem import NaturalUnits, conventions
+from discovery.estimation.step import choose_step
+from discovery.estimation.unequal_steps import unequal_bench
+from discovery.recordings.experiment import Experiment
+from discovery.screening.attribution import candidates
 from discovery.selection.settings import LoopSettings
-from discovery.smooth_force import SmoothForce
-from discovery.step import choose_step
-from discovery.unequal_steps import unequal_bench
 
 __all__ = ["Context", "Tell"]
 
@@ -74,7 +74,7 @@ class Context:
         return tuple(e for e in model.effects if e not in self.train[0].rig.declared)
 
     def conventions(self, model: Model) -> dict[str, tuple[float, float]]:
-        """Return what the added effects of a model hold by convention, see `discovery.problem.conventions`."""
+        """Return what the added effects of a model hold by convention, see `estimation.problem.conventions`."""
         return conventions(self.added(model), self.units)
 
     def stated_error(self, model: Model) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import lsq_linear, minimize_scalar
 
-from discovery.model_error import Channel, ModelError
+from discovery.estimation.model_error import Channel, ModelError
 from discovery.selection.belief import Belief
 
 __all__ = ["Evidence", "Linearised", "evidence_of"]

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from discovery.batch import fit_problems
-from discovery.bench import Bench
-from discovery.covariance import covariance_of, solver_shift
-from discovery.errors import ComputationError
-from discovery.experiment import Experiment
-from discovery.fit import MOST_STEPS, SHIFT, Fit
-from discovery.model_error import ModelError
-from discovery.problem import Problem
-from discovery.refits import Refit
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
+from discovery.estimation.covariance import covariance_of, solver_shift
+from discovery.estimation.fit import MOST_STEPS, SHIFT, Fit
+from discovery.estimation.model_error import ModelError
+from discovery.estimation.problem import Problem
+from discovery.foundation.errors import ComputationError
+from discovery.recordings.experiment import Experiment
+from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders, plain
 from discovery.selection.context import Context
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.bench import Bench
-from discovery.experiment import Experiment
-from discovery.model_error import Channel
-from discovery.problem import Problem
-from discovery.refits import Refit
+from discovery.estimation.bench import Bench
+from discovery.estimation.model_error import Channel
+from discovery.estimation.problem import Problem
+from discovery.estimation.starts import fitted_states
+from discovery.recordings.experiment import Experiment
+from discovery.screening.refits import Refit
 from discovery.selection.belief import belief_of
 from discovery.selection.context import Context
 from discovery.selection.evidence import Linearised
-from discovery.starts import fitted_states
 
 __all__ = ["Slopes", "linearised"]
 

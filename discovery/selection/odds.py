@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discovery.registry import catalogue
+from discovery.declarations.registry import catalogue
 from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings

@@ -7,19 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.attribution import Candidate, screen
-from discovery.finite import finite_starts
-from discovery.growing import grown
-from discovery.likeness import likely_pairs
-from discovery.race import SLOW, near_the_best
-from discovery.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
-from discovery.registry import catalogue
+from discovery.declarations.registry import catalogue
+from discovery.estimation.race import SLOW, near_the_best
+from discovery.foundation.workers import at_once
+from discovery.screening.attribution import Candidate, screen
+from discovery.screening.finite import finite_starts
+from discovery.screening.growing import grown
+from discovery.screening.likeness import likely_pairs
+from discovery.screening.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
+from discovery.screening.significance import chance_gains, surrogates
+from discovery.screening.stiff import unstiffened
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
-from discovery.significance import chance_gains, surrogates
-from discovery.simulate import THREADS
-from discovery.stiff import unstiffened
-from discovery.workers import at_once
+from discovery.simulation.simulate import THREADS
 
 __all__ = ["Offers"]
 

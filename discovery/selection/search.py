@@ -7,18 +7,18 @@ from dataclasses import asdict
 
 import numpy as np
 
-from discovery.fit import Fit
-from discovery.refits import Refit, relaxed
-from discovery.registry import catalogue
+from discovery.declarations.registry import catalogue
+from discovery.declarations.smooth_force import SmoothForce
+from discovery.estimation.fit import Fit
+from discovery.screening.refits import Refit, relaxed
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
 from discovery.selection.odds import Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
+from discovery.selection.simplicity import is_pliable, simplicity
 from discovery.selection.unknown import Unknown, unknown_force
-from discovery.simplicity import is_pliable, simplicity
-from discovery.smooth_force import SmoothForce
 
 __all__ = ["Search"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from discovery.effect import ARM
-from discovery.model import Model
+from discovery.declarations.effect import ARM
+from discovery.equations.model import Model
 
 __all__ = ["Budget", "LoopSettings"]
 

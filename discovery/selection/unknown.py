@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discovery.batch import fit_problems
-from discovery.model import Model
-from discovery.problem import Problem
-from discovery.refits import Refit
+from discovery.declarations.smooth_force import SmoothForce
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.problem import Problem
+from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
-from discovery.smooth_force import SmoothForce
 
 __all__ = ["Unknown", "unknown_force"]
 

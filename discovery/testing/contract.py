@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from discovery.declarations.registry import catalogue
 from discovery.mechanics import base_names
-from discovery.registry import catalogue
 from discovery.testing.declarations import DeclarationContract
 from discovery.testing.mechanics import MechanicsContract
 from discovery.testing.recovery import check_recovery

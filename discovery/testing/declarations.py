@@ -11,16 +11,16 @@ from typing import ClassVar
 import numpy as np
 import sympy as sp
 
-from discovery import symbols as s
-from discovery.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Memory, Mode, Sensor, Shape
-from discovery.errors import InputError
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Memory, Mode, Sensor, Shape
+from discovery.declarations.parameters import natural_scale
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.units import dimension
+from discovery.equations.model import Model
+from discovery.equations.program import RECORDED, build_program
+from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
-from discovery.model import Model
-from discovery.parameters import natural_scale
-from discovery.program import RECORDED, build_program
-from discovery.registry import catalogue, get_effect
 from discovery.testing.equations import at_rest, memory_states
-from discovery.units import dimension
 
 __all__ = ["DeclarationContract"]
 

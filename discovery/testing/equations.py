@@ -11,12 +11,12 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from discovery import symbols as s
-from discovery.compile import numpy_derivative
-from discovery.effect import ARM, Effect, Load, Memory
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import ARM, Effect, Load, Memory
+from discovery.equations.program import RECORDED, Program, strands
 from discovery.mechanics import get_base
-from discovery.program import RECORDED, Program, strands
-from discovery.rod_end import LoadedEnd, loaded_end
+from discovery.mechanics.rod_end import LoadedEnd, loaded_end
+from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.testing.states import Sample, whole
 
 __all__ = [

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery import symbols as s
+from discovery.declarations import symbols as s
 from discovery.mechanics import get_base
 from discovery.testing.equations import bare_base, slopes_of
 from discovery.testing.states import Sample, derivative, whole

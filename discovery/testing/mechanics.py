@@ -10,13 +10,13 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
-from discovery import symbols as s
-from discovery.compile import compile_kernel
-from discovery.drive import Drive
-from discovery.effect import Joint, Load, Memory, Mode, Shape
-from discovery.grid import Grid
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import Joint, Load, Memory, Mode, Shape
+from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
-from discovery.registry import get_effect
+from discovery.recordings.drive import Drive
+from discovery.simulation.grid import Grid
+from discovery.simulation.kernel.compile import compile_kernel
 from discovery.testing.equations import (
     accelerations,
     bare_base,

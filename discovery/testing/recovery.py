@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.bench import Bench
-from discovery.drive import Drive
-from discovery.effect import ARM
-from discovery.experiment import Experiment
-from discovery.fit import Fit, fit
+from discovery.declarations.effect import ARM
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, fit
+from discovery.estimation.problem import NaturalUnits
 from discovery.mechanics import get_base
-from discovery.model import Model
-from discovery.problem import NaturalUnits
-from discovery.recording import Recording
-from discovery.registry import get_effect
-from discovery.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
+from discovery.recordings.drive import Drive
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.testing.states import every_effect
 
 __all__ = ["check_recovery", "recover"]

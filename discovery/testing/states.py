@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.attribution import candidates
-from discovery.effect import OSCILLATOR
+from discovery.declarations.effect import OSCILLATOR
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.equations.program import Program, build_program
 from discovery.mechanics import get_base
-from discovery.model import Model
-from discovery.program import Program, build_program
-from discovery.registry import get_effect
+from discovery.screening.attribution import candidates
 
 __all__ = ["Sample", "derivative", "every_effect", "sample_states", "whole", "without"]
 

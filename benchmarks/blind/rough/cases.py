@@ -79,7 +79,7 @@ def _truth_error(subject: Subject, case: Path, chosen: Chosen | None, clean: pd.
     values = {} if chosen is None else chosen.ingredient.catalogue(chosen.strength)
     wanted = Wanted(added, {**subject.starts(), **values}, subject.known())
     train = sorted(case.glob("train*.csv"))
-    from discovery.errors import ComputationError, InputError
+    from discovery.foundation.errors import ComputationError, InputError
 
     try:
         return prediction_error(case, train, wanted, clean)

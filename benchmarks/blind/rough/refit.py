@@ -28,9 +28,9 @@ class Wanted:
 
 
 def _fitted(rig: Path, train: Sequence[Path], wanted: Wanted) -> Any:
-    from discovery.dataset import load_dataset
-    from discovery.fit import declared_model, fit
-    from discovery.model import Model
+    from discovery.equations.model import Model
+    from discovery.estimation.fit import declared_model, fit
+    from discovery.recordings.dataset import load_dataset
 
     experiments = load_dataset(rig, train, keep_third=False).train
     declared = declared_model(experiments[0])
@@ -50,7 +50,7 @@ def leftover(rig: Path, train: Sequence[Path], start: Mapping[str, float], known
     ArithmeticError
         If the recordings are refused, as where nothing swings any more, or cannot be fitted.
     """
-    from discovery.errors import ComputationError, InputError
+    from discovery.foundation.errors import ComputationError, InputError
 
     try:
         found = _fitted(rig, train, Wanted((), start, known))
@@ -68,7 +68,7 @@ def prediction_error(folder: Path, train: Sequence[Path], wanted: Wanted, clean:
 
     An arm starts at rest. Of any other system the initial state is fitted to the hold-out.
     """
-    from discovery.dataset import load_dataset
+    from discovery.recordings.dataset import load_dataset
 
     found = _fitted(folder / "rig.toml", train, wanted)
     (held,) = load_dataset(folder / "rig.toml", train, [folder / "holdout.csv"]).holdout
@@ -78,7 +78,7 @@ def prediction_error(folder: Path, train: Sequence[Path], wanted: Wanted, clean:
 
 def free_run(found: Any, held: Any) -> FloatArray:
     """Return what a fitted model reads in a hold-out: from rest, or from the initial state that fits it best."""
-    from discovery.predict import held_out, predict
+    from discovery.estimation.predict import held_out, predict
 
     if held.is_arm:
         return predict(found, held)[0]
@@ -95,15 +95,15 @@ def check_readable(folder: Path) -> None:
     InputError
         If a recording is refused, as where friction lets nothing swing.
     """
-    from discovery.dataset import load_dataset
+    from discovery.recordings.dataset import load_dataset
 
     load_dataset(folder / "rig.toml", sorted(folder.glob("train*.csv")), [folder / "holdout.csv"])
 
 
 def clean_reading(rig: Path, recording: Path) -> pd.DataFrame:
     """Return times and channels of a recording as the program reads it: in SI units, through the filters of the rig."""
-    from discovery.recording import read_recording
-    from discovery.rig_file import read_rig
+    from discovery.recordings.recording import read_recording
+    from discovery.rigs.rig_file import read_rig
 
     found = read_recording(recording, read_rig(rig))
     return pd.DataFrame({"time_s": found.time, **dict(zip(found.channels, found.output.T, strict=True))})

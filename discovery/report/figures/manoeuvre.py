@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.manoeuvre_design import Move, hub_drive
+from discovery.diagnosis.manoeuvre_design import Move, hub_drive
 from discovery.report.results import Run
 from discovery.report.style import BLUE, Picture, new_figure
 from discovery.report.words import effect_name, listed

@@ -1,0 +1,234 @@
+"""What a physical effect is: one named, cited, unit-carrying contribution to the equation of motion.
+
+A new effect is one small class in one file: its parameters as class attributes and one expression in the symbols of
+`discovery.declarations.symbols`. Simulation, fit, posterior, attribution, report row, catalogue page and contract tests
+follow.
+
+>>> from discovery.declarations.registry import catalogue
+>>> catalogue()["cubic_stiffness"].expression()
+beta*delta**4/4
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from functools import cache
+from typing import TYPE_CHECKING, ClassVar
+
+from discovery.declarations.parameters import Parameter
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+__all__ = [
+    "ARM",
+    "OSCILLATOR",
+    "Closure",
+    "Dissipation",
+    "Drive",
+    "Effect",
+    "Expressed",
+    "Joint",
+    "Kinetic",
+    "Load",
+    "Memory",
+    "Mode",
+    "Potential",
+    "Sensor",
+    "Shape",
+]
+
+#: Kinds of system on which an effect can act.
+ARM, OSCILLATOR = "flexible_arm", "oscillator"
+
+
+class Effect(ABC):
+    """One contribution to the mechanics, the drive or the reading of a system.
+
+    Subclass one of the kinds below, declare `Parameter` attributes and write the expression. The class docstring holds
+    the formula and its meaning; `cite` names the source.
+    """
+
+    kind: ClassVar[str]
+    #: Kinds of system on which the effect is meaningful.
+    systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
+    #: Where the law comes from.
+    cite: ClassVar[str] = ""
+    #: True for a law at the tip of an arm that stands for one spread along the rod: it idealises more than others.
+    lumped: ClassVar[bool] = False
+    #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.
+    pliable: ClassVar[bool] = False
+    #: Ids of simpler effects that it is where one of its amplitudes vanishes.
+    reduces_to: ClassVar[frozenset[str]] = frozenset()
+    #: Quantity of an arm's rig file of which a relative error reads as the effect's only parameter does, if any.
+    stands_for: ClassVar[str] = ""
+    #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
+    angular: ClassVar[bool] = False
+    #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
+    anchored: ClassVar[bool] = False
+
+    @classmethod
+    def id(cls) -> str:
+        """Return the word that users see: the class name in snake case."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
+    @classmethod
+    @cache
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """Return the declared parameters in the order of the class body."""
+        found: dict[str, Parameter] = {}
+        for owner in reversed(cls.__mro__):
+            found.update({n: p for n, p in vars(owner).items() if isinstance(p, Parameter)})
+        return tuple(found.values())
+
+    @classmethod
+    def fitted(cls, system: str) -> tuple[Parameter, ...]:
+        """Return the parameters that a fit estimates on this kind of system."""
+        return tuple(p for p in cls.parameters() if not p.fixed and (system == ARM or not p.planar))
+
+    @classmethod
+    def imitates(cls, values: Mapping[str, float], time: float, duration: float) -> bool:
+        """Return whether, at these values, a pliable law does what others do.
+
+        Given are the natural time of the motion and the duration of the longest recording [s].
+        """
+        return cls.pliable
+
+    @classmethod
+    def title(cls) -> str:
+        """Return the first sentence of the docstring."""
+        return (inspect.getdoc(cls) or "").partition("\n")[0].rstrip(".")
+
+    def __repr__(self) -> str:
+        return f"<{self.kind} effect {self.id()}({', '.join(p.name for p in self.parameters())})>"
+
+
+class Expressed(Effect):
+    """An effect that is one expression."""
+
+    @abstractmethod
+    def expression(self) -> sp.Expr:
+        """Return the expression of the effect's kind."""
+
+
+class Kinetic(Expressed):
+    """A kinetic energy T of channel rates, per unit inertia [q^2 s^-2]."""
+
+    kind = "kinetic"
+
+
+class Potential(Expressed):
+    """A potential energy V of channel positions (and time), per unit inertia [q^2 s^-2]."""
+
+    kind = "potential"
+    anchored = True
+
+
+class Dissipation(Expressed):
+    """A Rayleigh dissipation function D, even in the channel rates, per unit inertia [q^2 s^-3]."""
+
+    kind = "dissipation"
+
+
+class Load(Expressed):
+    """A load given by its power P, linear in the channel rates, per unit inertia [q^2 s^-3].
+
+    A force that itself depends on rates names the channel rate `on` which it acts: its expression is then the force
+    [q s^-2], and its power is the force times that rate.
+    """
+
+    kind = "load"
+    on: ClassVar[sp.Symbol | None] = None
+
+    def power(self) -> sp.Expr:
+        """Return P."""
+        return self.expression() if self.on is None else self.expression() * self.on
+
+
+class Closure(Expressed):
+    """A static law rho/l of the deflection that others use (the radius law)."""
+
+    kind = "closure"
+
+
+class Memory(Expressed):
+    """A load of power P on the bending that depends on states of its own; written for one `bend`, it acts on each.
+
+    With `local`, one `bend` is the curvature at one place of the rod, in units of the deflection of a linear spring.
+    """
+
+    kind = "memory"
+    anchored = True
+    local: ClassVar[bool] = False
+
+    @abstractmethod
+    def states(self) -> dict[sp.Symbol, sp.Expr]:
+        """Return each extra state with its time derivative."""
+
+
+class Mode(Memory):
+    """Another mode of vibration, moved by the input beside the coordinate and added to what the instrument reads."""
+
+    kind = "mode"
+    systems = frozenset({OSCILLATOR})
+
+    def expression(self) -> sp.Expr | int:
+        """Return no power: modes are independent of each other."""
+        return 0
+
+    @abstractmethod
+    def displacement(self) -> sp.Symbol:
+        """Return the state that adds to the coordinate; the next state is its rate."""
+
+
+class Drive(Expressed):
+    """What the system really receives: the effective motor angle (or input u) in terms of the recorded one and time."""
+
+    kind = "drive"
+
+
+class Shape(Effect):
+    """What changes the rod itself: override what differs from a straight rod in a rigid clamp."""
+
+    kind = "shape"
+    systems = frozenset({ARM})
+
+    def rest_angle(self) -> sp.Expr | int:
+        """Return the slope of the unloaded rod against its root [q], a polynomial in the arc length `arc`."""
+        return 0
+
+    def root_turn(self) -> sp.Expr | int:
+        """Return the turn of the root per bending curvature there, in lengths of the arm [-]."""
+        return 0
+
+
+class Joint(Expressed):
+    """A joint between hub and rod: the turn of the root [q] as the bending `root` there asks for."""
+
+    kind = "joint"
+    systems = frozenset({ARM})
+
+    def states(self) -> dict[sp.Symbol, sp.Expr]:
+        """Return each extra state [-] with its time derivative, which vanishes where `root` does not change."""
+        return {}
+
+
+class Sensor(Effect):
+    """What the instrument reports instead of the state; override what the instrument changes."""
+
+    kind = "sensor"
+
+    def arm_reading(self, tip_x: sp.Expr, tip_y: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        """Return the reported tip position [m] for the true one [m]."""
+        return tip_x, tip_y
+
+    def oscillator_reading(self, output: sp.Expr) -> sp.Expr:
+        """Return the reported output for the true one."""
+        return output
+
+    def lateness(self) -> sp.Expr | int:
+        """Return the age of the reported state [s]; positive when the instrument is late."""
+        return 0

@@ -1,0 +1,195 @@
+"""Parameters and their priors: what a physical constant is called, its unit, its bounds and what is believed of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Flat", "HalfNormal", "LogNormal", "Normal", "Parameter", "Prior", "natural_scale"]
+
+
+class Prior(Protocol):
+    """A one-dimensional prior density, in natural units of the problem (see `natural_scale`)."""
+
+    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Return the logarithm of the density at `x`; minus infinity outside the support."""
+        ...
+
+    @property
+    def width(self) -> float:
+        """Typical size of the parameter [natural units]; steps and starts scale with it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Flat:
+    """No preference (an improper constant density); `size` is only the typical magnitude.
+
+    Parameters
+    ----------
+    size : float
+        Typical magnitude [natural units].
+    """
+
+    size: float = 1.0
+
+    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Return zero everywhere."""
+        return np.zeros(np.shape(x))
+
+    @property
+    def width(self) -> float:
+        """Typical magnitude."""
+        return self.size
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Gaussian prior with mean `mean` and standard deviation `sd`."""
+
+    mean: float
+    sd: float
+
+    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Return the Gaussian log density."""
+        z = (np.asarray(x, float) - self.mean) / self.sd
+        return -0.5 * z * z - math.log(self.sd * math.sqrt(2 * math.pi))
+
+    @property
+    def width(self) -> float:
+        """The standard deviation."""
+        return self.sd
+
+
+@dataclass(frozen=True)
+class HalfNormal:
+    """Gaussian prior of scale `sd` folded onto the non-negative half line (amplitudes that cannot be negative)."""
+
+    sd: float
+
+    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Return the log density; minus infinity below zero."""
+        x = np.asarray(x, float)
+        inside = -0.5 * (x / self.sd) ** 2 + math.log(math.sqrt(2 / math.pi) / self.sd)
+        return np.where(x >= 0, inside, -np.inf)
+
+    @property
+    def width(self) -> float:
+        """The scale."""
+        return self.sd
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """Prior of a positive scale parameter: log x is Gaussian around log `median` with standard deviation `log_sd`."""
+
+    median: float
+    log_sd: float
+
+    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Return the log density; minus infinity at and below zero."""
+        x = np.asarray(x, float)
+        positive = np.where(x > 0, x, 1.0)
+        z = (np.log(positive) - math.log(self.median)) / self.log_sd
+        inside = -0.5 * z * z - np.log(positive * self.log_sd * math.sqrt(2 * math.pi))
+        return np.where(x > 0, inside, -np.inf)
+
+    @property
+    def width(self) -> float:
+        """The median."""
+        return self.median
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One physical constant of an effect or a base: the declaration from which fits, priors and reports follow.
+
+    Bounds, prior, default and starts are in natural units, so that one declaration serves an arm in radians and a
+    circuit in volts; `natural_scale` turns them into the problem's units.
+
+    Parameters
+    ----------
+    unit : str
+        Exponent string, for example ``"s^-2 q^-2"``, where ``q`` is the unit of the coordinate (rad for an arm).
+    meaning : str
+        One clause for tables.
+    bounds : tuple of float
+        Physical bounds [natural units]; a friction coefficient is >= 0.
+    prior : Prior
+        Prior density [natural units].
+    default : float
+        Value at which the effect is absent (amplitudes: zero) or, for shape parameters, an ordinary value.
+    starts : tuple of float
+        Finite values from which a refit starts; nonlinear effects need several.
+    shape : bool
+        True when the parameter shapes an effect without switching it (a frequency, a width): it has no own zero.
+    fixed : bool
+        True when the value is known or conventional and is not fitted. The convention of a shape (see `shape`) of an
+        effect that the loop adds is fitted at its end, within the prior's width.
+    planar : bool
+        True when the parameter needs a plane; a system that moves along one line leaves it at its default.
+    latex : str
+        Symbol in formulas; the attribute's own name when empty.
+    """
+
+    unit: str
+    meaning: str
+    bounds: tuple[float, float] = (-math.inf, math.inf)
+    prior: Prior = field(default_factory=Flat)
+    default: float = 0.0
+    starts: tuple[float, ...] = ()
+    shape: bool = False
+    fixed: bool = False
+    planar: bool = False
+    latex: str = ""
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+    def __get__(self, instance: object, owner: type | None = None):
+        """Return the declaration on the class and the sympy symbol on an instance."""
+        if instance is None:
+            return self
+        import sympy as sp
+
+        return sp.Symbol(self.name, real=True)
+
+
+def natural_scale(unit: str, *, time: float, coordinate: float, length: float = 1.0) -> float:
+    """Return the size of one natural unit in the problem's units.
+
+    Parameters
+    ----------
+    unit : str
+        Exponent string such as ``"s^-2 q^-2"``.
+    time : float
+        Natural time [s], the inverse of the small-amplitude angular frequency.
+    coordinate : float
+        Natural coordinate [unit of the coordinate]: 1 rad for an arm, the largest amplitude for an oscillator.
+    length : float
+        Natural length [m].
+
+    Returns
+    -------
+    float
+        Product of the natural units raised to their exponents.
+
+    Raises
+    ------
+    ValueError
+        For a unit symbol that has no natural size.
+    """
+    from discovery.declarations.units import dimension
+
+    sizes = {"s": time, "q": coordinate, "m": length, "rad": 1.0}
+    scale = 1.0
+    for symbol, exponent in dimension(unit).items():
+        if symbol not in sizes:
+            raise ValueError(f"unit {unit!r}: {symbol!r} has no natural size; use s, q, m or rad")
+        scale *= sizes[symbol] ** float(exponent)
+    return scale

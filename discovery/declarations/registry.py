@@ -1,0 +1,68 @@
+"""The catalogue of effects: every class found in `discovery.effects` and behind the entry point group of that name."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from types import ModuleType
+
+from discovery.declarations.effect import Effect
+from discovery.declarations.external_force import ExternalForce
+from discovery.declarations.smooth_force import SmoothForce
+from discovery.foundation.errors import InputError
+
+__all__ = ["catalogue", "get_effect"]
+
+
+def _modules() -> Iterator[ModuleType]:
+    package = importlib.import_module("discovery.effects")
+    for info in pkgutil.iter_modules(package.__path__, "discovery.effects."):
+        yield importlib.import_module(info.name)
+    for entry in sorted(entry_points(group="discovery.effects"), key=lambda e: e.name):
+        yield entry.load()
+
+
+@cache
+def catalogue() -> dict[str, Effect]:
+    """Return every known effect by its id, in alphabetical order.
+
+    Other packages add effects through the entry point group ``discovery.effects``, whose members are modules.
+
+    Raises
+    ------
+    ValueError
+        If two classes claim the same id.
+    """
+    found: dict[str, Effect] = {}
+    for module in _modules():
+        for _, member in inspect.getmembers(module, inspect.isclass):
+            if issubclass(member, Effect) and not inspect.isabstract(member) and member.__module__ == module.__name__:
+                if member.id() in found:
+                    raise ValueError(f"two effects are called {member.id()!r}: {found[member.id()]!r} and {member!r}")
+                found[member.id()] = member()
+    return dict(sorted(found.items()))
+
+
+def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> Effect:
+    """Return one effect, a force that no catalogue lists, or one of what is declared besides.
+
+    Raises
+    ------
+    InputError
+        For an unknown id, with the nearest known ones.
+    """
+    import difflib
+
+    for unlisted in (ExternalForce, SmoothForce):
+        if effect_id == unlisted.id():
+            return unlisted()
+    known = {**catalogue(), **(besides or {})}
+    if effect_id not in known:
+        near = difflib.get_close_matches(effect_id, known, n=3, cutoff=0.4)
+        hint = f"Did you mean {', '.join(near)}?" if near else "`discovery effects` lists the catalogue."
+        raise InputError(f"There is no effect called {effect_id!r}. {hint}")
+    return known[effect_id]

@@ -1,0 +1,235 @@
+"""Units at the border: everything inside the package is SI and radians.
+
+Three notations meet here: unit strings of declarations (``"kg m^2 s^-2"``), unit strings of users (``"mm"``, ``"deg"``)
+and the suffixes of column and key names (``tip_x_mm``, ``flexural_rigidity_N_m2``). Exponents are parsed here; factors
+come from pint, which is imported at the first conversion only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from discovery.foundation.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    import pint
+
+__all__ = ["dimension", "homogeneous", "quoted", "si_factor", "si_symbol", "split_suffix", "suffix_unit", "to_si"]
+
+# Coherent SI units in base dimensions; the radian, a ratio of lengths, has none (SI brochure, 9th ed., table 4).
+_COHERENT: dict[str, dict[str, int]] = {
+    "q": {"q": 1},  # unit of the coordinate in declarations: rad for an arm, that of the output for an oscillator
+    "rad": {},
+    "1": {},
+    "m": {"m": 1},
+    "kg": {"kg": 1},
+    "s": {"s": 1},
+    "A": {"A": 1},
+    "K": {"K": 1},
+    "mol": {"mol": 1},
+    "cd": {"cd": 1},
+    "Hz": {"s": -1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "C": {"A": 1, "s": 1},
+    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+}
+# What ordinary columns and keys end in: it needs no pint, whose import takes longer than the reading.
+_SUFFIXES = frozenset({"s", "m", "rad", "kg", "N m^2"})
+_TOKEN = re.compile(
+    r"\s*(?:(?P<slash>/)|(?P<symbol>[A-Za-z]+|1)(?:\^(?:(?P<power>-?\d+)|\((?P<fraction>-?\d+(?:/\d+)?)\)))?(?=[\s/]|\Z))"
+)
+_Value = TypeVar("_Value", float, "npt.NDArray[np.float64]")
+
+
+@lru_cache(maxsize=1024)
+def _exponents(unit: str) -> tuple[tuple[str, Fraction], ...]:
+    total: dict[str, Fraction] = {}
+    text = unit.replace("**", "^").replace("·", " ").replace("*", " ").strip()
+    sign, position = 1, 0
+    while position < len(text):
+        token = _TOKEN.match(text, position)
+        if token is None or (token["symbol"] and token["symbol"] not in _COHERENT):
+            raise InputError(
+                f"The unit {unit!r} cannot be read at {text[position:].strip()!r}: write products of powers such as "
+                f"'N m^2' or 's^-2' of {' '.join(_COHERENT)}."
+            )
+        position = token.end()
+        if token["slash"]:
+            sign = -1
+            continue
+        power = sign * Fraction(token["power"] or token["fraction"] or 1)
+        for base, exponent in _COHERENT[token["symbol"]].items():
+            total[base] = total.get(base, Fraction(0)) + exponent * power
+        sign = 1
+    return tuple(sorted((base, power) for base, power in total.items() if power))
+
+
+def dimension(unit: str) -> dict[str, Fraction]:
+    """Exponents of the SI base units of a coherent unit, without pint.
+
+    Parameters
+    ----------
+    unit : str
+        Powers of coherent SI units separated by spaces; ``^`` or ``**`` for exponents (fractions in parentheses),
+        ``/`` divides by the next factor. The radian, ``"1"`` and the empty string are dimensionless.
+
+    Returns
+    -------
+    dict of str to Fraction
+        Base unit (kg, m, s, A, K, mol, cd) to its exponent, none of them zero.
+
+    Raises
+    ------
+    InputError
+        If a factor is not a coherent SI unit (``mm``, ``deg``: convert with `to_si` first).
+
+    Examples
+    --------
+    >>> dimension("N m^2") == {"kg": 1, "m": 3, "s": -2}
+    True
+    >>> dimension("rad")
+    {}
+    """
+    return dict(_exponents(unit))
+
+
+def homogeneous(first: str, second: str) -> bool:
+    """Whether two coherent units have the same dimension, the radian counting as none."""
+    return dimension(first) == dimension(second)
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+@lru_cache(maxsize=256)
+def _base(unit: str) -> tuple[float, str]:
+    """Factor to SI base units, and the base units in pint's words; angles stay apart from pure numbers here."""
+    try:
+        base = _registry().Quantity(1.0, unit or "dimensionless").to_base_units()
+        zero = _registry().Quantity(0.0, unit or "dimensionless").to_base_units()
+    except Exception as error:  # pint's parser lets exceptions of a dozen kinds out, bare assertions included
+        raise InputError(
+            f"The unit {unit!r} is not known. Write it like 'm', 'mm', 'deg', 's^-2', 'N m^2' or 'mV'."
+        ) from error
+    if zero.magnitude != 0.0:
+        raise InputError(
+            f"The unit {unit!r} has an offset from SI, so a factor cannot convert it: give the values in K."
+        )
+    return float(base.magnitude), str(base.units)
+
+
+def si_factor(unit: str, expected: str | None = None) -> float:
+    """Factor that takes a value in `unit` to SI (angles: radians).
+
+    Parameters
+    ----------
+    unit : str
+        The unit of the value, any that pint knows.
+    expected : str, optional
+        A unit of the dimension that is wanted, ``"m"`` for a length. An angle does not pass for a pure number here: a
+        column in degrees where a ratio is expected is a mistake of the user.
+
+    Raises
+    ------
+    InputError
+        If the unit is not known, or is of another dimension.
+    """
+    if unit == expected or (expected is None and unit in _COHERENT):
+        return 1.0
+    factor, base = _base(unit)
+    if expected is not None and base != _base(expected)[1]:
+        raise InputError(
+            f"The unit {unit!r} cannot be converted to {expected!r}: it measures another kind of quantity."
+        )
+    return factor
+
+
+def to_si(value: _Value, unit: str, expected: str | None = None) -> _Value:
+    """Convert a number or an array to SI; arguments and errors as in `si_factor`.
+
+    Examples
+    --------
+    >>> to_si(250.0, "mm", "m")
+    0.25
+    """
+    factor = si_factor(unit, expected)
+    return value if factor == 1.0 else value * factor
+
+
+def quoted(value: float, unit: str, digits: int = 3) -> str:
+    """Write an SI value in the unit of its column, as the user knows it.
+
+    Examples
+    --------
+    >>> quoted(0.25, "mm")
+    '250 mm'
+    """
+    return f"{value / si_factor(unit):.{digits}g}" + (f" {unit}" if unit != "1" else "")
+
+
+def si_symbol(unit: str) -> str:
+    """Name the SI unit of values that were given in `unit`: ``"mV"`` gives ``"V"``, ``"deg"`` gives ``"rad"``."""
+    if unit in _COHERENT:
+        return unit
+    base = _base(unit)[1]
+    for symbol in _COHERENT:
+        if symbol == "q":  # of declarations, not of users
+            continue
+        if _base("dimensionless" if symbol == "1" else symbol)[1] == base:
+            return symbol
+    return f"{_registry().Unit(base):~C}".replace("**", "^").replace("*", " ")
+
+
+def suffix_unit(suffix: str) -> str:
+    """Read the unit in the suffix of a name: ``"N_m2"`` gives ``"N m^2"``, ``"rad_per_s"`` gives ``"rad / s"``."""
+    words = []
+    for word in suffix.split("_"):
+        match = re.match(r"([A-Za-z]+?)(-?\d+)?\Z", word)
+        if match is None:
+            raise InputError(f"The suffix {suffix!r} is not a unit. Write it like 'm', 'mm', 'deg' or 'N_m2'.")
+        words.append("/" if word == "per" else match.group(1) + (f"^{match.group(2)}" if match.group(2) else ""))
+    return " ".join(words)
+
+
+def split_suffix(name: str, stems: Mapping[str, str] | Iterable[str]) -> tuple[str, str] | None:
+    """Split a name such as ``tip_x_mm`` into the stem and its unit.
+
+    Parameters
+    ----------
+    name : str
+        Name of a column or of a key.
+    stems : iterable of str
+        The stems that are known; the longest one that fits wins.
+
+    Returns
+    -------
+    (stem, unit) or None
+        The unit is ``""`` where the suffix is missing; None if no stem fits or what follows it is not a unit.
+    """
+    for stem in sorted(stems, key=len, reverse=True):
+        if name == stem:
+            return stem, ""
+        if name.startswith(stem + "_"):
+            try:
+                unit = suffix_unit(name[len(stem) + 1 :])
+                if unit not in _SUFFIXES:
+                    _base(unit)
+            except InputError:
+                return None
+            return stem, unit
+    return None

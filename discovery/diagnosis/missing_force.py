@@ -1,0 +1,100 @@
+"""What is left when the catalogue fails: the missing force in time, what it depends on, and a patch.
+
+None of it is an explanation: a patch lowers the error of predictions and says nothing of where the force comes from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from discovery.diagnosis.force_dependence import ForceDependence, Sites, dependences, depends_on
+from discovery.diagnosis.force_law import Judge, Patch, sparse_law, spline_law, tried
+from discovery.diagnosis.latent_force import LatentForce, reconstruct
+from discovery.estimation.fit import Fit
+from discovery.recordings.experiment import Experiment
+
+__all__ = ["MissingForce", "missing_force"]
+
+#: Twice the logarithm of the likelihood ratio from which there is a force at all, as for an effect of the catalogue.
+LEAST_GAIN = 40.0
+#: Sets of variables, of those that cannot be told apart, whose laws are tried.
+_MOST_SETS = 2
+
+
+@dataclass(frozen=True)
+class MissingForce:
+    """What is left unexplained: as a force in time, what it depends on, and a patch.
+
+    Parameters
+    ----------
+    forces : tuple of LatentForce
+        By fitted recording.
+    dependence : tuple of ForceDependence
+        The best first; empty where there is no force.
+    depends : tuple of ForceDependence
+        The simplest sets that predict nearly as much as the best one; more than one cannot be told apart here.
+    patches : tuple of Patch
+        Those tried, the best on the held-out recordings first.
+    """
+
+    forces: tuple[LatentForce, ...]
+    dependence: tuple[ForceDependence, ...]
+    depends: tuple[ForceDependence, ...]
+    patches: tuple[Patch, ...]
+
+    @property
+    def patch(self) -> Patch | None:
+        """The patch that is offered."""
+        return next((p for p in self.patches if p.accepted), None)
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {
+            "unit": "q s^-2",
+            "recordings": [f.summary() for f in self.forces],
+            "dependence": [d.summary() for d in self.dependence],
+            "depends_on": [list(d.variables) for d in self.depends],
+            "patches": [asdict(p) for p in self.patches],
+            "result": "patch" if self.patch else "no patch",
+            "held_parameters": list(self.forces[0].equivalent),
+        }
+
+
+def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
+    """Return what a fitted model leaves unexplained as a force, what the force depends on, and patches for it.
+
+    Parameters
+    ----------
+    fit : Fit
+        The final model on its training recordings; its parameters are held while the force is reconstructed.
+    holdout : sequence of Experiment
+        Recordings to try patches on; the parts of the training recordings that were not fitted if there are none.
+
+    Returns
+    -------
+    MissingForce
+
+    Raises
+    ------
+    ComputationError
+        If no motion beside a fitted run is found.
+    """
+    period = 2 * np.pi * fit.problem.units.time
+    forces = tuple(reconstruct(fit, i) for i in range(len(fit.problem.bench.experiments)))
+    if max(f.gain for f in forces) < LEAST_GAIN:
+        return MissingForce(forces, (), (), ())
+    sites = Sites.of(forces, period)
+    found = dependences(sites)
+    depends = depends_on(found)
+    known = [d for d in depends if "time" not in d.variables]
+    patches: list[Patch] = []
+    if known:
+        judge = Judge(fit, holdout)
+        laws = [law(sites, d, fit.problem.free) for d in known[:_MOST_SETS] for law in (sparse_law, spline_law)]
+        patches = [tried(law, fit, judge) for law in laws]
+        patches.sort(key=lambda p: np.inf if p.after is None else p.after)
+    return MissingForce(forces, found, depends, tuple(patches))

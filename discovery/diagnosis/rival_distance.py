@@ -1,0 +1,184 @@
+r"""How far rival models lie apart on a manoeuvre, once the wrong one has absorbed what it can.
+
+Let model A be right: on a new manoeuvre B then errs by d, of which B's free parameters can absorb a part, but only as
+far as their bounds and the given recordings let them move. What is left,
+
+.. math:: \Delta\chi^2 = \min_p\; |d - J p|^2 + |R p|^2,
+
+is the chi-square by which A wins once both are refitted to the old and the new recording. d and the sensitivities J are
+in units of the camera's noise; R is the root of the information that the given recordings, and the priors from the rig,
+hold about B's parameters. The initial state of the new recording is free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from discovery.diagnosis.manoeuvre_design import Move, hub_drive
+from discovery.estimation.fit import Fit
+from discovery.estimation.predict import equilibrium
+from discovery.recordings.angles import within_half_a_turn
+from discovery.simulation.simulate import Simulator
+
+__all__ = ["Distance", "Trial", "distance_on_given"]
+
+FloatArray = NDArray[np.float64]
+#: Samples at which trial manoeuvres are compared: several in each period of the motion.
+_SAMPLES = 400
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far the predictions of two rivals lie apart on one set of recordings.
+
+    Parameters
+    ----------
+    plain : float
+        Root mean square difference over samples and channels, parameters as they are [noise sds].
+    projected : float
+        The same of what the wrong one cannot absorb, the smaller of both directions [noise sds].
+    chi2 : float
+        Chi-square by which the right one is expected to win, in the worse direction.
+    """
+
+    plain: float
+    projected: float
+    chi2: float
+
+
+def _absorbed(difference: FloatArray, jacobian: FloatArray, root: FloatArray, room: FloatArray) -> float:
+    """Return min over p of |difference - jacobian p|^2 + |root p|^2 for p between the rows of `room` (2, m)."""
+    matrix = np.concatenate([jacobian, root])
+    size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    target = np.concatenate([difference, np.zeros(len(root))])
+    # A triangle holds all that the bounded solver needs.
+    triangle: Any = np.linalg.qr(np.column_stack([matrix / size, target]), mode="r")
+    return 2 * float(lsq_linear(triangle[:, :-1], triangle[:, -1], room * size, method="bvls").cost)
+
+
+def _room(fit: Fit) -> FloatArray:
+    """Return how far down and up every free number of a fit may move within its bounds, shape (2, p)."""
+    lower, upper = fit.problem.bounds
+    # One that lies on its bound is a hair inside.
+    hair = 1e-12 * fit.problem.scale
+    return np.stack([lower - fit.minimum.x - hair, upper - fit.minimum.x + hair])
+
+
+class _Rival:
+    """One fitted model on trial manoeuvres: which parameter sets to simulate, and what the old recordings know."""
+
+    def __init__(self, fit: Fit, angle: float) -> None:
+        problem, m = fit.problem, len(fit.problem.free)
+        jacobian = fit.minimum.jacobian
+        # Initial states of the old recordings first: the lower corner is then the information without them.
+        triangle: Any = np.linalg.qr(np.roll(jacobian, -m, axis=1), mode="r")
+        # Two more zero columns: the initial state of a new recording is not known.
+        self.root = np.pad(triangle[-m:, -m:], ((0, 0), (0, 2)))
+        self.kernel = (problem.bench.base, problem.bench.effects, problem.bench.shortest)
+        self.room = _room(fit)[:, [*range(m), -2, -1]]
+        values = {n: v for n, v in fit.values.items() if n in problem.free}
+        rest = equilibrium(fit.model, values, problem.units, [angle])
+        size = np.linalg.norm(jacobian[:, :m], axis=0)
+        step = np.clip(0.1 / np.maximum(size, 1e-300), 1e-9 * problem.scale[:m], 1e-3 * problem.scale[:m])
+        inward = np.where(fit.minimum.x[:m] + step > problem.bounds[1][:m], -step, step)
+        self.step = np.concatenate([inward, 1e-5 * problem.scale[-2:]])
+        point = np.concatenate([fit.minimum.x[:m], [rest, 0.0]])
+        points = np.concatenate([point[:, None], point[:, None] + np.diag(self.step)], axis=1)
+        # The same initial state for every old recording: only the first is used.
+        tail = np.tile(points[m:], (len(problem.bench.experiments), 1))
+        self.parameters, initial = problem.expand(np.concatenate([points[:m], tail]))
+        self.initial = initial[0]
+
+    def derivatives(self, channels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return prediction (n,) and sensitivities (n, m + 2) from flat channels (n, m + 3)."""
+        return channels[:, 0], (channels[:, 1:] - channels[:, :1]) / self.step
+
+
+class Trial:
+    """Rivals on trial manoeuvres.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        On the same recordings of an arm with a motor.
+    duration : float
+        Of a trial [s].
+
+    Attributes
+    ----------
+    angle : float
+        Where the hub starts, as in the given recording [rad].
+    gap, count : float, int
+        Interval of the samples of the recording to be made, that of the given one [s], and their number.
+    """
+
+    def __init__(self, fits: Sequence[Fit], duration: float) -> None:
+        self.given = fits[0].problem.bench.experiments[0]
+        drive = self.given.drive
+        self.angle = 0.0 if drive is None else float(drive.evaluate(self.given.recording.time[:1])[0, 0])
+        self.rivals = [_Rival(f, self.angle) for f in fits]
+        self.gap = float(np.median(np.diff(self.given.recording.time)))
+        self.count = round(duration / self.gap) + 1
+        # Fewer samples than will be recorded are enough: each stands for several.
+        self._time = np.linspace(0.0, duration, min(self.count, _SAMPLES))
+
+    def compare(self, moves: Sequence[Move]) -> tuple[Distance, float]:
+        """Return the distance of the nearest pair on a manoeuvre, and the largest deflection predicted [rad]."""
+        drive = hub_drive(moves, self.angle)
+        motor = drive.evaluate(self._time)[0]
+        old = self.given.recording
+        blank = np.zeros((motor.size, len(old.units)))
+        experiment = replace(
+            self.given, drive=drive, recording=replace(old, time=self._time, input=motor, output=blank)
+        )
+        found: dict[int, tuple[FloatArray, FloatArray]] = {}
+        deflection = 0.0
+        for kernel in dict.fromkeys(rival.kernel for rival in self.rivals):
+            own = [i for i, rival in enumerate(self.rivals) if rival.kernel == kernel]
+            simulate = Simulator(kernel[0], kernel[1], self._time, drive, step=kernel[2])
+            parameters = np.concatenate([self.rivals[i].parameters for i in own], axis=1)
+            initial = np.concatenate([self.rivals[i].initial for i in own], axis=1)
+            reading = simulate(parameters, initial[0], initial[1])
+            if not np.isfinite(reading).all():
+                return Distance(0.0, 0.0, 0.0), np.inf
+            turned = np.arctan2(reading[:, 1], reading[:, 0]) - motor[:, None]
+            deflection = max(deflection, float(np.abs(within_half_a_turn(turned)).max()))
+            normal = experiment.channels(reading) / old.noise[:, None]
+            edges = np.cumsum([0, *(self.rivals[i].parameters.shape[1] for i in own)])
+            flat = normal.reshape(-1, edges[-1])
+            for j, i in enumerate(own):
+                found[i] = self.rivals[i].derivatives(flat[:, edges[j] : edges[j + 1]])
+        weight = np.sqrt(self.count / self._time.size)
+        scaled = [(weight * found[i][0], weight * found[i][1]) for i in range(len(self.rivals))]
+        known = [(rival.root, rival.room) for rival in self.rivals]
+        return _nearest(scaled, known, self.count * len(old.units)), deflection
+
+
+def _nearest(
+    found: Sequence[tuple[FloatArray, FloatArray]], known: Sequence[tuple[FloatArray, FloatArray]], count: int
+) -> Distance:
+    """Return the distance of the pair of rivals that is the hardest to tell apart; chi-squares over `count` numbers."""
+    pairs = []
+    for a, b in permutations(range(len(found)), 2):
+        difference = found[a][0] - found[b][0]
+        left = _absorbed(difference, found[b][1], *known[b])
+        pairs.append((left, float(difference @ difference)))
+    chi2, plain = min(pairs)
+    return Distance(float(np.sqrt(plain / count)), float(np.sqrt(chi2 / count)), chi2)
+
+
+def distance_on_given(fits: Sequence[Fit]) -> Distance:
+    """Return the distance of the nearest pair on the recordings that they were fitted to."""
+    found = []
+    for f in fits:
+        rows = f.problem.bench.n_rows
+        found.append((f.minimum.residual[:rows], f.minimum.jacobian[:rows]))
+    known = [(np.zeros((0, len(f.problem.names))), _room(f)) for f in fits]
+    return _nearest(found, known, fits[0].problem.bench.n_data)

@@ -1,0 +1,99 @@
+"""Where an added effect may stand for an error of the rig file: the recordings cannot tell which of them is wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from discovery.declarations.registry import catalogue
+from discovery.diagnosis.contradiction import LIMIT
+from discovery.estimation.fit import Fit
+from discovery.rigs.rig_schema import QUANTITIES
+
+__all__ = ["StandIn", "stand_in"]
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """An effect whose only parameter reads like a relative error of a quantity of the rig file.
+
+    Parameters
+    ----------
+    effect, parameter : str
+        Its id, and the name of its parameter.
+    quantity : str
+        Key of the rig file without its unit.
+    share : float
+        The parameter.
+    stated, sd : float
+        What the rig file says of the quantity [SI].
+    unit : str
+        Their unit.
+    """
+
+    effect: str
+    parameter: str
+    quantity: str
+    share: float
+    stated: float
+    sd: float
+    unit: str
+
+    @property
+    def value(self) -> float:
+        """What the rig file would have to state for the same motion without the effect [SI]."""
+        return self.stated * (1 + self.share)
+
+    @property
+    def relative_sd(self) -> float:
+        """Standard deviation of the parameter that comes from the rig file."""
+        return self.sd / self.stated
+
+    @property
+    def z(self) -> float:
+        """By how many of its standard deviations the rig file would have to err."""
+        return self.share / self.relative_sd
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the rig file may err by as much: it would contradict nothing."""
+        return abs(self.z) <= LIMIT
+
+    @property
+    def sentence(self) -> str:
+        """What stands against the effect, in words."""
+        digits = max(0, 1 - math.floor(math.log10(self.sd)))
+        value, stated, sd = (f"{x:.{digits}f}" for x in (self.value, self.stated, self.sd))
+        advice = f"measure the {self.quantity} before you believe the effect"
+        if not self.doubtful:
+            advice = "is that excluded? A usual standard deviation stands for one that the rig file does not state"
+        return (
+            f"a {self.quantity} of {value} {self.unit} in place of {stated} ± {sd} {self.unit} would do the same as "
+            f"{self.effect}; it is {abs(self.z):.2g} standard deviations off: {advice}"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {
+            "quantity": self.quantity,
+            "unit": self.unit,
+            "value": self.value,
+            "stated": self.stated,
+            "sd": self.sd,
+            "z": self.z,
+            "doubtful": self.doubtful,
+            "sentence": self.sentence,
+        }
+
+
+def stand_in(fitted: Fit, effect: str) -> StandIn | None:
+    """Return what an added effect may stand for; None where the rig file is surely right, or does not say."""
+    experiment = fitted.problem.bench.experiments[0]
+    quantity = catalogue()[effect].stands_for if experiment.is_arm and effect in catalogue() else ""
+    stated = getattr(experiment.rig, quantity) if quantity else None
+    if stated is None or not stated.sd:
+        return None
+    (parameter,) = catalogue()[effect].parameters()
+    share, unit = fitted.values[parameter.name], QUANTITIES[quantity][0]
+    return StandIn(effect, parameter.name, quantity, share, stated.value, stated.sd, unit)

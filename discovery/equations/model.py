@@ -1,0 +1,126 @@
+"""A model: a base plus a sum of effects, and the equation of motion that follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.registry import get_effect
+from discovery.foundation.errors import InputError
+from discovery.mechanics import get_base
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from discovery.declarations.effect import Effect
+    from discovery.mechanics.base import Base
+
+__all__ = ["Model"]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A base plus a sum of effects.
+
+    Parameters
+    ----------
+    base : str
+        Name of the base, see `discovery.mechanics.base_names`.
+    effects : tuple of str
+        Effect ids in the order in which they were declared or added.
+    known : mapping of str to float
+        Values of parameters that are not fitted (from the rig or by convention) [SI].
+
+    Raises
+    ------
+    InputError
+        For an unknown base or effect, an effect twice, or one that has no meaning on this kind of system.
+    """
+
+    base: str
+    effects: tuple[str, ...]
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        base = get_base(self.base)
+        for effect_id in self.effects:
+            effect = get_effect(effect_id)
+            if base.system not in effect.systems:
+                raise InputError(
+                    f"Effect {effect_id!r} acts on {', '.join(sorted(effect.systems))}, not on {base.system}."
+                )
+        twice = {e for e in self.effects if self.effects.count(e) > 1}
+        if twice:
+            raise InputError(f"Effect {', '.join(sorted(twice))} appears twice in the model; name each effect once.")
+
+    @cached_property
+    def mechanics(self) -> Base:
+        """The base itself."""
+        return get_base(self.base)
+
+    @cached_property
+    def terms(self) -> tuple[Effect, ...]:
+        """The effects themselves."""
+        return tuple(get_effect(e) for e in self.effects)
+
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """Every parameter of the model by name, base first."""
+        found = {p.name: p for p in self.mechanics.parameters()}
+        for effect in self.terms:
+            for parameter in effect.parameters():
+                if parameter.name in found:
+                    raise InputError(
+                        f"Two parts of the model have a parameter named {parameter.name!r}; use distinct names."
+                    )
+                found[parameter.name] = parameter
+        return found
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that are fitted: those neither known nor fixed by convention."""
+        base = [p for p in self.mechanics.parameters() if not p.fixed]
+        fitted = [p for effect in self.terms for p in effect.fitted(self.mechanics.system)]
+        return tuple(p.name for p in (*base, *fitted) if p.name not in self.known)
+
+    def with_effect(self, *effect_ids: str) -> Model:
+        """Return the model with effects added."""
+        return Model(self.base, (*self.effects, *effect_ids), self.known)
+
+    def without(self, effect_ids: Iterable[str]) -> Model:
+        """Return the model with effects removed."""
+        drop = set(effect_ids)
+        return Model(self.base, tuple(e for e in self.effects if e not in drop), self.known)
+
+    def on_base(self, base: str) -> Model:
+        """Return the model on another base, without the effects that the new base provides."""
+        provided = get_base(base).provides
+        return Model(base, tuple(e for e in self.effects if e not in provided), self.known)
+
+    def free_parameter(self, *names: str) -> Model:
+        """Return the model in which known parameters are fitted; names that are not known change nothing."""
+        return Model(self.base, self.effects, {k: v for k, v in self.known.items() if k not in names})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {"base": self.base, "effects": list(self.effects), "known": dict(self.known)}
+
+    @classmethod
+    def from_dict(cls, description: Mapping[str, Any]) -> Model:
+        """Return the model that `to_dict` described."""
+        return cls(description["base"], tuple(description["effects"]), dict(description["known"]))
+
+    def equation(self) -> sp.Eq:
+        """Return the equation of motion of a base with one coordinate, theta_t'' on the left.
+
+        Raises
+        ------
+        InputError
+            For a base with several coordinates, whose equations have no readable closed form.
+        """
+        from discovery.equations.equation import equation_of_motion
+
+        return equation_of_motion(self)

@@ -1,0 +1,274 @@
+"""Simulators of several recordings that many problems share, and the residuals that they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.foundation.workers import in_threads
+from discovery.recordings.experiment import Experiment
+from discovery.simulation import simulate
+from discovery.simulation.kernel.compile import leaps
+from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
+from discovery.simulation.simulate import Batch, Misses, Simulator
+
+__all__ = ["Bench"]
+
+FloatArray = NDArray[np.float64]
+#: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
+_PIECE = 4e7
+#: Residuals at once that stay in the cache.
+_CACHED = 400_000
+#: What the kernel makes of the tip position, see `discovery.simulation.simulate.Misses`.
+_CHANNELS: dict[tuple[str, ...], int] = {("tip_angle",): 1, ("tip_deflection",): 2}
+
+
+class Bench:
+    """Simulators of one base with a common set of effects on all experiments: many problems share them.
+
+    Parameters
+    ----------
+    base : str
+        Name of the base.
+    effects : sequence of str
+        Every effect that any problem on this bench may use.
+    experiments : sequence of Experiment
+        Recordings.
+    step : float
+        Longest integration step of the classical method [s]; the pace of an experiment makes some shorter.
+    leap : float, optional
+        Longest step of the method of order eight [s]. It replaces the classical one where the terms suit it.
+    """
+
+    def __init__(
+        self,
+        base: str,
+        effects: Sequence[str],
+        experiments: Sequence[Experiment],
+        step: float,
+        leap: float | None = None,
+    ) -> None:
+        self.base, self.effects, self.experiments, self.step = base, tuple(effects), tuple(experiments), step
+        self.leap = leap if leap is not None and leaps(base, self.effects) else None
+        longest, method = (step, CLASSICAL) if self.leap is None else (self.leap, dormand_prince())
+        self._whole = [
+            Simulator(base, self.effects, e.recording.time, e.drive, step=longest, method=method, pace=e.pace)
+            for e in experiments
+        ]
+        self._parts = [e.fitted_part for e in self.experiments]
+        #: To the last fitted samples.
+        self.simulators = [
+            whole.until(part.recording.time.size) for part, whole in zip(self._parts, self._whole, strict=True)
+        ]
+        self.names = self.simulators[0].names
+        self._weights = [np.ascontiguousarray(e.weights()) for e in self._parts]
+        self._targets = [
+            np.ascontiguousarray(np.where(w > 0, e.recording.output, 0.0))
+            for e, w in zip(self._parts, self._weights, strict=True)
+        ]
+        #: What the kernel compares readings with: a view passes a filter first.
+        self._compared = [
+            Misses(_CHANNELS.get(e.recording.channels, 0), target, weight)
+            if e.rig.view is None
+            else Misses(0, np.zeros_like(target), np.ones_like(weight))
+            for e, target, weight in zip(self._parts, self._targets, self._weights, strict=True)
+        ]
+
+    @classmethod
+    def like(cls, other: Bench, step: float) -> Bench:
+        """Return the same bench with another step; leaps change in proportion."""
+        leap = None if other.leap is None else other.leap * step / other.step
+        return cls(other.base, other.effects, other.experiments, step, leap)
+
+    def of_others(self, experiments: Sequence[Experiment]) -> Bench:
+        """Return the bench of other recordings, whose motions are not known: on the shortest steps of these."""
+        return Bench(self.base, self.effects, experiments, self.shortest)
+
+    def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
+        """Return simulated channels of every experiment to the end of its recording, each (n, c, k).
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (p, k)
+            In the order of `names`.
+        initial : ndarray, shape (experiments, 2, k)
+            Initial deflection and rate in every experiment.
+        """
+        asked = [s.asked(parameters, *own) for s, own in zip(self._whole, initial, strict=True)]
+        return [e.channels(read) for e, (read, _) in zip(self.experiments, simulate.simulated(asked), strict=True)]
+
+    def residuals(
+        self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None = None
+    ) -> FloatArray:
+        """Return (prediction - measurement) / noise to the last fitted samples, zero in gaps, shape (n, k).
+
+        A trial that blows up is infinite throughout. Where all trials share the `motions`, they are read only.
+        """
+        pieces = [
+            self._residuals(parameters[:, part], initial[:, :, part], motions)
+            for part in self.pieces(parameters.shape[1])
+        ]
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
+
+    def motions(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
+        """Return how a first parameter set moves in every experiment, for `residuals`."""
+        batches = self._batches(parameters[:, :1], initial[:, :, :1])
+        return [simulator.motion(batch) for simulator, batch in zip(self.simulators, batches, strict=True)]
+
+    def moves_alike(self, parameters: FloatArray) -> NDArray[np.bool_]:
+        """Return which parameter sets (p, k) move as the first one does: they differ in what is read at most."""
+        moving = np.isin(self.names, list(self.simulators[0].kernel.program.moving))
+        return (parameters[moving] == parameters[moving, :1]).all(axis=0)
+
+    def chi2(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
+        """Return the sum of squared residuals of every experiment, shape (experiments, k), infinite for a blow-up.
+
+        Nothing is stored on the way: the quickest answer, and memory does not grow with samples or sets.
+        """
+        return np.array([each.sum(axis=0) for each in self.chi2_by_channel(parameters, initial)])
+
+    def chi2_by_channel(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
+        """Return the same of every channel, shape (c, k), one array an experiment."""
+        if any(e.rig.view is not None for e in self.experiments):
+            return self.reduced(parameters, initial, lambda _, r: np.einsum("nck,nck->ck", r, r))
+        sums = [own for _, own in simulate.simulated(self._asked(parameters, initial, None), stored=False)]
+        bad = self._blown(sums)
+        for each in sums:
+            each[:, bad] = np.inf
+        return [each[:-1] for each in sums]
+
+    def reduced(
+        self, parameters: FloatArray, initial: FloatArray, reduce: Callable[[int, FloatArray], FloatArray]
+    ) -> list[FloatArray]:
+        """Return what is made of the residuals of every experiment, of which a few blocks at most exist at a time.
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (p, k)
+            In the order of `names`.
+        initial : ndarray, shape (experiments, 2, k)
+            Initial deflection and rate in every experiment.
+        reduce : callable
+            Gets the number of an experiment and its residuals (n, c, j) of a few sets, zero where nothing is fitted
+            and infinite where a trial blew up; returns (s, j). It is called from several threads, and what it gets is
+            overwritten afterwards.
+
+        Returns
+        -------
+        list of ndarray, shape (s, k)
+            One an experiment.
+        """
+        batches = self._batches(parameters, initial)
+        lanes, blocks = batches[0].lanes, batches[0].blocks
+        together = max(1, min(_CACHED // (self.n_rows * lanes), -(-blocks // simulate.THREADS)))
+        found: list[dict[int, FloatArray]] = [{} for _ in self.experiments]
+
+        def work(waiting: Iterator[range]) -> None:
+            buffers = [np.empty(each.target.size * together * lanes) for each in self._compared]
+            sums = [np.empty((each.target.shape[1] + 1, blocks * lanes)) for each in self._compared]
+            for part in waiting:
+                columns = slice(part[0] * lanes, (part[-1] + 1) * lanes)
+                residuals = []
+                for i, (simulator, batch, misses) in enumerate(
+                    zip(self.simulators, batches, self._compared, strict=True)
+                ):
+                    shape = (*misses.target.shape, len(part) * lanes)
+                    out = buffers[i][: np.prod(shape)].reshape(shape)
+                    simulator.run(batch, misses, out, sums[i], part)
+                    residuals.append(self._filtered(i, out, sums[i][:, columns]))
+                bad = self._blown([each[:, columns] for each in sums])
+                for i, residual in enumerate(residuals):
+                    residual[:, :, bad] = np.inf
+                    found[i][part[0]] = reduce(i, residual)
+
+        in_threads(work, blocks, threads=simulate.THREADS, together=together)
+        joined = [np.concatenate([each[first] for first in sorted(each)], axis=1) for each in found]
+        return [batch.restored(each) for batch, each in zip(batches, joined, strict=True)]
+
+    def _batches(self, parameters: FloatArray, initial: FloatArray) -> list[Batch]:
+        return [
+            simulator.batch(parameters, deflection, rate)
+            for simulator, (deflection, rate) in zip(self.simulators, initial, strict=True)
+        ]
+
+    def _asked(
+        self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None
+    ) -> list[simulate.Asked]:
+        shared = [None] * len(self.simulators) if motions is None else motions
+        batches = self._batches(parameters, initial)
+        return list(zip(self.simulators, batches, self._compared, shared, strict=True))
+
+    def _residuals(
+        self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None
+    ) -> FloatArray:
+        answers = simulate.simulated(self._asked(parameters, initial, motions))
+        sums = [own for _, own in answers]
+        found = [self._filtered(i, *each).reshape(-1, parameters.shape[1]) for i, each in enumerate(answers)]
+        residuals = found[0] if len(found) == 1 else np.concatenate(found)
+        residuals[:, self._blown(sums)] = np.inf
+        return residuals
+
+    def _filtered(self, i: int, out: FloatArray, sums: FloatArray) -> FloatArray:
+        """Return the residuals of what the kernel gave: the same, but for a view with its low-pass; renew its sums."""
+        experiment = self._parts[i]
+        if experiment.rig.view is None:
+            return out
+        with np.errstate(over="ignore", invalid="ignore"):
+            residual = (experiment.channels(out) - self._targets[i][:, :, None]) * self._weights[i][:, :, None]
+            sums[:-1], sums[-1] = np.einsum("nck,nck->ck", residual, residual), np.abs(residual).max(axis=(0, 1))
+        return residual
+
+    def _blown(self, sums: Sequence[FloatArray]) -> NDArray[np.bool_]:
+        """Return which trials blew up in any experiment, even where they stay finite to the end, from their sums."""
+        good = [np.isfinite(each[:-1]).all(axis=0) & (each[-1] < self._absurd) for each in sums]
+        return ~np.logical_and.reduce(good)
+
+    def pieces(self, columns: int) -> Iterator[slice]:
+        """Yield parts of so many columns whose residuals together need a bounded memory only."""
+        width = max(64, int(_PIECE / max(1, self.n_rows)))
+        for first in range(0, columns, width):
+            yield slice(first, first + width)
+
+    def blocks(self) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
+        """Yield the rows of every recording in a residual, and where its samples (n, c) are fitted and finite.
+
+        They end with the last fitted one.
+        """
+        first = 0
+        for weight in self._weights:
+            yield slice(first, first + weight.size), weight > 0
+            first += weight.size
+
+    @cached_property
+    def _absurd(self) -> float:
+        """A hundred times the largest measured value, in noise sds."""
+        largest = [float((np.abs(t) * w).max()) for t, w in zip(self._targets, self._weights, strict=True) if w.size]
+        return 100 * max([1.0, *largest])
+
+    @property
+    def shortest(self) -> float:
+        """Shortest step at the pace of these experiments, that of a motion of which no pace is known [s]."""
+        return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
+
+    @property
+    def duration(self) -> float:
+        """Duration of the longest recording [s]."""
+        return max(float(np.ptp(e.recording.time)) for e in self.experiments)
+
+    @property
+    def most_steps(self) -> int:
+        """Steps that the longest fitted recording takes."""
+        return max(s.grid.steps.size for s in self.simulators)
+
+    @cached_property
+    def n_rows(self) -> int:
+        """Length of the residual vector, gaps included."""
+        return int(sum(w.size for w in self._weights))
+
+    @cached_property
+    def n_data(self) -> int:
+        """Number of finite fitted samples over all channels."""
+        return int(sum((w > 0).sum() for w in self._weights))

@@ -1,0 +1,192 @@
+"""Covariance of an output-error fit, what the data cannot determine, and what the solver's error does to the answer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.estimation.bench import Bench
+from discovery.estimation.least_squares import Minimum
+from discovery.estimation.problem import Problem
+from discovery.recordings.experiment import Experiment
+from discovery.simulation.kernel.compile import leaps
+from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
+
+__all__ = ["covariance_of", "longest_leap", "principal_spread", "solver_shift"]
+
+FloatArray = NDArray[np.float64]
+#: The residual's spectrum is averaged over a 32nd of all frequencies, and over nine lines at least.
+_BANDS = 64
+_NARROWEST = 4
+#: Leaps that are tried, and the first of them in natural times: an error of the order of 1e-5.
+_LEAPS, _FIRST_LEAP = 6, 0.75
+
+
+def covariance_of(
+    problem: Problem, minimum: Minimum
+) -> tuple[FloatArray, dict[str, str], tuple[dict[str, float], ...]]:
+    """Return the covariance of the estimates from the Jacobian at the minimum, by singular values.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    minimum : Minimum
+        Where the minimisation ended.
+
+    Returns
+    -------
+    covariance : ndarray, shape (p, p)
+        For residuals as correlated as those that are left, never below the instrument's white noise and what the model
+        idealises; NaN rows where an interval is missing.
+    reasons : dict of str to str
+        Why an interval is missing, by parameter.
+    directions : tuple of dict
+        Combinations of parameters that the data do not determine.
+    """
+    names = problem.names
+    p = len(names)
+    jacobian = minimum.jacobian
+    # What the rig knows within an uncertainty stays uncertain at its bound, and passes that on to the others.
+    bound = zip(names, minimum.at_bound, strict=True)
+    reasons = {n: "at its bound" for n, b in bound if b and n not in problem.gaussian}
+    size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
+    for n, z in zip(names, size, strict=True):
+        if z == 0:
+            reasons.setdefault(n, "the data do not depend on it")
+    use = np.array([n not in reasons for n in names])
+    covariance = np.full((p, p), np.nan)
+    directions: list[dict[str, float]] = []
+    if use.any():
+        scaled = jacobian[:, use] / size[use]
+        _, singular, rows = np.linalg.svd(scaled, full_matrices=False)
+        # Below this, round-off of the differences decides.
+        weak = singular < 1e-6 * singular[0]
+        kept = [n for n, u in zip(names, use, strict=True) if u]
+        for row in rows[weak]:
+            direction = {n: float(v) for n, v in zip(kept, row, strict=True) if abs(v) > 0.1}
+            directions.append(direction)
+            for n in direction:
+                reasons[n] = "not identifiable from these recordings"
+        inverse = (rows[~weak].T / singular[~weak] ** 2) @ rows[~weak]
+        honest = inverse @ _score_covariance(scaled, minimum.residual, problem) @ inverse
+        covariance[np.ix_(use, use)] = honest / np.outer(size[use], size[use])
+        for n in reasons:
+            k = names.index(n)
+            covariance[k, :] = covariance[:, k] = np.nan
+    return covariance, reasons, tuple(directions)
+
+
+def principal_spread(covariance: FloatArray) -> FloatArray:
+    """Return the principal axes of a covariance (p, p), each a column as long as its standard deviation.
+
+    What has no interval, rows of NaN, does not spread.
+    """
+    covariance = np.nan_to_num(covariance)
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    power, axes = np.linalg.eigh(covariance / np.outer(safe, safe))
+    return safe[:, None] * axes * np.sqrt(np.maximum(power, 0.0))
+
+
+def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: int) -> FloatArray:
+    """Return the power of the model's own error, over that of white noise, at the lines of a spectrum.
+
+    A base is no beam: what it idealises moves with the arm, so it is taken as correlated over the natural
+    time (Kennedy and O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425). Its size is known from a finer
+    model.
+    """
+    base, units, recording = problem.model.mechanics, problem.units, experiment.recording
+    own = base.accuracy * (1.0 if recording.units[channel] == "rad" else units.length)
+    if own == 0.0:
+        return np.zeros(lines)
+    gap = float(np.median(np.diff(recording.time)))
+    frequency = np.pi / gap * np.linspace(0.0, 1.0, lines)
+    share = (own / float(recording.noise[channel])) ** 2
+    return share * 2 * units.time / gap / (1 + (frequency * units.time) ** 2)
+
+
+def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Problem) -> FloatArray:
+    """Return the covariance of J^T r for noise with the smoothed spectrum of the residual.
+
+    Never below white noise and what the model idealises. With the inverse of J^T J on both sides it is the sandwich of
+    Huber and White for correlated residuals, in the frequency domain (Hannan, Multiple Time Series, 1970, chapter VII).
+    """
+    bench = problem.bench
+    # What the rig states is independent of the recordings.
+    total = jacobian[bench.n_rows :].T @ jacobian[bench.n_rows :]
+    for experiment, (rows, present) in zip(bench.experiments, bench.blocks(), strict=True):
+        n = len(present)
+        left, slopes = residual[rows].reshape(present.shape), jacobian[rows].reshape(*present.shape, -1)
+        for c, count in enumerate(present.sum(axis=0)):
+            power = np.abs(np.fft.rfft(left[:, c])) ** 2 / max(1, int(count))
+            width = max(_NARROWEST, power.size // _BANDS)
+            around = np.pad(power, width, mode="reflect" if power.size > width else "edge")
+            smooth = np.convolve(around, np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
+            spectrum = np.fft.rfft(slopes[:, c], axis=0)
+            twice = np.full(power.size, 2.0)
+            twice[0] = 1.0
+            if n % 2 == 0:
+                twice[-1] = 1.0
+            least = 1.0 + _idealised(problem, experiment, c, power.size)
+            weight = twice * np.maximum(smooth, least) / n
+            total += np.real(spectrum.conj().T @ (spectrum * weight[:, None]))
+    return total
+
+
+def _change(problem: Problem, minimum: Minimum, residual: FloatArray) -> FloatArray:
+    """Return by how much half the step changes the residuals of the recordings at the minimum, shape (n,)."""
+    fine = Bench.like(problem.bench, problem.bench.step / 2)
+    return np.asarray(fine.residuals(*problem.expand(minimum.x[:, None]))[:, 0] - residual, np.float64)
+
+
+def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:
+    """Return the largest shift of the minimum against a solve with half the step, in standard deviations."""
+    change = _change(problem, minimum, minimum.residual[: problem.bench.n_rows])
+    known = np.isfinite(np.diag(covariance))
+    if not known.any():
+        return float("nan")
+    # What is known beside the recordings does not move.
+    push = np.zeros(len(minimum.jacobian))
+    push[: change.size] = -change
+    step, *_ = np.linalg.lstsq(minimum.jacobian[:, known], push, rcond=None)
+    return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[known])))
+
+
+def longest_leap(problem: Problem, minimum: Minimum, shift: float) -> float | None:
+    """Return the step of the method of order eight that hardly moves the minimum.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted, by the classical method.
+    minimum : Minimum
+        Where the minimisation ended.
+    shift : float
+        Largest shift of any combination of estimates against half the step, in the standard deviations that the
+        stated noise alone would give it.
+
+    Returns
+    -------
+    float or None
+        None where the method does not suit the terms, or takes more than half of the work of the classical one.
+    """
+    bench, order = problem.bench, dormand_prince().order
+    least = bench.step * len(dormand_prince().nodes) / len(CLASSICAL.nodes) / 0.5
+    leap = _FIRST_LEAP * problem.units.time
+    jacobian = minimum.jacobian[: bench.n_rows]
+    for _ in range(_LEAPS):
+        if leap < least or not leaps(bench.base, bench.effects):
+            break
+        leaping = Bench(bench.base, bench.effects, bench.experiments, bench.step, leap)
+        own = Problem(problem.model, leaping, problem.units, problem.gaussian)
+        change = _change(own, minimum, leaping.residuals(*own.expand(minimum.x[:, None]))[:, 0])
+        if np.isfinite(change).all():
+            step, *_ = np.linalg.lstsq(jacobian, change, rcond=None)
+            found = float(np.linalg.norm(jacobian @ step))
+            if found <= shift:
+                return leap
+            leap *= float(np.clip(0.9 * (shift / found) ** (1 / order), 0.3, 0.9))
+        else:
+            leap *= 0.5
+    return None

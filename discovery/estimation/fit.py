@@ -1,0 +1,341 @@
+"""Output-error estimation: bounded least squares on free-run trajectories of several recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
+from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
+from discovery.estimation.guess import restoring, scan
+from discovery.estimation.least_squares import Minimum
+from discovery.estimation.problem import LIGHT_ROD, NaturalUnits, Problem, known_values, natural_units
+from discovery.estimation.step import TOLERANCE, choose_step
+from discovery.foundation.errors import InputError, SimulationFailure
+from discovery.recordings.experiment import Experiment
+from discovery.simulation.simulate import check_finite
+
+__all__ = [
+    "MOST_STEPS",
+    "SHIFT",
+    "Fit",
+    "declared_model",
+    "fit",
+    "fit_near",
+    "refined",
+    "rig_uncertainty",
+]
+
+FloatArray = NDArray[np.float64]
+#: Largest shift of an estimate that the solver may cause, in standard deviations.
+SHIFT = 0.02
+_REFINEMENTS = 3
+#: From one minimum to the next, on finer steps, it is no farther than so many.
+_NEAR = 15
+#: Longest integration of one recording that a refinement asks for: dry friction and play would ask for any.
+MOST_STEPS = 200_000
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimates of an output-error fit.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted on what.
+    minimum : Minimum
+        Where the minimisation ended.
+    covariance : ndarray, shape (p, p)
+        From the Jacobian and the spectrum of the residual, see `discovery.estimation.covariance`; NaN rows where an
+        interval is missing.
+    reasons : mapping of str to str
+        Why an interval is missing, by parameter.
+    null_directions : tuple of mapping
+        Combinations of parameters that the data do not determine.
+    solver_shift : float
+        Largest shift of the minimum against a solve with half the step, in standard deviations.
+    """
+
+    problem: Problem
+    minimum: Minimum
+    covariance: FloatArray
+    reasons: Mapping[str, str]
+    null_directions: tuple[Mapping[str, float], ...]
+    solver_shift: float
+
+    @property
+    def model(self) -> Model:
+        """The fitted model."""
+        return self.problem.model
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name, initial states included."""
+        return self.problem.named(self.minimum.x)
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviations by name; NaN where `reasons` says why."""
+        with np.errstate(invalid="ignore"):
+            return self.problem.named(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared normalised residuals."""
+        return 2 * self.minimum.cost
+
+    @property
+    def reduced_chi2(self) -> float:
+        """Chi-square over degrees of freedom."""
+        return self.chi2 / max(1, self.problem.bench.n_data - self.minimum.x.size)
+
+    @property
+    def status(self) -> str:
+        """One sentence on how the fit ended."""
+        if self.null_directions:
+            return "The data leave a combination of parameters undetermined."
+        if not self.minimum.converged:
+            return f"The iteration stopped after {self.minimum.iterations} Jacobians without meeting its stopping rule."
+        bound = [n for n, b in zip(self.problem.names, self.minimum.at_bound, strict=True) if b]
+        ended = f"Converged; at a bound: {', '.join(bound)}." if bound else "Converged."
+        if self.solver_shift > SHIFT:
+            ended += f" The solver still shifts an estimate by {self.solver_shift:.2g} standard deviations."
+        return ended
+
+    def predict(
+        self, experiments: Sequence[Experiment] | None = None, initial: FloatArray | None = None
+    ) -> list[FloatArray]:
+        """Return the fitted model's channels, each (n, c): on the fitted recordings, or from initial states (m, 2)."""
+        if experiments is None:
+            return self.problem.predict(self.minimum.x)
+        assert initial is not None
+        parameters, _ = self.problem.expand(self.minimum.x[:, None])
+        bench = self.problem.bench.of_others(experiments)
+        return [c[:, :, 0] for c in bench.predict(parameters, np.asarray(initial, float)[:, :, None])]
+
+    def specialised(self) -> Fit:
+        """Return the same fit on a kernel that holds the model's own effects only: faster for many evaluations.
+
+        Where a method of higher order shifts no estimate, it takes the steps.
+        """
+        bench, units, gaussian = self.problem.bench, self.problem.units, self.problem.gaussian
+        own = Problem(self.model, Bench(bench.base, self.model.effects, bench.experiments, bench.step), units, gaussian)
+        leap = longest_leap(own, self.minimum, 0.5 * SHIFT)
+        if leap is None:
+            return replace(self, problem=own)
+        leaping = Bench(bench.base, self.model.effects, bench.experiments, bench.step, leap)
+        return replace(self, problem=Problem(self.model, leaping, units, gaussian))
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready report row."""
+        coordinate = self.problem.bench.experiments[0].coordinate_unit
+        units = {n: p.unit for n, p in self.model.parameters.items()}
+        units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
+        return {
+            "model": self.model.free_parameter(*self.problem.free).to_dict(),
+            "parameters": {
+                n: {
+                    "value": v,
+                    "sd": None if n in self.reasons else self.sd[n],
+                    "unit": units[n],
+                    **({"reason": self.reasons[n]} if n in self.reasons else {}),
+                }
+                for n, v in self.values.items()
+            },
+            "chi2": self.chi2,
+            "n_data": self.problem.bench.n_data,
+            "reduced_chi2": self.reduced_chi2,
+            "status": self.status,
+            "solver_step_s": self.problem.bench.shortest,
+            "solver_shift_sd": self.solver_shift,
+            "null_directions": [dict(d) for d in self.null_directions],
+        }
+
+
+#: Retardation time of an ordinary rod's material, with its standard deviation [s]: fibre composites lose 0.5 to 1 % of
+#: their elastic energy per radian of a vibration at some 50 rad/s, where such a rod rings.
+RETARDATION, RETARDATION_SD = 1.5e-4, 1e-4
+
+
+def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
+    """Return what the exact arm may move within its uncertainty: the rod's mass, and its slight internal damping.
+
+    Returns
+    -------
+    dict of str to (mean, sd)
+        Fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
+    """
+    rig = experiment.rig
+    if not experiment.is_arm:
+        return {}
+    known = {"tau_r": (RETARDATION, RETARDATION_SD), "mu": (LIGHT_ROD, LIGHT_ROD)}
+    if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
+        mu = rig.beam_mass.value / rig.tip_mass.value
+        spread = np.hypot(rig.beam_mass.sd / rig.beam_mass.value, rig.tip_mass.sd / rig.tip_mass.value)
+        known["mu"] = (mu, mu * float(spread))
+    return known
+
+
+def declared_model(experiment: Experiment) -> Model:
+    """Return the model that the rig file declares, on the base of its kind.
+
+    Raises
+    ------
+    InputError
+        For anything else than an experiment, such as the rig alone: a recording says whether there is an input. If a
+        law of an angle is declared for an output in another unit.
+    """
+    if not isinstance(experiment, Experiment):
+        raise InputError(
+            f"The declared model is that of an Experiment, not of a {type(experiment).__name__}; make one with "
+            "`make_experiment(recording, rig)`, or take one of `load_dataset(rig_path, recordings).train`."
+        )
+    unit = experiment.coordinate_unit
+    for effect in experiment.rig.declared:
+        if get_effect(effect).angular and not experiment.is_arm and unit != "rad":
+            raise InputError(f"Effect {effect} needs an angle in rad, but the coordinate is in {unit}.")
+    return Model(experiment.rig.base, tuple(experiment.rig.declared), known_values(experiment))
+
+
+#: Starts of a parameter that the rig hardly knows, in its stated values.
+_WIDE = (0.2, 0.5, 1.0, 1.5, 2.0, 3.0)
+
+
+def _staged(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
+    """Return start values from fits in which what the rig states is held.
+
+    The ringing of the rod has local minima in its mass while the stiffness is off. Where the rig hardly knows the mass,
+    several are tried and the best one is kept. Its damping is held at a usual size: undamped ringing has no smooth
+    answer to a change of stiffness.
+    """
+    known = {**{n: mean for n, (mean, _) in problem.gaussian.items()}, **problem.model.known}
+    vague = [n for n, (mean, sd) in problem.gaussian.items() if sd > 0.3 * mean]
+    wide = [n for n in vague if n in problem.model.known and n not in values]
+    grids = [{n: known[n] * f for n in wide} for f in (_WIDE if wide else (1.0,))]
+    held = [
+        Problem(replace(problem.model, known={**known, **grid}), problem.bench, problem.units, {}) for grid in grids
+    ]
+    minima = fit_problems(held, [p.start(values) for p in held])
+    best = min(range(len(minima)), key=lambda i: minima[i].cost)
+    return {**known, **values, **grids[best], **held[best].named(minima[best].x)}
+
+
+def fit(
+    model: Model,
+    experiments: Sequence[Experiment],
+    *,
+    start: Mapping[str, float] | None = None,
+    bench: Bench | None = None,
+    units: NaturalUnits | None = None,
+    gaussian: Mapping[str, tuple[float, float]] | None = None,
+    tolerance: float = TOLERANCE,
+) -> Fit:
+    """Fit a model to recordings by free-run (output-error) least squares.
+
+    Parameters
+    ----------
+    model : Model
+        Any base with any sum of effects.
+    experiments : sequence of Experiment
+        Fitted together; each has its own initial state.
+    start : mapping of str to float, optional
+        Start values by name; the others come from the declarations and a scan of the stiffness.
+    bench : Bench, optional
+        Simulators to use as they are. Made here otherwise, with a step that keeps the trajectory error below
+        `tolerance` and the solver's shift of every estimate below `SHIFT`.
+    units : NaturalUnits, optional
+        Natural units; from the recordings otherwise.
+    gaussian : mapping, optional
+        Parameters to free within the rig's uncertainty, see `rig_uncertainty`.
+    tolerance : float
+        Trajectory error, see `discovery.estimation.step.choose_step`.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    SimulationFailure
+        If the model blows up at every start.
+    ComputationError
+        If no step reaches the tolerance.
+    """
+    units = units or natural_units(experiments)
+    gaussian = dict(gaussian or {})
+    values = dict(start or {})
+    if (stiffness := restoring(model)) is not None and stiffness not in values:
+        values = scan(model, experiments, units, values)
+    own_step = bench is None
+    if bench is None:
+        bench = Bench(model.base, model.effects, experiments, choose_step(model, experiments, units, values, tolerance))
+    problem = Problem(model, bench, units, {n: g for n, g in gaussian.items() if n in model.parameters})
+    if problem.gaussian:
+        values = _staged(problem, values)
+    (minimum,) = fit_problems([problem], [problem.start(values)])
+    found = _at(problem, minimum)
+    return refined(found) if own_step else found
+
+
+def fit_near(problem: Problem, values: Mapping[str, float]) -> Fit:
+    """Return the fit next to a start that is a good one already: quicker than `fit`, which searches.
+
+    Raises
+    ------
+    SimulationFailure
+        If the model blows up there.
+    """
+    (minimum,) = fit_problems([problem], [problem.start(values)], iterations=25, tolerance=1e-6, rough=True)
+    return _at(problem, minimum)
+
+
+def _at(problem: Problem, minimum: Minimum) -> Fit:
+    """Return the fit that ended in a minimum; raise SimulationFailure if there is none, as the model blew up."""
+    if not np.isfinite(minimum.cost):
+        bench = problem.bench
+        parameters, initial = problem.expand(minimum.x[:, None])
+        for e, channels in zip(bench.experiments, bench.predict(parameters, initial), strict=True):
+            check_finite(channels, e.recording.time, bench.names, parameters)
+        named = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
+        raise SimulationFailure(
+            named,
+            bench.experiments[0].recording.time[-1],
+            "the motion was a hundred times larger than what was measured.",
+        )
+    covariance, reasons, directions = covariance_of(problem, minimum)
+    return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
+
+
+def refined(found: Fit, largest: float = SHIFT, *, rough: bool = False) -> Fit:
+    """Return a fit on steps so fine that the solver shifts no estimate by more than `largest` standard deviations.
+
+    Each round refits from the minimum of the last one. Where finer steps do not help, as for dry friction, or would be
+    too many, the best round is returned; its `solver_shift` and `status` tell. `rough`, with differences to one side,
+    as in `discovery.estimation.least_squares.levenberg_marquardt`.
+    """
+    best = found
+    for _ in range(_REFINEMENTS):
+        shift, old = best.solver_shift, best.problem
+        if not shift > largest:
+            break
+        # The shift falls with the fourth power of the step.
+        step = old.bench.step * max(0.25, 0.8 * (largest / shift) ** 0.25)
+        problem = Problem(old.model, Bench.like(old.bench, step), old.units, old.gaussian)
+        if problem.bench.most_steps > MOST_STEPS:
+            break
+        (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR, rough=rough)
+        if not np.isfinite(minimum.cost):
+            break
+        found = _at(problem, minimum)
+        best = min(best, found, key=lambda f: f.solver_shift)
+        if not found.solver_shift < 0.5 * shift:
+            break
+    return best

@@ -1,0 +1,106 @@
+"""Where a fit starts: equation-error regression for a system with input, a scan of the stiffness for all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.recordings.experiment import Experiment
+
+__all__ = ["restoring", "scan"]
+
+#: Stiffness over the square of the dominant frequency.
+_STIFFNESS = np.concatenate(
+    [np.geomspace(0.3, 0.8, 12, endpoint=False), np.geomspace(0.8, 1.5, 140), np.geomspace(1.55, 4, 12)]
+)
+_DAMPING = (0.003, 0.03)
+#: Samples of each recording that the regression uses.
+_REGRESSED = 8192
+
+
+def restoring(model: Model) -> str | None:
+    """Return the free parameter that sets the frequency: the stiffness of a spring or of gravity; None without one."""
+    return next((name for name in ("alpha", "g_c") if name in model.free), None)
+
+
+def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[str, float]:
+    """Return g, xi, alpha of q'' = g u - xi q' - alpha q by least squares on smoothed derivatives."""
+    from discovery.signals.differentiate import smooth
+
+    rows, targets = [], []
+    for e in experiments:
+        r = e.recording
+        assert r.input is not None
+        part = slice(0, min(_REGRESSED, len(r.time[e.fitted])))
+        trajectory = smooth(r.time[part], r.output[part, 0], float(r.noise[0]))
+        # An acceleration obeys the same equation under the second derivative of the input.
+        push = e.drive.evaluate(r.time[part])[2] if e.reads_acceleration and e.drive is not None else r.input[part]
+        finite = np.isfinite(r.output[part, 0])
+        rows.append(np.column_stack([push[finite], -trajectory.q_dot, -trajectory.q]))
+        targets.append(trajectory.q_ddot)
+    matrix, target = np.concatenate(rows), np.concatenate(targets)
+    size = np.linalg.norm(matrix, axis=0)
+    g, xi, alpha = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size
+    low = (0.1 / units.time) ** 2
+    return {"g": float(g), "xi": float(max(xi, 1e-4 / units.time)), "alpha": float(max(alpha, low))}
+
+
+def scan(
+    model: Model, experiments: Sequence[Experiment], units: NaturalUnits, given: Mapping[str, float]
+) -> dict[str, float]:
+    """Return start values for `fit`.
+
+    Free-run residuals have many minima in the stiffness (whole periods slip), so a grid of stiffnesses and dampings is
+    simulated at once and the best one is returned; with a measured input, the grid is centred on the regression of the
+    smoothed acceleration.
+
+    Parameters
+    ----------
+    model : Model
+        With a free stiffness, see `restoring`.
+    experiments : sequence of Experiment
+        Recordings.
+    units : NaturalUnits
+        Natural units.
+    given : mapping of str to float
+        Values that are not guessed.
+    """
+    values = dict(given)
+    name = restoring(model)
+    assert name is not None
+    centre = units.time**-2
+    damping = [d / units.time for d in _DAMPING]
+    if "g" in model.free:
+        regressed = _regression(experiments, units)
+        values = {**regressed, **values}
+        centre = regressed["alpha"]
+        values = values if name == "alpha" else {n: v for n, v in values.items() if n != "alpha"}
+        damping.append(regressed["xi"])
+    coarse = min(0.1 * units.time, 0.5 / (centre**0.5 * model.mechanics.highest_frequency({**model.known, **values})))
+    if "g" in model.free:
+        coarse = min(coarse, float(np.median(np.diff(experiments[0].recording.time))))
+    problem = Problem(model, Bench(model.base, model.effects, experiments, coarse), units, {})
+    start = problem.start(values)
+    alphas = centre * _STIFFNESS
+    grid = np.repeat(start[:, None], alphas.size * len(damping), axis=1)
+    stiffness = np.tile(alphas, len(damping))
+    if name == "g_c":
+        # A link swings about the direction in which it hangs.
+        hanging = float(np.mean([np.nanmean(e.deflection[e.fitted]) for e in experiments]))
+        grid[problem.free.index("g_s")] = stiffness * np.sin(hanging)
+        stiffness *= np.cos(hanging)
+    grid[problem.free.index(name)] = stiffness
+    if "xi" in problem.free:
+        grid[problem.free.index("xi")] = np.repeat(damping, alphas.size)
+    cost = np.empty(grid.shape[1])
+    for first in range(0, grid.shape[1], 64):
+        part = slice(first, first + 64)
+        residual = problem.bench.residuals(*problem.expand(grid[:, part]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            cost[part] = np.einsum("nk,nk->k", residual, residual)
+    best = grid[:, int(np.nanargmin(cost))]
+    return {**dict(zip(problem.free, best.tolist(), strict=False)), **given}

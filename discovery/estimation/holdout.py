@@ -1,0 +1,151 @@
+"""Held-out data: they decide and judge, and nothing of them is fitted but initial states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit
+from discovery.estimation.predict import held_out
+from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.residual import errors
+from discovery.estimation.step import choose_step
+from discovery.foundation.errors import ComputationError
+from discovery.recordings.experiment import Experiment, largest_deflection
+from discovery.recordings.holdout_part import motion_over_noise, two_thirds
+
+__all__ = ["SEPARATE", "HoldOut"]
+
+FloatArray = NDArray[np.float64]
+#: What held-out recordings are called that were given as such.
+SEPARATE = "separate recordings"
+
+
+def _physical(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values that belong to the model, not to a recording."""
+    return {n: v for n, v in values.items() if "[" not in n}
+
+
+class HoldOut:
+    """Recordings, or parts of them, that decide and judge but are never fitted."""
+
+    def __init__(
+        self, train: Sequence[Experiment], separate: Sequence[Experiment], units: NaturalUnits, tolerance: float
+    ) -> None:
+        self.train, self.separate, self.units, self.tolerance = train, separate, units, tolerance
+        self.continued = not separate
+        reach = largest_deflection(train)
+        self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
+        self._benches: dict[tuple[str, tuple[str, ...], float, tuple[str, ...]], Bench] = {}
+        self._shares: dict[tuple[str, tuple[str, ...], float], float] = {}
+        self._wild: set[object] = set()
+
+    @property
+    def holds(self) -> bool:
+        """Whether anything is held out."""
+        return bool(self.separate) or any(e.fitted_samples is not None for e in self.train)
+
+    @property
+    def kind(self) -> str:
+        """How the held-out data relate to the fitted ones."""
+        if not self.continued:
+            return SEPARATE
+        whole = all(e.fitted_samples == two_thirds(e.recording.time.size) for e in self.train)
+        return f"last third {'' if whole else 'of the motion '}of each training recording, continued"
+
+    @property
+    def motion(self) -> float:
+        """The largest scatter of a stretch of what is held out [noise sds]: how much it can tell."""
+        first = [e.fitted_samples or 0 for e in self.experiments]
+        moved = [motion_over_noise(e.recording, n) for e, n in zip(self.experiments, first, strict=True)]
+        return max(moved, default=0.0)
+
+    def predictions(
+        self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float], list[FloatArray]]]
+    ) -> list[list[FloatArray]]:
+        """Return the predictions of the held-out recordings by each model (model, values, training predictions)."""
+        if self.continued:
+            return [on_train for _, _, on_train in models]
+        sets = [(model, values) for model, values, _ in models]
+        return held_out(sets, self.separate, self.simulators(bench, sets, self.separate), self.units)
+
+    def simulators(
+        self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float]]], experiments: Sequence[Experiment]
+    ) -> Bench:
+        """Return simulators of held-out recordings with the base and the effects of a bench, made once.
+
+        Their steps are those that these recordings need by the first of the models that moves through them.
+        """
+        step = self._share(bench, models) * bench.shortest
+        key = (bench.base, bench.effects, step, tuple(e.recording.name for e in experiments))
+        if key not in self._benches:
+            self._benches[key] = Bench(bench.base, bench.effects, experiments, step)
+        return self._benches[key]
+
+    def _share(self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float]]]) -> float:
+        """Return how much finer steps the held-out recordings need than the fitted ones, over these.
+
+        The first set that moves through them decides: later ones do not ask again.
+        """
+        # Of two paces the shortest steps differ.
+        kernel = bench.base, bench.effects, bench.shortest / bench.step
+        for model, values in models:
+            asked = kernel, model.effects, frozenset(values.items())
+            if kernel in self._shares:
+                break
+            if asked in self._wild:
+                continue
+            try:
+                step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
+            except ComputationError:
+                # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
+                self._wild.add(asked)
+            else:
+                self._shares[kernel] = min(step / bench.shortest, 1.0)
+        return self._shares.get(kernel, 1.0)
+
+    @property
+    def experiments(self) -> Sequence[Experiment]:
+        """Recordings that `predictions` refers to."""
+        return self.train if self.continued else self.separate
+
+    def outputs(self) -> list[FloatArray]:
+        """Return measured outputs, NaN where a sample was fitted."""
+        found = []
+        for e in self.experiments:
+            out = e.recording.output.copy()
+            if self.continued:
+                out[e.fitted] = np.nan
+            found.append(out)
+        return found
+
+    def deciding(self) -> list[Experiment]:
+        """Return the separate recordings that decide: those inside the trained deflection, or all where none is."""
+        inside = [e for e, flag in zip(self.separate, self.inside, strict=True) if flag]
+        return inside or list(self.separate)
+
+    def held(self, fit: Fit, on_train: list[FloatArray]) -> list[FloatArray]:
+        """Return a fit's predictions of the held-out recordings, from those of the training recordings."""
+        return self.predictions(fit.problem.bench, [(fit.model, fit.values, on_train)])[0]
+
+    def errors(self, predictions: Sequence[FloatArray]) -> dict[str, dict[str, float]]:
+        """Return errors over all held-out recordings, and apart inside and outside the trained deflection."""
+        outputs = self.outputs()
+
+        def pooled(which: list[int]) -> dict[str, float]:
+            return errors(np.concatenate([predictions[i] for i in which]), np.concatenate([outputs[i] for i in which]))
+
+        everything = list(range(len(self.experiments)))
+        result = {"holdout": pooled(everything)}
+        if not self.continued:
+            inside = [i for i in everything if self.inside[i]]
+            outside = [i for i in everything if not self.inside[i]]
+            if inside:
+                result["holdout_inside"] = pooled(inside)
+            if outside:
+                result["holdout_outside"] = pooled(outside)
+        return result

@@ -1,0 +1,98 @@
+"""How an input ran between its samples, chosen on the recordings where the rig file leaves it open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from discovery.estimation.fit import declared_model, fit
+from discovery.foundation.errors import DiscoveryError, InputError
+from discovery.recordings.dataset import Dataset
+from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.rigs.kinds import KINDS
+
+__all__ = ["choose_interpolation"]
+
+#: An input that is moved about needs an acceleration; a force may jump. The first is kept where nothing tells.
+_MOTIONS = ("motion", "spline", "band_limited")
+_FORCES = ("spline", "band_limited", "linear", "hold")
+#: Samples of a recording that are fitted: enough to tell, and quick.
+_SAMPLES = 8192
+#: Smallest gain in chi-square, in units of the best fit's noise, that tells one from another.
+_GAIN = 10.0
+_WORDS = {
+    "motion": "a motion",
+    "spline": "a smooth curve (spline)",
+    "band_limited": "band limited",
+    "linear": "straight (linear)",
+    "hold": "held",
+}
+
+
+def choose_interpolation(dataset: Dataset) -> Dataset:
+    """Settle an input's ``interpolation = "auto"`` by fits of the declared model to the training recordings.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Returned as it is where the rig file names an interpolation, or there is no input of that kind.
+
+    Returns
+    -------
+    Dataset
+        With every input made smooth in the chosen way, and a note on the training recordings of what was chosen.
+
+    Raises
+    ------
+    InputError
+        If the declared model can be fitted with none of them.
+    """
+    column = dataset.rig.columns.input
+    if column is None or column.interpolation != "auto":
+        return dataset
+    if dataset.rig.view is not None:
+        # Prescribed motion is differentiated: only a smooth curve can be.
+        return _with(dataset, "spline")
+    cost: dict[str, float] = {}
+    samples = 0
+    moved = KINDS[dataset.rig.kind].interpolation == "motion"
+    for name in _MOTIONS if moved else _FORCES[: 2 if dataset.train[0].reads_acceleration else None]:
+        try:
+            parts = [_shortened(e) for e in _with(replace(dataset, holdout=(), test=()), name).train]
+            fitted = fit(declared_model(parts[0]), parts)
+        except DiscoveryError:
+            continue
+        cost[name], samples = fitted.chi2, fitted.problem.bench.n_data
+    if not cost:
+        raise InputError(
+            f"{dataset.rig.name}: the declared model cannot be fitted, however the input is interpolated. Set "
+            '`interpolation` of the input in the rig file, for example to "spline", to see why.'
+        )
+    best = min(cost, key=lambda n: cost[n])
+    first = next(iter(cost))
+    if (cost[first] - cost[best]) * samples < _GAIN * cost[best]:
+        best = first
+    against = ", ".join(f"{_WORDS[n]} {(c / cost[best]) ** 0.5:.4g}" for n, c in cost.items() if n != best)
+    note = (
+        f"the input between its samples was taken as {_WORDS[best]}; error of the declared model with another, in "
+        f'units of this one\'s: {against}. Set interpolation = "{best}" in the rig file to keep it so.'
+    )
+    train = (replace(e, recording=replace(e.recording, notes=(*e.recording.notes, note))) for e in dataset.train)
+    return _with(replace(dataset, train=tuple(train)), best)
+
+
+def _with(dataset: Dataset, interpolation: str) -> Dataset:
+    """Return the dataset with its inputs made smooth in a given way."""
+    columns = dataset.rig.columns
+    assert columns.input is not None
+    rig = replace(dataset.rig, columns=replace(columns, input=replace(columns.input, interpolation=interpolation)))
+
+    def smoothed(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+        return tuple(make_experiment(e.recording, rig, fitted_samples=e.fitted_samples) for e in experiments)
+
+    return Dataset(rig, smoothed(dataset.train), smoothed(dataset.holdout), smoothed(dataset.test))
+
+
+def _shortened(experiment: Experiment) -> Experiment:
+    fitted = experiment.recording.time[experiment.fitted].size
+    return experiment.first(min(fitted, _SAMPLES))

@@ -1,0 +1,265 @@
+"""From a model and experiments to residuals: what is fitted, in which units, between which bounds, from which start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.declarations.effect import ARM
+from discovery.declarations.parameters import Parameter, natural_scale
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.model_error import ModelError, innovations
+from discovery.recordings.experiment import Experiment, largest_deflection
+
+__all__ = ["LIGHT_ROD", "NaturalUnits", "Problem", "conventions", "known_values", "natural_units"]
+
+FloatArray = NDArray[np.float64]
+#: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
+LIGHT_ROD = 0.15
+
+
+@dataclass(frozen=True)
+class NaturalUnits:
+    """Natural time [s], coordinate [q] and length [m] of a problem; declarations are numbers in these."""
+
+    time: float
+    coordinate: float
+    length: float
+    #: Size of the input of an oscillator, in its unit.
+    drive: float = 1.0
+
+    def scale(self, parameter: Parameter) -> float:
+        """Return the size of one natural unit of a parameter, in the problem's units."""
+        unit = natural_scale(parameter.unit, time=self.time, coordinate=self.coordinate, length=self.length)
+        # What links a force to an acceleration scales with the size of the recorded force.
+        inertia = parameter.name in ("m", "m_0")
+        return unit / self.drive if parameter.name == "g" else unit * self.drive if inertia else unit
+
+
+#: Longest step between stamps that only jitter, over the median one; samples of a periodogram of uneven ones.
+_GAP, _UNEVEN = 3.0, 20_000
+
+
+def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
+    """Return the natural units of recordings: the inverse dominant angular frequency, amplitude and length.
+
+    The frequency is that of the largest peak of the pooled periodogram of the deflection; an arm's natural angle is
+    one radian, because its geometry is nonlinear on that scale.
+    """
+    frequencies = [_dominant(*_finite(e)) for e in experiments]
+    arm = experiments[0].is_arm
+    length = experiments[0].rig.length
+    forces = [e.force for e in experiments if e.force is not None]
+    time = 1.0 / float(np.median(frequencies))
+    return NaturalUnits(
+        time=time,
+        coordinate=1.0 if arm else largest_deflection(experiments) * time ** (2 * experiments[0].reads_acceleration),
+        length=length.value if length is not None else 1.0,
+        drive=1.0 if arm or not forces else float(max(np.nanmax(np.abs(u)) for u in forces)),
+    )
+
+
+def _finite(experiment: Experiment) -> tuple[FloatArray, FloatArray]:
+    """Return times and deflections of the fitted samples without gaps, about their mean."""
+    time, deflection = experiment.recording.time[experiment.fitted], experiment.deflection[experiment.fitted]
+    good = np.isfinite(deflection)
+    return time[good], deflection[good] - deflection[good].mean()
+
+
+def _dominant(time: FloatArray, deflection: FloatArray) -> float:
+    """Return the angular frequency of the largest peak of a periodogram, from two periods in the recording on."""
+    steps, span = np.diff(time), time[-1] - time[0]
+    if not np.allclose(steps, steps.mean(), rtol=1e-3):
+        if steps.max() >= _GAP * np.median(steps):
+            return _dominant_of_uneven(time, deflection)
+        # Stamps that jitter: the spectrum of a motion that is far slower does not feel it.
+        deflection = np.interp(np.linspace(time[0], time[-1], time.size), time, deflection)
+    power = np.abs(np.fft.rfft(deflection * np.hanning(deflection.size), 4 * deflection.size)) ** 2
+    grid = 2 * np.pi * np.fft.rfftfreq(4 * deflection.size, float(steps.mean()))
+    first = int(np.searchsorted(grid, 4 * np.pi / span))
+    return float(grid[first + np.argmax(power[first:])])
+
+
+def _dominant_of_uneven(time: FloatArray, deflection: FloatArray) -> float:
+    """Return the same of uneven times, by the periodogram of Lomb."""
+    from scipy.signal import lombscargle
+
+    keep = slice(None, None, max(1, time.size // _UNEVEN))
+    grid = np.linspace(4 * np.pi / (time[-1] - time[0]), 0.5 * np.pi / float(np.median(np.diff(time[keep]))), 4000)
+    return float(grid[np.argmax(lombscargle(time[keep], deflection[keep], grid))])
+
+
+def known_values(experiment: Experiment) -> dict[str, float]:
+    """Return the parameters that the rig file fixes.
+
+    Length and mass ratio of an arm, gravity of a falling body, the controller of a drive; no input gain without input.
+    The reference inertia of a recorded force is the power of ten nearest to that force over the natural acceleration.
+    """
+    rig = experiment.rig
+    if rig.kind != ARM:
+        known: dict[str, float] = {} if experiment.recording.input is not None else {"g": 0.0}
+        if rig.gravity is not None:
+            known["g_0"] = rig.gravity.value
+        if rig.controller is not None:
+            known |= {"k_p": rig.controller.kp, "k_v": rig.controller.kv}
+            known |= {} if rig.controller.limit is None else {"c_max": rig.controller.limit}
+        if rig.view is not None:
+            units = natural_units([experiment])
+            known["m_0"] = 10.0 ** round(np.log10(units.drive * units.time**2 / units.coordinate))
+        return known
+    # A rod of unknown mass counts as light; the exact arm needs some mass to be solvable.
+    known = {"length": rig.length.value if rig.length else 1.0, "mu": LIGHT_ROD}
+    if rig.beam_mass is not None and rig.tip_mass is not None:
+        known["mu"] = rig.beam_mass.value / rig.tip_mass.value
+    return known
+
+
+def conventions(effects: Iterable[str], units: NaturalUnits) -> dict[str, tuple[float, float]]:
+    """Return what the laws of effects hold at a conventional value, by parameter: (that value, its uncertainty).
+
+    Such as the speed within which dry friction changes its sign: it decides how a body creeps that should stick.
+    """
+    held = [p for e in effects for p in get_effect(e).parameters() if p.fixed and p.shape]
+    return {p.name: (p.default * units.scale(p), p.prior.width * units.scale(p)) for p in held}
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One model to be fitted on a bench: which numbers are free, and what the others are.
+
+    Parameters
+    ----------
+    model : Model
+        Its effects must be among those of the bench.
+    bench : Bench
+        The simulators.
+    units : NaturalUnits
+        Natural units.
+    gaussian : mapping of str to (mean, sd)
+        Free parameters known from the rig or by convention within an uncertainty; bounded at three standard deviations.
+    error : ModelError, optional
+        The model's own error beside the noise: residuals are made white under both.
+    """
+
+    model: Model
+    bench: Bench
+    units: NaturalUnits
+    gaussian: Mapping[str, tuple[float, float]]
+    error: ModelError | None = None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Free physical parameters, then initial deflection and rate of every experiment."""
+        initial = [f"{n}[{e.recording.name}]" for e in self._released for n in ("delta_0_init", "rate_0_init")]
+        return (*self.free, *initial)
+
+    @property
+    def _released(self) -> tuple[Experiment, ...]:
+        """Experiments with an initial state: all, or none where the motion is prescribed."""
+        return () if self.model.mechanics.prescribed else self.bench.experiments
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """Free physical parameters: the model's own and those known only within an uncertainty."""
+        extra = tuple(n for n in self.gaussian if n in self.model.parameters and n not in self.model.free)
+        return (*self.model.free, *extra)
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """Typical size of every free number."""
+        sizes = [
+            self.gaussian[n][1] if n in self.gaussian else self._declared_width(self.model.parameters[n])
+            for n in self.free
+        ]
+        # Initial values are known from the data to a small part of the amplitude.
+        q, rate = 0.01 * self.units.coordinate, 0.01 * self.units.coordinate / self.units.time
+        return np.array([*sizes, *([q, rate] * len(self._released))])
+
+    def _declared_width(self, parameter: Parameter) -> float:
+        return parameter.prior.width * self.units.scale(parameter)
+
+    @cached_property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of every free number."""
+        lower, upper = [], []
+        for name in self.free:
+            parameter = self.model.parameters[name]
+            least, most = (bound * self.units.scale(parameter) for bound in parameter.bounds)
+            if name in self.gaussian:
+                mean, sd = self.gaussian[name]
+                least, most = max(least, mean - 3 * sd), min(most, mean + 3 * sd)
+            lower.append(least)
+            upper.append(most)
+        free_start = [np.inf] * (2 * len(self._released))
+        return np.array([*lower, *(-np.array(free_start))]), np.array([*upper, *free_start])
+
+    def start(self, values: Mapping[str, float]) -> FloatArray:
+        """Return a start: `values` where given, else rig values or declared starts, and measured initial states."""
+        x = []
+        for name in self.free:
+            if name in values:
+                x.append(values[name])
+            elif name in self.gaussian:
+                x.append(self.gaussian[name][0])
+            else:
+                parameter = self.model.parameters[name]
+                first = parameter.starts[0] if parameter.starts else parameter.default
+                x.append(first * self.units.scale(parameter))
+        for e in self._released:
+            names = (f"delta_0_init[{e.recording.name}]", f"rate_0_init[{e.recording.name}]")
+            guess = (0.0, 0.0) if values.keys() >= set(names) else e.initial_guess
+            x += [values.get(n, g) for n, g in zip(names, guess, strict=True)]
+        return np.array(x)
+
+    @cached_property
+    def _template(self) -> tuple[FloatArray, NDArray[np.int64]]:
+        declared = {p.name: p for p in self.model.mechanics.parameters()}
+        for effect in self.bench.effects:
+            declared.update({p.name: p for p in get_effect(effect).parameters()})
+        values = [
+            self.model.known[n] if n in self.model.known else declared[n].default * self.units.scale(declared[n])
+            for n in self.bench.names
+        ]
+        return np.array(values), np.array([self.bench.names.index(n) for n in self.free], dtype=np.int64)
+
+    def expand(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return kernel parameters (p, k) and initial states (experiments, 2, k) of free vectors (m, k)."""
+        template, where = self._template
+        parameters = np.repeat(template[:, None], x.shape[1], axis=1)
+        parameters[where] = x[: len(self.free)]
+        if not self._released:
+            return parameters, np.zeros((len(self.bench.experiments), 2, x.shape[1]))
+        return parameters, x[len(self.free) :].reshape(len(self._released), 2, -1)
+
+    def whitened(self, residuals: FloatArray) -> FloatArray:
+        """Return residuals (n, k) of the bench made white under the model error; the same ones without it."""
+        if self.error is None:
+            return residuals
+        found = np.zeros_like(residuals)
+        for experiment, (rows, present) in zip(self.bench.experiments, self.bench.blocks(), strict=True):
+            own = residuals[rows].reshape(*present.shape, -1)
+            out = found[rows].reshape(own.shape)
+            time = experiment.fitted_part.recording.time
+            for c, here in enumerate(present.T):
+                out[here, c], _ = innovations(time[here], own[here, c], self.error)
+            found[rows] = out.reshape(-1, residuals.shape[1])
+        return found
+
+    def named(self, x: FloatArray) -> dict[str, float]:
+        """Return a free vector (m,) by name."""
+        return dict(zip(self.names, x.tolist(), strict=True))
+
+    def predict(self, x: FloatArray) -> list[FloatArray]:
+        """Return the channels of every recording, each (n, c), of a free vector (m,)."""
+        return [c[:, :, 0] for c in self.bench.predict(*self.expand(x[:, None]))]
+
+    def prior_residuals(self, x: FloatArray) -> FloatArray:
+        """Return (value - mean)/sd of the parameters known within an uncertainty, shape (g, k)."""
+        rows = [(x[self.free.index(n)] - m) / sd for n, (m, sd) in self.gaussian.items() if n in self.free]
+        return np.array(rows).reshape(len(rows), x.shape[1])

@@ -1,0 +1,148 @@
+"""Tables in text files: separators, comments and headers found out, faults refused with their line."""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.foundation.errors import InputError
+
+__all__ = ["parse_text"]
+
+_BLANKS = r"\s+"
+
+
+def parse_text(
+    path: Path, content: bytes, header: Sequence[str] | None = None
+) -> tuple[dict[str, npt.NDArray[Any]], npt.NDArray[np.int64]]:
+    """Read the columns of a text file.
+
+    Parameters
+    ----------
+    path : Path
+        For the messages.
+    content : bytes
+        The file. Commas, semicolons, tabs or runs of blanks separate its columns; lines that begin with ``#`` or ``%``
+        are comments.
+    header : sequence of str, optional
+        Names of the columns, from left to right, where the file has no line of names.
+
+    Returns
+    -------
+    columns : dict of str to array, shape (n,)
+    lines : array of int, shape (n,)
+        Line of each row in the file, from 1.
+
+    Raises
+    ------
+    InputError
+        If the file is no table of text: binary, empty, without names or with names given twice, or with rows that do
+        not have the cells that the names ask for.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise InputError(f"{path} is a binary file, not text. Export the recording as CSV, or give it its true suffix.")
+    every = text.splitlines()
+    stripped = (line.strip() for line in every)
+    lines = np.array([number for number, line in enumerate(stripped, 1) if line and line[0] not in "#%"], np.int64)
+    if lines.size == 0:
+        raise InputError(f"{path} is empty but for comments. Export the recording again.")
+    rows = [every[number - 1] for number in lines]
+    separator = _separator(rows, header)
+    names = list(header) if header is not None else _cells(rows[0], separator)
+    _check_names(path, int(lines[0]), names, _cells(rows[0], separator), header is not None)
+    if header is None:
+        rows, lines = rows[1:], lines[1:]
+    if not rows:
+        raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
+    _check_cells(path, lines, rows, separator, len(names))
+    return _read(path, rows, separator, names), lines
+
+
+def _separator(rows: Sequence[str], header: Sequence[str] | None) -> str:
+    """Return a comma, a semicolon, a tab or the pattern of blanks."""
+    first = rows[0]
+    separator = max(",;\t", key=first.count)
+    wanted = len(header) if header is not None else len(rows[min(1, len(rows) - 1)].split())
+    found = first.count(separator) + 1
+    alone = found == wanted if header is not None else found > 1
+    return _BLANKS if not alone and 1 < wanted == len(first.split()) else separator
+
+
+def _cells(row: str, separator: str) -> list[str]:
+    if separator == _BLANKS:
+        return row.split()
+    return [cell.strip() for cell in next(csv.reader([row], delimiter=separator))]
+
+
+def _check_names(path: Path, line: int, names: Sequence[str], first: Sequence[str], given: bool) -> None:
+    if not given and all(_is_number(name) for name in names):
+        raise InputError(
+            f"{path}, line {line}: the first line holds numbers, not column names. Add a header such as "
+            "'time_s,motor_angle_rad,tip_x_m,tip_y_m', or for another system name the columns in the rig file, "
+            'header = ["t", "y"] in [columns].'
+        )
+    if given and not any(_is_number(cell) for cell in first):
+        raise InputError(
+            f"{path}, line {line}: the first line holds names, not numbers, but the rig file gives a header. Remove "
+            "header from its [columns]."
+        )
+    duplicate = [name for name, count in Counter(names).items() if count > 1]
+    if duplicate:
+        raise InputError(f"{path}, line {line}: two columns are named {duplicate[0]!r}. Rename or remove one of them.")
+
+
+def _check_cells(path: Path, lines: npt.NDArray[np.int64], rows: Sequence[str], separator: str, columns: int) -> None:
+    blanks = separator == _BLANKS
+    for line, row in zip(lines, rows, strict=True):
+        cells = len(row.split()) if blanks else row.count(separator) + 1
+        if blanks and cells < columns:
+            raise InputError(
+                f"{path}, line {line}: {cells} cells in a table of {columns} columns. Between blanks no cell can be "
+                "left empty: write nan where there is no reading."
+            )
+        if cells > columns and '"' not in row:
+            raise InputError(
+                f"{path}, line {line}: {cells} cells in a table of {columns} columns. Use a decimal point in numbers, "
+                f"and {'blanks' if blanks else repr(separator)} only between columns."
+            )
+
+
+def _read(path: Path, rows: Sequence[str], separator: str, names: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
+    import pandas as pd
+
+    with warnings.catch_warnings():
+        # A column of mixed types is reported by Table.numbers, with its row.
+        warnings.simplefilter("ignore", pd.errors.DtypeWarning)
+        try:
+            frame = pd.read_csv(
+                StringIO("\n".join(rows)),
+                sep=separator,
+                header=None,
+                names=list(names),
+                index_col=False,
+                skipinitialspace=True,
+                skip_blank_lines=False,
+            )
+        except pd.errors.ParserError as error:
+            raise InputError(f"{path} is not a table: {error}. Give every row as many cells as the header.") from error
+    return {name: frame[name].to_numpy() for name in names}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

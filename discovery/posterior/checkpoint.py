@@ -1,0 +1,117 @@
+"""Checkpoints of a run: everything that the next step of its ensembles depends on, in one HDF5 file.
+
+A run that was interrupted, at whatever moment, continues from its last checkpoint to the very same chain.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import fields
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import emcee
+import h5py
+
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import atomic_write
+from discovery.posterior.ensembles import Ensemble
+from discovery.posterior.student_mixture import StudentMixture
+
+__all__ = ["fingerprint", "restore", "save"]
+
+_PROPOSAL = tuple(field.name for field in fields(StudentMixture))
+
+
+def fingerprint(*parts: bytes | str) -> str:
+    """Return a hash of everything that determines a run."""
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(len(data).to_bytes(8, "little") + data)
+    return digest.hexdigest()
+
+
+def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> None:
+    """Write a checkpoint (HDF5), beside its place first: there is never half a file.
+
+    Parameters
+    ----------
+    path : path
+    ensembles : sequence of Ensemble
+    run : str
+        Fingerprint of the run.
+    """
+    # In memory: on a full disk the library of the format ends the process.
+    made = BytesIO()
+    with h5py.File(made, "w") as file:
+        file.attrs["run"] = run
+        for i, ensemble in enumerate(ensembles):
+            group = file.create_group(f"ensemble_{i}")
+            name, key, position, has_gauss, gauss = ensemble.state.random_state
+            group.attrs.update({"random_name": name, "position": position, "has_gauss": has_gauss, "gauss": gauss})
+            group.attrs.update({"adapted": ensemble.adapted, "informed": ensemble.informed})
+            arrays = {"chain": ensemble.chain, "log_prob": ensemble.log_prob, "random_key": key}
+            arrays |= {name: getattr(ensemble.independence.proposal, name) for name in _PROPOSAL}
+            for dataset, data in arrays.items():
+                group.create_dataset(dataset, data=data)
+            for move, counted in ensemble.moves.items():
+                group.attrs[f"accepted_{move}"] = (counted.accepted, counted.proposed)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(made.getbuffer())
+
+
+def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> bool:
+    """Bring ensembles to where a checkpoint left them.
+
+    Parameters
+    ----------
+    path : path
+    ensembles : sequence of Ensemble
+        As at the start of the run.
+    run : str
+        Fingerprint of the run.
+
+    Returns
+    -------
+    bool
+        False if there is no such file.
+
+    Raises
+    ------
+    InputError
+        If the file is not a checkpoint of this run.
+    """
+    path = Path(path)
+    if not path.exists():
+        return False
+    cure = "Delete it, or name another file."
+    try:
+        with h5py.File(path) as file:
+            if file.attrs["run"] != run:
+                raise InputError(f"{path} holds the chains of another model, recording or seed. {cure}")
+            for i, ensemble in enumerate(ensembles):
+                _restore(ensemble, file[f"ensemble_{i}"])
+    except (OSError, KeyError) as error:
+        raise InputError(f"{path} is not a checkpoint of a posterior. {cure}") from error
+    return True
+
+
+def _restore(ensemble: Ensemble, group: Any) -> None:
+    attributes = group.attrs
+    ensemble.chain, ensemble.log_prob = group["chain"][:], group["log_prob"][:]
+    ensemble.independence.proposal = StudentMixture(*(group[name][:] for name in _PROPOSAL))
+    ensemble.adapted, ensemble.informed = int(attributes["adapted"]), bool(attributes["informed"])
+    random = (
+        str(attributes["random_name"]),
+        group["random_key"][:],
+        int(attributes["position"]),
+        int(attributes["has_gauss"]),
+        float(attributes["gauss"]),
+    )
+    ensemble.state = emcee.State(ensemble.chain[-1], log_prob=ensemble.log_prob[-1], random_state=random)
+    for move, counted in ensemble.moves.items():
+        counted.accepted, counted.proposed = (int(n) for n in attributes[f"accepted_{move}"])

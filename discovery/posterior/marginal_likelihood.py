@@ -1,0 +1,140 @@
+"""The evidence of a model: its likelihood averaged over the priors, by importance sampling around the fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from discovery.declarations.parameters import Prior
+from discovery.foundation.errors import InputError
+from discovery.posterior.importance import Weighted, importance_sample
+
+if TYPE_CHECKING:
+    from discovery.posterior.likelihood import LogPosterior
+
+__all__ = ["Evidence", "log_evidence", "log_prior_mass"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Log evidence of a model under one noise model, and the weighted draws that it comes from.
+
+    Parameters
+    ----------
+    target : LogPosterior
+        The posterior.
+    drawn : Weighted
+        Draws in its whitened coordinates.
+    log_evidence : float
+        Natural logarithm of the density of the readings [SI units], with the priors normalised within the bounds.
+    """
+
+    target: LogPosterior
+    drawn: Weighted
+    log_evidence: float
+
+    @property
+    def reliable(self) -> bool:
+        """Whether the number can be trusted, see `Weighted.reliable`."""
+        return self.drawn.reliable
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """Draws in SI units, shape (n, d); they count by the weights of `drawn`."""
+        return self.target.values(self.drawn.points)
+
+    def intervals(self) -> dict[str, list[float]]:
+        """Return 5, 50 and 95 % quantiles of every sampled quantity."""
+        return {
+            name: self.drawn.quantiles(column) for name, column in zip(self.target.names, self.values.T, strict=True)
+        }
+
+    def resampled(self, count: int, rng: Generator) -> FloatArray:
+        """Return draws of equal weight in SI units, shape (count, d), with repetitions where weights are large."""
+        edges = np.cumsum(self.drawn.weights)
+        places = (np.arange(count) + rng.random(count)) / count
+        return rng.permutation(self.values[np.minimum(np.searchsorted(edges, places * edges[-1]), edges.size - 1)])
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready row."""
+        return {
+            "noise": self.target.noise,
+            "log_evidence": self.log_evidence,
+            "error": self.drawn.error,
+            "pareto_k": self.drawn.pareto_k if math.isfinite(self.drawn.pareto_k) else None,
+            "effective": self.drawn.effective,
+            "draws": len(self.drawn.points),
+            "reliable": self.reliable,
+            "intervals": self.intervals(),
+        }
+
+
+def log_evidence(target: LogPosterior, rng: Generator, draws: int = 4000) -> Evidence:
+    """Return the log evidence of a posterior.
+
+    Parameters
+    ----------
+    target : LogPosterior
+        From `discovery.posterior.likelihood.log_posterior`.
+    rng : Generator
+        Source of the draws.
+    draws : int
+        Draws of the last round.
+
+    Returns
+    -------
+    Evidence
+        Look at `Evidence.reliable` before its number.
+
+    Raises
+    ------
+    ComputationError
+        If no draw has a finite density.
+    InputError
+        If a prior is no density, so that there is no evidence.
+    """
+    drawn = importance_sample(target, target.dimension, rng, draws)
+    scale = float(np.log(np.diag(target.factor)).sum())
+    return Evidence(target, drawn, drawn.log_integral + scale - log_prior_mass(target))
+
+
+def log_prior_mass(target: LogPosterior) -> float:
+    """Return the logarithm of the part of the priors that lies within the bounds.
+
+    Raises
+    ------
+    InputError
+        If a prior is no density.
+    """
+    lower, upper = target.problem.bounds
+    return sum(
+        _log_mass(prior, a / unit, b / unit)
+        for (prior, unit), a, b in zip(target.priors, lower.tolist(), upper.tolist(), strict=True)
+    )
+
+
+def _log_mass(prior: Prior, lower: float, upper: float) -> float:
+    """Return the logarithm of the integral of a prior between bounds."""
+    from scipy.integrate import quad
+
+    width, centre = prior.width, float(getattr(prior, "mean", 0.0))
+    # Over a scale on which the prior is about one wide, also where the bounds are at infinity.
+    ends = math.asinh((lower - centre) / width), math.asinh((upper - centre) / width)
+    a, b = (math.copysign(min(abs(end), 25.0), end) for end in ends)
+    mass, _ = quad(
+        lambda s: float(np.exp(prior.log_density(centre + width * math.sinh(s)))) * width * math.cosh(s),
+        a,
+        b,
+        limit=200,
+    )
+    if not 0.0 < mass < 1e6:
+        raise InputError("The evidence needs priors that are densities; one is flat without bounds.")
+    return math.log(mass)

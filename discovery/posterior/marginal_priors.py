@@ -1,0 +1,99 @@
+"""What was believed of each physical parameter before the recordings: its prior within its bounds, in SI units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Prior
+from discovery.posterior.likelihood import LogPosterior
+
+__all__ = ["MarginalPrior", "marginal_priors"]
+
+FloatArray = NDArray[np.float64]
+#: Points of a quadrature, and how many widths it reaches where there is no bound.
+_POINTS, _REACH = 20_001, 10.0
+
+
+@dataclass(frozen=True)
+class MarginalPrior:
+    """Prior of one parameter, cut off at its bounds.
+
+    Parameters
+    ----------
+    prior : Prior
+        As declared, or as the rig states it.
+    unit : float
+        Unit of the prior [SI].
+    bounds : tuple of float
+        Lower and upper bound [SI].
+    """
+
+    prior: Prior
+    unit: float
+    bounds: tuple[float, float]
+
+    def log_density(self, x: ArrayLike) -> FloatArray:
+        """Return the log density at `x` [SI] up to a constant, minus infinity outside the bounds."""
+        x = np.asarray(x, float)
+        inside = (x >= self.bounds[0]) & (x <= self.bounds[1])
+        return np.where(inside, self.prior.log_density(x / self.unit), -np.inf)
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation within the bounds [SI]; infinite for a flat prior without bounds."""
+        proper = isinstance(self.prior, (Normal, HalfNormal, LogNormal))
+        if not proper and not np.isfinite(self.bounds).all():
+            return math.inf
+        x = self._grid()
+        log_density = self.log_density(x)
+        density = np.exp(log_density - log_density.max())
+        total = np.trapezoid(density, x)
+        mean = np.trapezoid(x * density, x) / total
+        return math.sqrt(np.trapezoid((x - mean) ** 2 * density, x) / total)
+
+    def _grid(self) -> FloatArray:
+        lower, upper = self.bounds
+        if isinstance(self.prior, LogNormal):
+            # Evenly in the logarithm: such a prior spans decades.
+            far = np.exp(_REACH * self.prior.log_sd)
+            middle = self.prior.median * self.unit
+            return np.geomspace(max(lower, middle / far), min(upper, middle * far), _POINTS)
+        middle = self.prior.mean * self.unit if isinstance(self.prior, Normal) else 0.0
+        reach = _REACH * self.prior.width * self.unit
+        if isinstance(self.prior, (Normal, HalfNormal)):
+            lower, upper = max(lower, middle - reach), min(upper, middle + reach)
+        return np.linspace(lower, upper, _POINTS)
+
+    def widened(self, factor: float) -> MarginalPrior:
+        """Return the prior so many times as wide, with the same centre and bounds; a flat one stays what it is."""
+        if isinstance(self.prior, (Normal, HalfNormal)):
+            return replace(self, prior=replace(self.prior, sd=factor * self.prior.sd))
+        if isinstance(self.prior, LogNormal):
+            return replace(self, prior=replace(self.prior, log_sd=factor * self.prior.log_sd))
+        return self
+
+    def summary(self) -> dict[str, Any]:
+        """Return the law with its numbers in SI units, JSON-ready."""
+        prior, unit = self.prior, self.unit
+        if isinstance(prior, Normal):
+            return {"law": "normal", "mean": prior.mean * unit, "sd": prior.sd * unit}
+        if isinstance(prior, HalfNormal):
+            return {"law": "half-normal", "sd": prior.sd * unit}
+        if isinstance(prior, LogNormal):
+            return {"law": "log-normal", "median": prior.median * unit, "log_sd": prior.log_sd}
+        return {"law": "flat"}
+
+
+def marginal_priors(target: LogPosterior) -> dict[str, MarginalPrior]:
+    """Return the priors of the free physical parameters of a posterior, by name."""
+    free = target.problem.free
+    bounds = zip(*(edge.tolist() for edge in target.problem.bounds), strict=True)
+    return {
+        name: MarginalPrior(prior, unit, both)
+        for name, (prior, unit), both in zip(free, target.priors, bounds, strict=False)
+    }

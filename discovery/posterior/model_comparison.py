@@ -1,0 +1,132 @@
+"""Candidate sets of effects by their evidence, and whether recordings that were held out agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from discovery.estimation.covariance import covariance_of
+from discovery.estimation.fit import Fit
+from discovery.foundation.errors import InputError
+from discovery.posterior.likelihood import log_posterior
+from discovery.posterior.marginal_likelihood import Evidence, log_evidence
+from discovery.posterior.noise import GAUSSIAN
+
+if TYPE_CHECKING:
+    from discovery.screening.refits import Refit
+
+__all__ = ["Comparison", "compare_models"]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Evidence of candidate models on the same recordings.
+
+    Parameters
+    ----------
+    evidences : mapping of str to Evidence
+        By name of the candidate.
+    held_out : mapping of str to float
+        Error of each on recordings that were held out, smaller is better; empty where there are none.
+    """
+
+    evidences: Mapping[str, Evidence]
+    held_out: Mapping[str, float]
+
+    @property
+    def ranking(self) -> tuple[str, ...]:
+        """Names by decreasing evidence."""
+        return tuple(sorted(self.evidences, key=lambda name: -self.evidences[name].log_evidence))
+
+    @property
+    def agreement(self) -> float | None:
+        """Kendall's tau between evidence and held-out error, one for the same order; None without held-out errors."""
+        from scipy.stats import kendalltau
+
+        if not self.held_out:
+            return None
+        names = self.ranking
+        return float(
+            kendalltau([-self.evidences[n].log_evidence for n in names], [self.held_out[n] for n in names]).statistic
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready table by decreasing evidence, and whether the held-out recordings prefer the same one."""
+        names = self.ranking
+        best = self.evidences[names[0]].log_evidence
+        rows = [
+            {
+                "name": name,
+                "effects": list(self.evidences[name].target.problem.model.effects),
+                "free": len(self.evidences[name].target.problem.free),
+                "behind": best - self.evidences[name].log_evidence,
+                "held_out": self.held_out.get(name),
+                **self.evidences[name].summary(),
+            }
+            for name in names
+        ]
+        return {
+            "preferred": names[0],
+            "reliable": all(evidence.reliable for evidence in self.evidences.values()),
+            "held_out_prefers": min(self.held_out, key=lambda n: self.held_out[n]) if self.held_out else None,
+            "same_order": self.agreement,
+            "models": rows,
+        }
+
+
+def compare_models(
+    fits: Mapping[str, Fit | Refit],
+    *,
+    rng_seed: int,
+    noise: str = GAUSSIAN,
+    held_out: Mapping[str, float] | None = None,
+    draws: int = 4000,
+) -> Comparison:
+    """Compare fitted candidates by evidence, all under one noise model.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit or Refit
+        By name; on the same recordings. Refits are the candidates of the search.
+    rng_seed : int
+        Seed; every candidate has a random stream of its own.
+    noise : str
+        Noise model. White noise is only right where nothing is missing any more: what a model lacks is correlated.
+    held_out : mapping of str to float, optional
+        Error or chi-square of each candidate on recordings that were held out.
+    draws : int
+        Draws for each evidence.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        If the candidates were fitted on different readings, or a held-out error is missing.
+    NotIdentifiable
+        If the data leave a combination of parameters of a candidate undetermined.
+    """
+    data = {tuple((e.recording.sha256, e.fitted_samples) for e in f.problem.bench.experiments) for f in fits.values()}
+    if len(data) != 1:
+        raise InputError("Evidences compare only on the same readings: fit all candidates on the same recordings.")
+    if held_out is not None and (missing := fits.keys() - held_out.keys()):
+        raise InputError(f"There is no held-out error of {', '.join(sorted(missing))}.")
+    streams = np.random.default_rng(rng_seed).spawn(len(fits))
+    evidences = {
+        name: log_evidence(log_posterior(_fit_of(fit), noise), rng, draws)
+        for (name, fit), rng in zip(fits.items(), streams, strict=True)
+    }
+    return Comparison(evidences, {name: held_out[name] for name in fits} if held_out is not None else {})
+
+
+def _fit_of(candidate: Fit | Refit) -> Fit:
+    """Return a candidate as a fit on a kernel of its own effects, which is faster."""
+    if isinstance(candidate, Fit):
+        return candidate.specialised()
+    found = covariance_of(candidate.problem, candidate.minimum)
+    return Fit(candidate.problem, candidate.minimum, *found, float("nan")).specialised()

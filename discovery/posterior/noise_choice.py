@@ -1,0 +1,94 @@
+"""Which noise the readings have: every model that applies, by its evidence, and what each means for the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from discovery.posterior.instrument import instruments
+from discovery.posterior.likelihood import log_posterior
+from discovery.posterior.marginal_likelihood import Evidence, log_evidence
+from discovery.posterior.noise import GAUSSIAN, applicable
+
+if TYPE_CHECKING:
+    from discovery.estimation.fit import Fit
+
+__all__ = ["NoiseChoice", "choose_noise"]
+
+
+@dataclass(frozen=True)
+class NoiseChoice:
+    """Evidence of every noise model on one fit.
+
+    Parameters
+    ----------
+    evidences : tuple of Evidence
+        The Gaussian first.
+    """
+
+    evidences: tuple[Evidence, ...]
+
+    @property
+    def chosen(self) -> Evidence:
+        """Largest evidence among those that can be trusted; among all where none can."""
+        able = [e for e in self.evidences if e.reliable] or list(self.evidences)
+        return max(able, key=lambda e: e.log_evidence)
+
+    @property
+    def noise(self) -> str:
+        """Name of the noise model of largest evidence."""
+        return self.chosen.target.noise
+
+    def widening(self) -> dict[str, float]:
+        """Return the width of every free number's interval under the chosen noise over that under white noise."""
+        white, honest = self.evidences[0].intervals(), self.chosen.intervals()
+        names = self.chosen.target.problem.names
+        return {name: (honest[name][2] - honest[name][0]) / (white[name][2] - white[name][0]) for name in names}
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready table: `models` by decreasing evidence, each with its intervals, and the choice."""
+        rows = sorted(self.evidences, key=lambda e: -e.log_evidence)
+        best = self.chosen.log_evidence
+        return {
+            "chosen": self.noise,
+            "reliable": self.chosen.reliable,
+            "widening": self.widening(),
+            "models": [{**row.summary(), "behind": best - row.log_evidence} for row in rows],
+        }
+
+
+def choose_noise(fit: Fit, *, rng_seed: int, models: Sequence[str] | None = None, draws: int = 4000) -> NoiseChoice:
+    """Weigh noise models by their evidence on the recordings of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    rng_seed : int
+        Seed; every model has a random stream of its own.
+    models : sequence of str, optional
+        Noise models; by default the Gaussian and all others that apply: rounding where readings come in steps, a noisy
+        input where there is an input.
+    draws : int
+        Draws for each evidence.
+
+    Returns
+    -------
+    NoiseChoice
+
+    Raises
+    ------
+    NotIdentifiable
+        If the data leave a combination of parameters undetermined.
+    InputError
+        For a noise model that is not known, or does not apply.
+    """
+    parts = instruments(fit.problem.bench.experiments)
+    names = applicable(fit.problem, parts) if models is None else (GAUSSIAN, *(m for m in models if m != GAUSSIAN))
+    streams = np.random.default_rng(rng_seed).spawn(len(names))
+    return NoiseChoice(
+        tuple(log_evidence(log_posterior(fit, name), rng, draws) for name, rng in zip(names, streams, strict=True))
+    )

@@ -1,0 +1,168 @@
+"""Predictive bands: what a sampled model says of a recording, every draw through the kernel in one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
+from discovery.estimation.problem import Problem
+from discovery.estimation.starts import fitted_states
+from discovery.foundation.errors import InputError
+from discovery.posterior.instrument import noise_names
+from discovery.simulation.simulate import check_finite
+
+if TYPE_CHECKING:
+    from discovery.posterior.draws import Posterior
+    from discovery.recordings.experiment import Experiment
+
+__all__ = ["QUANTILES", "Band", "fitted_starts", "predictive"]
+
+FloatArray = NDArray[np.float64]
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True)
+class Band:
+    """Pointwise quantiles of one recording.
+
+    Parameters
+    ----------
+    name : str
+        Of the recording.
+    time : ndarray, shape (n,)
+        [s].
+    channels, units : tuple of str
+        As recorded.
+    motion : ndarray, shape (3, n, c)
+        5, 50 and 95 % quantiles of the reading without noise: how uncertain the model's parameters leave it.
+    reading : ndarray, shape (3, n, c)
+        The same of what the instrument would read, noise included.
+    """
+
+    name: str
+    time: FloatArray
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    motion: FloatArray
+    reading: FloatArray
+
+    def coverage(self, measured: FloatArray) -> FloatArray:
+        """Return the share of measured values (n, c) within the 90 % band of the reading, shape (c,); NaN is no value.
+
+        Where noise and model are right it is 0.9.
+        """
+        read = np.isfinite(measured)
+        inside = read & (measured >= self.reading[0]) & (measured <= self.reading[2])
+        with np.errstate(invalid="ignore"):
+            return inside.sum(axis=0) / read.sum(axis=0)
+
+
+def predictive(
+    posterior: Posterior,
+    experiments: Sequence[Experiment],
+    n: int = 200,
+    *,
+    rng: Generator,
+    initial: Mapping[str, tuple[float, float]] | None = None,
+) -> list[Band]:
+    """Return predictive bands of recordings, free-run from the initial state on.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Draws, or what was read from their file.
+    experiments : sequence of Experiment
+        Recordings that were fitted, or others.
+    n : int
+        Number of draws.
+    rng : Generator
+        Chooses the draws and makes the noise.
+    initial : mapping of str to (deflection, rate), optional
+        Initial deflection [q] and rate [q/s] by name of the recording; otherwise the sampled ones of a recording that
+        was fitted, and rest without deflection of any other.
+
+    Returns
+    -------
+    list of Band
+        In the order of `experiments`.
+
+    Raises
+    ------
+    InputError
+        If a recording has channels whose noise was not sampled.
+    SimulationFailure
+        If a draw's motion blows up.
+    """
+    flat = posterior.flat()
+    chosen = rng.choice(next(iter(flat.values())).size, size=n, replace=False)
+    draws = {name: values[chosen] for name, values in flat.items()}
+    bench = Bench(posterior.model.base, posterior.model.effects, experiments, posterior.step)
+    problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian)
+    rows = [draws[name] for name in problem.free]
+    for experiment in () if posterior.model.mechanics.prescribed else experiments:
+        name = experiment.recording.name
+        sampled = [draws.get(f"{part}[{name}]", np.zeros(n)) for part in ("delta_0_init", "rate_0_init")]
+        given = (initial or {}).get(name)
+        rows += sampled if given is None else [np.full(n, value) for value in given]
+    parameters, states = problem.expand(np.array(rows))
+    bands = []
+    for experiment, channels in zip(experiments, bench.predict(parameters, states), strict=True):
+        recording = experiment.recording
+        check_finite(channels, recording.time, bench.names, parameters)
+        factor = _noise_factor(posterior, recording.channels, draws)
+        noise = recording.noise[:, None] * factor * _errors(recording.channels, draws, channels.shape, rng)
+        bands.append(
+            Band(
+                recording.name,
+                recording.time,
+                recording.channels,
+                recording.units,
+                np.quantile(channels, QUANTILES, axis=2),
+                np.quantile(channels + noise, QUANTILES, axis=2),
+            )
+        )
+    return bands
+
+
+def _errors(
+    channels: tuple[str, ...], draws: Mapping[str, FloatArray], shape: tuple[int, ...], rng: Generator
+) -> FloatArray:
+    """Return errors of unit scale: of Student's t where its degrees of freedom were sampled, else Gaussian."""
+    for name in noise_names(channels):
+        degrees = draws.get(name.replace("sigma", "nu", 1))
+        if degrees is not None:
+            return rng.standard_t(degrees, shape)
+    return rng.standard_normal(shape)
+
+
+def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> dict[str, tuple[float, float]]:
+    """Return initial deflection [q] and rate [q/s] of recordings that were not fitted, by name.
+
+    They are fitted to the readings with the parameters held at their posterior medians; a band that starts there holds
+    no uncertainty of its start.
+    """
+    model = posterior.model
+    if model.mechanics.prescribed or not experiments:
+        return {}
+    medians = {name: float(np.median(x)) for name, x in posterior.flat().items() if name in model.parameters}
+    held = Model(model.base, model.effects, {**model.known, **medians})
+    problem = Problem(held, Bench(model.base, model.effects, experiments, posterior.step), posterior.natural, {})
+    states = fitted_states([problem])[0].reshape(-1, 2).tolist()
+    return {e.recording.name: (d, rate) for e, (d, rate) in zip(experiments, states, strict=True)}
+
+
+def _noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
+    for name in noise_names(channels):
+        if name in posterior.stated_noise:
+            return draws[name] / posterior.stated_noise[name]
+    raise InputError(
+        f"The noise of {', '.join(channels)} was not sampled, only {', '.join(posterior.stated_noise)}: "
+        "predict recordings with the channels of those that were fitted."
+    )

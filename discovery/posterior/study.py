@@ -1,0 +1,230 @@
+"""What a posterior is looked at for: priors, profiles, correlations, chains, and how well it predicts readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from discovery.foundation.errors import SimulationFailure
+from discovery.posterior.autocorrelation import Autocorrelation, autocorrelation
+from discovery.posterior.correlations import Correlations, correlations
+from discovery.posterior.likelihood import log_posterior
+from discovery.posterior.marginal_priors import MarginalPrior, marginal_priors
+from discovery.posterior.predictive import Band, fitted_starts, predictive
+from discovery.posterior.prior_sensitivity import PriorEffect, prior_effects
+from discovery.posterior.profile_likelihood import CUT, Profile, profiles
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from discovery.estimation.fit import Fit
+    from discovery.posterior.draws import Posterior
+    from discovery.recordings.experiment import Experiment
+
+__all__ = ["Coverage", "PosteriorStudy", "study_posterior"]
+
+FloatArray = NDArray[np.float64]
+#: Recordings of more samples get no predictive band.
+LONGEST_BAND = 20_000
+#: Points of a prior's density over the range of the profile.
+_PRIOR_POINTS = 41
+_NEARLY_ALL = (0.001, 0.999)
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Share of the readings of one channel within the 90 % predictive band, noise included.
+
+    Parameters
+    ----------
+    recording, part, channel, unit : str
+        What was read; `part` is "fitted" or "held out".
+    readings : int
+        How many there are.
+    share : float
+        Of them within the band; 0.9 where noise and model are right.
+    width : float
+        Mean width of the band.
+    """
+
+    recording: str
+    part: str
+    channel: str
+    unit: str
+    readings: int
+    share: float
+    width: float
+
+
+@dataclass(frozen=True)
+class PosteriorStudy:
+    """Everything that a reader of a posterior asks for beside its summary.
+
+    Parameters
+    ----------
+    priors : mapping of str to MarginalPrior
+        Prior of every physical parameter.
+    prior_effects : tuple of PriorEffect
+        Contraction, and sensitivity to the priors' widths.
+    profiles : tuple of Profile
+        Profile likelihoods.
+    correlations : Correlations
+        Of the parameters and the noise.
+    autocorrelation : Autocorrelation
+        Of the chains.
+    bands : tuple of Band
+        Predictive bands of the recordings, those left out that are too long, and those held out in which a motion blows
+        up.
+    coverage : tuple of Coverage
+        How many readings they hold.
+    ranges : mapping of str to (float, float)
+        Where nearly all draws of every physical parameter lie.
+    """
+
+    priors: dict[str, MarginalPrior]
+    prior_effects: tuple[PriorEffect, ...]
+    profiles: tuple[Profile, ...]
+    correlations: Correlations
+    autocorrelation: Autocorrelation
+    bands: tuple[Band, ...]
+    coverage: tuple[Coverage, ...]
+    ranges: dict[str, tuple[float, float]]
+
+    def summary(self) -> dict[str, Any]:
+        """Return what results.json holds of the study."""
+        return {
+            "priors": [self._prior_row(row) for row in self.prior_effects],
+            "profiles": [
+                {
+                    "name": p.name,
+                    "values": p.values.tolist(),
+                    "statistic": [float(x) if np.isfinite(x) else None for x in p.statistic],
+                    "best": p.best,
+                    "interval": list(p.interval),
+                    "cut": CUT,
+                    **self._prior_beside(p.name),
+                }
+                for p in self.profiles
+            ],
+            "correlations": self.correlations.summary(),
+            "autocorrelation": self.autocorrelation.summary(),
+            "coverage": [asdict(row) for row in self.coverage],
+        }
+
+    def _prior_row(self, row: PriorEffect) -> dict[str, Any]:
+        return {
+            "name": row.name,
+            **self.priors[row.name].summary(),
+            "prior_sd": row.prior_sd if np.isfinite(row.prior_sd) else None,
+            "contraction": row.contraction,
+            "widths": [
+                {"factor": k, "shift": row.shift[k], "sd_ratio": row.sd_ratio[k], "effective": row.effective[k]}
+                for k in row.shift
+            ],
+            "sensitive": row.sensitive,
+        }
+
+    def _prior_beside(self, name: str) -> dict[str, Any]:
+        """Return the prior's density over the range of the draws, relative to its largest value there."""
+        x = np.linspace(*self.ranges[name], _PRIOR_POINTS)
+        log_density = self.priors[name].log_density(x)
+        return {"prior_values": x.tolist(), "prior_density": np.exp(log_density - log_density.max()).tolist()}
+
+    def curves(self) -> dict[str, xr.Dataset]:
+        """Return the predictive bands as groups of a netCDF file, by recording."""
+        import xarray as xr
+
+        groups = {}
+        for band in self.bands:
+            variables = {
+                f"{kind}_{q}": (("time", "channel"), values)
+                for kind, quantiles in (("motion", band.motion), ("reading", band.reading))
+                for q, values in zip(("q05", "q50", "q95"), quantiles, strict=True)
+            }
+            groups[band.name] = xr.Dataset(
+                variables, {"time": band.time, "channel": list(band.channels)}, {"units": list(band.units)}
+            )
+        return groups
+
+
+def study_posterior(
+    posterior: Posterior, fit: Fit, holdout: Sequence[Experiment] = (), *, rng: Generator, draws: int = 200
+) -> PosteriorStudy:
+    """Study a posterior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Draws.
+    fit : Fit
+        The fit that was sampled.
+    holdout : sequence of Experiment
+        Recordings that it did not see; only their initial states are fitted.
+    rng : Generator
+        For the predictive bands.
+    draws : int
+        Draws of each band.
+
+    Returns
+    -------
+    PosteriorStudy
+    """
+    target = log_posterior(fit)
+    priors, flat = marginal_priors(target), posterior.flat()
+    train = _short(fit.problem.bench.experiments)
+    held = _short(holdout)
+    starts = fitted_starts(posterior, held)
+
+    def banded(experiments: Sequence[Experiment]) -> list[Band]:
+        return predictive(posterior, experiments, draws, rng=rng, initial=starts) if experiments else []
+
+    try:
+        bands = banded([*train, *held])
+    except SimulationFailure:
+        # What was fitted may blow up in a motion that it has not seen: there is no band of that.
+        bands, every, held = banded(train), held, []
+        for experiment in every:
+            with suppress(SimulationFailure):
+                bands += banded([experiment])
+                held.append(experiment)
+    shown = [*train, *held]
+    seen = [*(e.fitted for e in train), *[slice(0, 0)] * len(held)]
+    rows: list[Coverage] = []
+    for experiment, band, fitted in zip(shown, bands, seen, strict=True):
+        rows += _covered(experiment, band, fitted)
+    return PosteriorStudy(
+        priors,
+        tuple(prior_effects(flat, priors)),
+        tuple(profiles(target)),
+        correlations(posterior),
+        autocorrelation(posterior),
+        tuple(bands),
+        tuple(rows),
+        {name: tuple(np.quantile(flat[name], _NEARLY_ALL).tolist()) for name in priors},
+    )
+
+
+def _short(experiments: Sequence[Experiment]) -> list[Experiment]:
+    return [e for e in experiments if e.recording.time.size <= LONGEST_BAND]
+
+
+def _covered(experiment: Experiment, band: Band, seen: slice) -> list[Coverage]:
+    """Return the coverage of the fitted and of the held-out samples of a recording."""
+    fitted = np.zeros(band.time.size, bool)
+    fitted[seen] = True
+    rows = []
+    for part, samples in (("fitted", fitted), ("held out", ~fitted)):
+        measured = np.where(samples[:, None], experiment.recording.output, np.nan)
+        count = np.isfinite(measured).sum(axis=0)
+        shares, widths = band.coverage(measured), (band.reading[2] - band.reading[0])[samples]
+        for c, (channel, unit) in enumerate(zip(band.channels, band.units, strict=True)):
+            if count[c]:
+                width = float(widths[:, c].mean())
+                rows.append(Coverage(band.name, part, channel, unit, int(count[c]), float(shares[c]), width))
+    return rows

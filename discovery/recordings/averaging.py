@@ -1,0 +1,156 @@
+"""Recordings read far faster than they move: averages over a few readings each, which lose nothing of the motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.recordings.quantisation import quantum
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Rig
+
+__all__ = ["averaged", "averaged_down"]
+
+FloatArray = npt.NDArray[np.float64]
+#: A recording keeps at least so many readings: fewer would hardly make anything quicker.
+_KEPT = 2000
+#: Averages may miss the motion by this part of their own noise.
+_MISSED = 0.1
+#: Lines of a spectrum that are looked at together, and how far they stand out of the noise where something moves.
+_LINES, _STANDS_OUT = 32, 2.0
+#: Longest step between stamps that only jitter, over the median one; share of stretches that gaps may cost.
+_GAP, _LOST = 1.5, 0.02
+
+
+def averaged_down(recording: Recording, rig: Rig) -> Recording:
+    """Return a recording with as few readings as its motion needs, and a note that says so.
+
+    Stretches of equal length are averaged, which lowers white noise by the root of their length; that of rounding is
+    kept. Their length is the largest one by which nothing that stands out of the noise, in the output or in the input,
+    is missed by more than a tenth of the noise that is left.
+
+    Parameters
+    ----------
+    recording : Recording
+        Read at a steady rate; others are returned as they are.
+    rig : Rig
+        The system; a held input and an output that passes filters ask for every reading.
+    """
+    held = rig.columns.input is not None and rig.columns.input.interpolation == "hold"
+    steps, most = np.diff(recording.time), recording.time.size // _KEPT
+    if most < 2 or rig.view is not None or held or steps.max() > _GAP * np.median(steps):
+        return recording
+    length = _longest(recording, most)
+    return recording if length == 1 else averaged(recording, length)
+
+
+def averaged(recording: Recording, length: int) -> Recording:
+    """Return a recording whose readings are averages over so many, at the middle of their times.
+
+    Parameters
+    ----------
+    recording : Recording
+    length : int
+        Readings of an average. The last ones that fill none are left out.
+    """
+    count = recording.time.size
+    step = float(np.median(np.diff(recording.time)))
+    kept = count // length
+    note = (
+        f"{count} readings every {step:.3g} s were averaged by {length} to {kept} every {length * step:.3g} s: nothing "
+        "of the motion that stands out of the noise needs more."
+    )
+    return replace(
+        recording,
+        time=recording.time[: kept * length].reshape(kept, length).mean(axis=1),
+        input=None if recording.input is None else _means(recording.input[:, None], length)[:, 0],
+        output=_means(recording.output, length),
+        noise=_noise(recording, _alike(recording), length),
+        notes=(*recording.notes, note),
+    )
+
+
+def _longest(recording: Recording, most: int) -> int:
+    """Return the largest length, up to one, by which averages miss nothing of a recording."""
+    present, drive = np.asarray(np.isfinite(recording.output).all(axis=1)), recording.input
+    if not present.any():
+        return 1
+    outputs = [_filled(c) for c in recording.output.T]
+    spectra = [_Spectrum.of(c, sd) for c, sd in zip(outputs, recording.noise.tolist(), strict=True)]
+    moved = None if drive is None or np.ptp(drive) == 0 else _Spectrum.of(drive / np.std(drive), 0.0)
+    sizes, same = np.std(outputs, axis=1), _alike(recording)
+
+    def serves(length: int) -> bool:
+        if _lost(present, length) > _LOST:
+            return False
+        allowed = _MISSED * _noise(recording, same, length)
+        # What is missed of an input is missed, in the same proportion, of what it moves.
+        share = 0.0 if moved is None else moved.missed(length)
+        return bool(np.all([s.missed(length) for s in spectra] <= allowed) and np.all(share * sizes <= allowed))
+
+    return next((k for k in range(most, 1, -1) if serves(k)), 1)
+
+
+def _alike(recording: Recording) -> FloatArray:
+    """Return the part of each channel's noise that errs alike in neighbours: the rounding of a slow motion."""
+    rounding = np.array([quantum(c) for c in recording.output.T]) / np.sqrt(12.0)
+    # Noise far larger than a step makes its rounding as random.
+    return np.where(recording.noise < 2 * rounding, np.minimum(rounding, recording.noise), 0.0)
+
+
+def _noise(recording: Recording, same: FloatArray, length: int) -> FloatArray:
+    """Return the noise of averages, of which a part is the same in neighbours."""
+    return np.asarray(np.sqrt((recording.noise**2 - same**2) / length + same**2))
+
+
+def _means(columns: FloatArray, length: int) -> FloatArray:
+    """Return values at the middles of stretches: means, less what the curvature between neighbours adds to them."""
+    kept = len(columns) // length
+    means = columns[: kept * length].reshape(kept, length, -1).mean(axis=1)
+    bend = np.diff(means, 2, axis=0) / 24
+    bend = np.where(np.isfinite(bend), bend, 0.0)
+    return np.asarray(means - (1 - 1 / length**2) * np.concatenate([bend[:1], bend, bend[-1:]]))
+
+
+def _lost(present: npt.NDArray[np.bool_], length: int) -> float:
+    """Return which share of the readings that are present stretches with a gap in them lose."""
+    used = present.size // length * length
+    whole = present[:used].reshape(-1, length).all(axis=1).sum() * length
+    return float(1 - whole / present.sum()) - (present.size - used) / present.size
+
+
+def _filled(channel: FloatArray) -> FloatArray:
+    """Return a channel with straight lines across its gaps."""
+    good = np.isfinite(channel)
+    return np.interp(np.arange(channel.size), np.flatnonzero(good), channel[good])
+
+
+@dataclass(frozen=True)
+class _Spectrum:
+    """What stands out of the noise of a channel: angular frequencies a reading [rad], and the power of each."""
+
+    turn: FloatArray
+    power: FloatArray
+
+    @classmethod
+    def of(cls, channel: FloatArray, noise: float) -> _Spectrum:
+        """Return the spectrum of a channel without gaps."""
+        n = channel.size
+        window = np.hanning(n)
+        line = np.polynomial.Polynomial.fit(np.arange(n), channel, 1)(np.arange(n))
+        power = 2 * np.abs(np.fft.rfft(window * (channel - line))) ** 2 / (n * np.sum(window**2))
+        size = power.size // _LINES * _LINES
+        bands = power[:size].reshape(-1, _LINES).mean(axis=1)
+        floor = max(float(np.median(bands[bands.size // 2 :])), 2 * noise**2 / n)
+        lines = np.flatnonzero(np.repeat(bands > _STANDS_OUT * floor, _LINES))
+        return cls(2 * np.pi * lines / n, power[lines])
+
+    def missed(self, length: int) -> float:
+        """Return by how much averages over so many readings miss it, rms."""
+        # The response of a mean over the stretch, and of what is taken off for its curvature.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(self.turn > 0, np.sin(self.turn * length / 2) / (length * np.sin(self.turn / 2)), 1.0)
+        response = mean * (1 + (1 - 1 / length**2) * (1 - np.cos(self.turn * length)) / 12)
+        return float(np.sqrt(np.sum(self.power * (1 - response) ** 2)))

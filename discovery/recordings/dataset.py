@@ -1,0 +1,224 @@
+"""What a run works on: a rig with its training and held-out recordings."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.declarations.units import quoted
+from discovery.foundation.errors import InputError
+from discovery.recordings.averaging import averaged_down
+from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
+from discovery.recordings.holdout_part import fitted_count
+from discovery.recordings.recording import Recording, read_recording
+from discovery.recordings.shared_samples import shared_samples
+from discovery.rigs.kinds import KINDS
+from discovery.rigs.rig import RecordPart, Rig
+from discovery.rigs.rig_file import read_rig
+
+__all__ = ["Dataset", "load_dataset"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A rig with its recordings, averaged where they were read far faster than they move, input made smooth.
+
+    Parameters
+    ----------
+    rig : Rig
+        The system.
+    train, holdout : tuple of Experiment
+        Recordings to fit, and recordings that are never fitted. Where there is no hold-out, the last third of every
+        training recording is kept out of the fit.
+    test : tuple of Experiment
+        Recordings that neither a fit nor a decision sees, for the score alone.
+    """
+
+    rig: Rig
+    train: tuple[Experiment, ...]
+    holdout: tuple[Experiment, ...]
+    test: tuple[Experiment, ...] = ()
+
+    @cached_property
+    def everything(self) -> tuple[tuple[str, Experiment], ...]:
+        """All recordings that are fitted or decide, with their roles."""
+        return (*(("train", e) for e in self.train), *(("holdout", e) for e in self.holdout))
+
+
+def _read(part: RecordPart, rig: Rig) -> Recording:
+    path = part.file
+    if not os.path.exists(path):
+        # Public measured data lie in the user's data folder, not beside the rig file.
+        from discovery_datasets import registry
+
+        name = registry.registered(path)
+        if name is not None:
+            try:
+                path = registry.locate(name)
+            except registry.DataUnavailable as error:
+                raise InputError(f"{path} does not exist, and the {error}") from None
+    return read_recording(path, rig, part.samples, where=part.where, name=part.name)
+
+
+def load_dataset(
+    rig_path: str | os.PathLike[str],
+    train: Sequence[str | os.PathLike[str]] = (),
+    holdout: Sequence[str | os.PathLike[str]] = (),
+    *,
+    keep_third: bool = True,
+) -> Dataset:
+    """Read a rig file and recordings.
+
+    Parameters
+    ----------
+    rig_path : path
+        TOML rig file.
+    train, holdout : sequence of path
+        Recordings; where `train` is empty, the rig file's own [records].
+    keep_third : bool
+        Keep the last third of every training recording, or of its motion where that ends sooner, out of the fit where
+        there is no hold-out: see `discovery.recordings.holdout_part`.
+
+    Raises
+    ------
+    InputError
+        For anything that cannot be used, naming file, column, row and remedy.
+    """
+    rig = read_rig(rig_path)
+    parts = {
+        "train": [RecordPart(Path(p)) for p in train] or list(rig.records.get("train", ())),
+        "holdout": [RecordPart(Path(p)) for p in holdout] or ([] if train else list(rig.records.get("holdout", ()))),
+        "test": [] if train or holdout else list(rig.records.get("test", ())),
+    }
+    if not parts["train"]:
+        raise InputError(
+            f"{rig_path}: there is nothing to fit. Give --train FILE, or a train list under [records] in the rig file."
+        )
+    found = {role: [_read(part, rig) for part in listed] for role, listed in parts.items()}
+    _refuse_twins(found)
+    _distinguish(found, parts)
+    found = {role: [averaged_down(r, rig) for r in listed] for role, listed in _doubted(rig, found).items()}
+    alone = keep_third and not found["holdout"]
+    dataset = Dataset(
+        rig,
+        tuple(make_experiment(r, rig, fitted_samples=fitted_count(r) if alone else None) for r in found["train"]),
+        tuple(make_experiment(r, rig) for r in found["holdout"]),
+        tuple(make_experiment(r, rig) for r in found["test"]),
+    )
+    for role, experiment in (*dataset.everything, *(("test", e) for e in dataset.test)):
+        _refuse_unusable(role, experiment)
+    return dataset
+
+
+def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Recording]]:
+    """Return recordings with a note on each whose scale gravity contradicts."""
+
+    def motions(*recordings: Recording) -> list[tuple[FloatArray, FloatArray]]:
+        return [(r.time, r.output[:, 0]) for r in recordings]
+
+    def doubt(r: Recording) -> str:
+        if rig.kind == "falling_body":
+            return fall_doubt(rig, *motions(r))
+        # Swings of different size say more together, unless one of them alone is in another unit.
+        return together or angle_doubt(rig, motions(r))
+
+    every = [r for listed in found.values() for r in listed]
+    free = rig.gravity is not None and rig.view is None and all(r.input is None for r in every)
+    if not free or rig.kind not in ("pendulum", "falling_body"):
+        return found
+    together = angle_doubt(rig, motions(*every)) if rig.kind == "pendulum" else ""
+    return {
+        role: [replace(r, notes=(*r.notes, said)) if (said := doubt(r)) else r for r in listed]
+        for role, listed in found.items()
+    }
+
+
+#: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
+_FEWEST = 30
+
+
+def _refuse_twins(found: dict[str, list[Recording]]) -> None:
+    """Refuse the same samples of the same file twice: a hold-out that was fitted judges nothing."""
+    seen: dict[tuple[str, str], str] = {}
+    for role, listed in found.items():
+        for r in listed:
+            key = (r.sha256, r.source.rpartition("[")[2] if r.source.endswith("]") else "")
+            if key in seen:
+                raise InputError(
+                    f"{r.source} is given twice, as {seen[key]} and as {role}: its samples would count twice, or judge "
+                    "a fit that has seen them. Name each recording once."
+                )
+            seen[key] = role
+    for r in found["train"]:
+        for role in ("holdout", "test"):
+            for other in found.get(role, ()):
+                at = shared_samples(r, other)
+                if at is not None:
+                    raise InputError(
+                        f"{other.source}, from sample {at} on, repeats readings of {r.source}, which is fitted: it "
+                        f"would judge a fit that has seen them. Give another recording as {role}, or parts that do "
+                        "not overlap."
+                    )
+
+
+def _refuse_unusable(role: str, experiment: Experiment) -> None:
+    """Refuse a recording whose fitted or held-out part holds no measurement, or whose input is dead."""
+    r = experiment.recording
+    finite = np.asarray(np.isfinite(r.output).all(axis=1))
+    fitted = np.zeros(r.time.size, bool)
+    fitted[experiment.fitted] = True
+    parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}
+    if role == "train" and not fitted.all():
+        parts["held-out"] = finite[~fitted]
+    fewest = min(_FEWEST, KINDS[experiment.rig.kind].fewest)
+    for name, part in parts.items():
+        if part.sum() < fewest:
+            raise InputError(
+                f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {fewest} are "
+                "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
+            )
+    if not experiment.is_arm and r.input is not None and np.ptp(r.input) == 0:
+        given = experiment.rig.columns.input
+        value = f"{r.input[0]:g}" if given is None else quoted(float(r.input[0]), given.unit, 6)
+        raise InputError(
+            f"{r.source}: the input is {value} throughout, so it drives nothing and its gain cannot be found. "
+            "For a free decay, remove the input from [columns] in the rig file."
+        )
+
+
+def _distinguish(found: dict[str, list[Recording]], parts: dict[str, list[RecordPart]]) -> None:
+    """Name recordings that share a name by the rows they are of, and number those that still do."""
+    _rename(found, lambda role, i, r: _rows_name(r.name, parts[role][i]) if parts[role][i].name is None else r.name)
+    count: dict[str, int] = {}
+
+    def numbered(role: str, i: int, recording: Recording) -> str:
+        count[recording.name] = count.get(recording.name, 0) + 1
+        return f"{recording.name}_{count[recording.name]}"
+
+    _rename(found, numbered)
+
+
+def _rename(found: dict[str, list[Recording]], name: Callable[[str, int, Recording], str]) -> None:
+    names = Counter(r.name for listed in found.values() for r in listed)
+    for role, listed in found.items():
+        for i, recording in enumerate(listed):
+            if names[recording.name] > 1:
+                listed[i] = replace(recording, name=name(role, i, recording))
+
+
+def _rows_name(name: str, part: RecordPart) -> str:
+    """Name rows of a file by the values that pick them, numbers with their column, or by their place in it."""
+    words = [value if isinstance(value, str) else f"{column}_{value:g}" for column, value in part.where]
+    name = re.sub(r"[^\w.+-]+", "_", "_".join(words)).strip("_").lower() if words else name
+    return f"{name}_{part.samples[0]}-{part.samples[1]}" if part.samples else name

@@ -1,0 +1,183 @@
+"""A recording made ready for simulation: its smooth drive, its noise, and how readings become its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.declarations.effect import ARM
+from discovery.declarations.units import si_symbol
+from discovery.recordings.angles import within_half_a_turn
+from discovery.recordings.force_view import sampling_rate, zero_phase
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import Rig
+from discovery.simulation.grid import DriveLike
+from discovery.simulation.pace import Pace
+
+__all__ = ["Experiment", "make_experiment"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One recording with its smooth input.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was measured.
+    drive : DriveLike or None
+        The input made smooth.
+    rig : Rig
+        The system.
+    fitted_samples : int or None
+        Only so many samples, from the first, are fitted; the rest is held out. None: all.
+    pace : Pace or None
+        Where the steps of its simulations are shorter than elsewhere. None: nowhere.
+    """
+
+    recording: Recording
+    drive: DriveLike | None
+    rig: Rig
+    fitted_samples: int | None = None
+    pace: Pace | None = None
+
+    @property
+    def fitted(self) -> slice:
+        """Samples that may be fitted."""
+        return slice(0, self.fitted_samples)
+
+    def first(self, count: int) -> Experiment:
+        """Return the experiment of the first so many samples, all of them fitted."""
+        r = self.recording
+        inputs = None if r.input is None else r.input[:count]
+        part = replace(r, time=r.time[:count], output=r.output[:count], input=inputs)
+        return replace(self, recording=part, fitted_samples=None)
+
+    @property
+    def fitted_part(self) -> Experiment:
+        """The experiment to its last fitted sample: no residual needs more, but where readings pass a filter."""
+        cut = self.fitted_samples and self.rig.view is None
+        return self.first(len(self.recording.time[self.fitted])) if cut else self
+
+    @property
+    def is_arm(self) -> bool:
+        """Whether the system is a flexible arm."""
+        return self.rig.kind == ARM
+
+    @cached_property
+    def motor_angle(self) -> FloatArray:
+        """Smooth motor angle at the samples [rad], zeros for an oscillator, shape (n,)."""
+        if not self.is_arm or self.drive is None:
+            return np.zeros(self.recording.time.size)
+        return self.drive.evaluate(self.recording.time)[0]
+
+    def channels(self, reading: FloatArray) -> FloatArray:
+        """Return the recorded channels for simulated readings.
+
+        Parameters
+        ----------
+        reading : ndarray, shape (n, r, k)
+            Tip x, y [m] of an arm, or the output of an oscillator.
+
+        Returns
+        -------
+        ndarray, shape (n, c, k)
+        """
+        names = self.recording.channels
+        if self.rig.view is not None:
+            # The computed force passes the low-pass that the measured one did.
+            return zero_phase(reading, self._rate, self.rig.view.cutoff)
+        if names in (("tip_x", "tip_y"), ("output",)):
+            return reading
+        x, y = reading[:, 0], reading[:, 1]
+        if names == ("tip_angle",):
+            # The turn nearest to the motor: a tip cannot be half a turn ahead of its hub.
+            base = self.motor_angle[:, None]
+            return (base + (np.arctan2(y, x) - base + np.pi) % (2 * np.pi) - np.pi)[:, None]
+        c, s = np.cos(self.motor_angle)[:, None], np.sin(self.motor_angle)[:, None]
+        return (c * y - s * x)[:, None]
+
+    @cached_property
+    def _rate(self) -> float:
+        return sampling_rate(self.recording.time, self.recording.source)
+
+    @property
+    def force(self) -> FloatArray | None:
+        """What was recorded of the force on an oscillator, shape (n,): its input, or the output of inverse dynamics."""
+        return self.recording.input if self.rig.view is None else self.recording.output[:, 0]
+
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether the output is the second derivative of the coordinate."""
+        return self.rig.columns.output.reads == "acceleration"
+
+    @property
+    def coordinate_unit(self) -> str:
+        """SI unit of the coordinate."""
+        if self.rig.view is not None and self.rig.columns.input is not None:
+            return si_symbol(self.rig.columns.input.unit)
+        return "rad" if self.is_arm else self.recording.units[0]
+
+    @cached_property
+    def deflection(self) -> FloatArray:
+        """Measured deflection theta_t - theta_m [rad] (an oscillator: its coordinate), NaN in gaps, shape (n,)."""
+        if self.rig.view is not None and self.recording.input is not None:
+            return self.recording.input
+        out = self.recording.output
+        names = self.recording.channels
+        if names == ("tip_x", "tip_y"):
+            return within_half_a_turn(np.arctan2(out[:, 1], out[:, 0]) - self.motor_angle)
+        if names == ("tip_angle",):
+            return out[:, 0] - self.motor_angle
+        if names == ("tip_deflection",):
+            assert self.rig.length is not None
+            return np.arcsin(np.clip(out[:, 0] / self.rig.length.value, -1, 1))
+        return out[:, 0]
+
+    @cached_property
+    def initial_guess(self) -> tuple[float, float]:
+        """Deflection and its rate at the first sample, from a parabola through the first samples; rest if not read."""
+        if self.reads_acceleration:
+            return 0.0, 0.0
+        t, d = self.recording.time, self.deflection
+        good = np.flatnonzero(np.isfinite(d))
+        first = good[: max(4, min(9, good.size))]
+        noise = np.nanmax(self.recording.noise) / (self.rig.length.value if self.rig.length else 1.0)
+        # More samples while a straight line still describes them within the noise.
+        for count in (16, 32, 64):
+            if count > good.size:
+                break
+            part = good[:count]
+            line = np.polynomial.Polynomial.fit(t[part], d[part], 2)
+            if np.std(d[part] - line(t[part])) > 1.5 * noise:
+                break
+            first = part
+        fit = np.polynomial.Polynomial.fit(t[first], d[first], min(2, first.size - 1))
+        return float(fit(t[0])), float(fit.deriv()(t[0]))
+
+    def weights(self) -> FloatArray:
+        """Return 1/noise of every fitted sample and channel, zero in gaps and held-out parts, shape (n, c)."""
+        out = self.recording.output
+        weights = np.where(np.isfinite(out), 1.0 / self.recording.noise, 0.0)
+        keep = np.zeros(len(out), bool)
+        keep[self.fitted] = True
+        weights[~keep] = 0.0
+        return weights
+
+
+def make_experiment(recording: Recording, rig: Rig, *, fitted_samples: int | None = None) -> Experiment:
+    """Return the experiment of a recording: its input is made smooth here, once."""
+    from discovery.recordings.smooth_input import build_drive
+
+    return Experiment(recording, build_drive(recording, rig), rig, fitted_samples)
+
+
+def largest_deflection(experiments: Sequence[Experiment]) -> float:
+    """Return the largest measured deflection of the fitted samples [q], robust against single outliers."""
+    return max(float(np.nanquantile(np.abs(e.deflection[e.fitted]), 0.999)) for e in experiments)

@@ -1,0 +1,84 @@
+"""Inverse dynamics: motion and force through zero-phase low-passes, declared in the rig file."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.foundation.errors import InputError
+from discovery.rigs.rig import ForceView
+
+__all__ = ["force_samples", "noise_gain", "sampling_rate", "zero_phase"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_ORDER = 4
+_SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
+_SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves disturb
+
+
+def sampling_rate(time: FloatArray, source: str) -> float:
+    """Return the rate of equally spaced times [Hz].
+
+    Raises
+    ------
+    InputError
+        If a step differs from the others by more than a hundredth.
+    """
+    steps = np.diff(time)
+    step = float(steps.mean())
+    if np.max(np.abs(steps - step)) > 0.01 * step:
+        raise InputError(
+            f"{source}: the times are not equally spaced, so the signals cannot be low-passed as [view] asks. Resample "
+            "the recording, or take a part without gaps with samples = [start, stop]."
+        )
+    return 1.0 / step
+
+
+def zero_phase(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
+    """Low-pass equally spaced samples: a Butterworth filter of order 4, forwards and backwards.
+
+    Parameters
+    ----------
+    values : array, shape (n, ...)
+        Samples along the first axis.
+    rate, cutoff : float
+        Sampling rate and frequency at which the amplitude is halved [Hz]; from half the rate on nothing is done.
+
+    Returns
+    -------
+    array, shape (n, ...)
+    """
+    from scipy.signal import sosfiltfilt
+
+    if cutoff >= 0.5 * rate:
+        return values
+    return np.asarray(sosfiltfilt(_sections(rate, cutoff), values, axis=0), np.float64)
+
+
+def noise_gain(rate: float, cutoff: float) -> float:
+    """Return by how much `zero_phase` reduces the standard deviation of white noise."""
+    from scipy.signal import sosfreqz
+
+    if cutoff >= 0.5 * rate:
+        return 1.0
+    _, response = sosfreqz(_sections(rate, cutoff), worN=np.linspace(0.0, np.pi, 16385))
+    return float(np.sqrt(np.mean(np.abs(response) ** 4)))
+
+
+def force_samples(view: ForceView, time: FloatArray, rate: float) -> npt.NDArray[np.bool_]:
+    """Mark the samples of the force that are used, without those that the ends disturb.
+
+    They are thinned as `view` says, and at least until their noise is white.
+    """
+    every = max(view.decimation or 1, int(rate / (_SAMPLES_A_PERIOD * view.cutoff)))
+    used = np.zeros(time.size, bool)
+    used[::every] = True
+    settling = _SETTLING / view.cutoff
+    return used & (time >= time[0] + settling) & (time <= time[-1] - settling)
+
+
+def _sections(rate: float, cutoff: float) -> FloatArray:
+    from scipy.signal import butter
+
+    return np.asarray(butter(_ORDER, cutoff, fs=rate, output="sos"), np.float64)

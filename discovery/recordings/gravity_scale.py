@@ -1,0 +1,177 @@
+"""What gravity and the sine say about the scale of a motion: an angle or a height that is in another unit.
+
+The period of a pendulum grows with its amplitude as pi / 2K(sin(A/2)) shrinks, where A is in radians: that fixes the
+scale of the angle whatever the length is. A body that falls slowly feels gravity alone, and drag never makes it faster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ellipk
+
+from discovery.declarations.units import quoted, si_factor
+from discovery.rigs.rig import Rig
+
+__all__ = ["angle_doubt", "fall_doubt"]
+
+FloatArray = npt.NDArray[np.float64]
+Motion = tuple[FloatArray, FloatArray]
+
+_ANGLES = ("rad", "deg", "mrad")
+_LENGTHS = ("m", "ft", "inch", "cm", "mm")
+#: Periods in one stretch whose amplitude and frequency are measured, and stretches that are needed.
+_PERIODS, _FEWEST = 2.0, 4
+#: Another unit must leave less than this share of what the declared one leaves.
+_SHARE = 0.04
+#: Frequencies are known to this part at best: a stretch decays, other effects act.
+_FLOOR = 5e-4
+#: Beyond it a pendulum turns over [rad].
+_LARGEST = 3.0
+#: Share of the largest speed up to which a fall is slow, and samples that it needs.
+_SLOW, _SAMPLES = 0.5, 8
+#: Between these shares of gravity a slow fall begins, buoyancy and drag included.
+_SLOWEST, _FASTEST = 0.5, 1.1
+#: Standard deviations beyond which something is sure.
+_SURE = 4.0
+
+
+def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> str:
+    """Return a doubt about the unit of the angle of a pendulum that swings freely; empty where there is none.
+
+    Parameters
+    ----------
+    rig : Rig
+        The pendulum.
+    motions : sequence of (time, angle), each shape (n,)
+        Of one pendulum, in SI units; NaN are gaps.
+    """
+    measured = [row for time, angle in motions for row in _stretches(time, angle)]
+    if len(measured) < _FEWEST:
+        return ""
+    amplitude, frequency, sd = np.array(measured).T
+    declared = si_factor(rig.columns.output.unit)
+    # A period that hardly grows may be that of a pendulum with a spring: only larger units say something.
+    larger = [unit for unit in _ANGLES if si_factor(unit) > 2.0 * declared]
+    left = {unit: _misfit(amplitude * si_factor(unit) / declared, frequency, sd) for unit in larger}
+    stated = _misfit(amplitude, frequency, sd)
+    unit = min(left, key=lambda name: left[name], default="")
+    if not unit or not left[unit] < _SHARE * stated or stated < _SURE**2 * len(measured):
+        return ""
+    far = float(amplitude.max())
+    slower, due = (float(_slowing(np.array(a))) for a in (far * si_factor(unit) / declared, far))
+    return (
+        f"The period grows with the amplitude as that of a pendulum whose angle is in {unit}: by {100 * slower:.2g} % "
+        f"up to {quoted(far, rig.columns.output.unit)}, where it would grow by {100 * due:.2g} % if the unit were "
+        f'as the rig file has it. Is the unit of the output right? For {unit}, set unit = "{unit}".'
+    )
+
+
+def _slowing(amplitude: FloatArray) -> FloatArray:
+    """Return by which part the period is longer than that of small swings."""
+    return ellipk(np.sin(0.5 * amplitude) ** 2) / (0.5 * np.pi) - 1.0
+
+
+def _misfit(amplitude: FloatArray, frequency: FloatArray, sd: FloatArray) -> float:
+    """Return the chi-square of frequencies against the sine's law, the length being free."""
+    if amplitude.max() > _LARGEST:
+        return np.inf
+    law = 1.0 / (1.0 + _slowing(amplitude))
+    weight = 1.0 / (sd**2 + (_FLOOR * frequency) ** 2)
+    small = np.sum(weight * law * frequency) / np.sum(weight * law**2)
+    return float(np.sum(weight * (frequency - small * law) ** 2))
+
+
+def _stretches(time: FloatArray, angle: FloatArray) -> list[tuple[float, float, float]]:
+    """Return amplitude, frequency [rad/s] and its standard deviation in stretches of a few periods."""
+    good = np.isfinite(angle)
+    if not good.any():
+        return []
+    t, x = time[good], angle[good] - np.median(angle[good])
+    crossings = np.flatnonzero(np.diff(np.signbit(x)))
+    if crossings.size < 4 or np.ptp(t) <= 0:
+        return []
+    first = np.pi / float(np.median(np.diff(t[crossings])))
+    edges = np.arange(t[0], t[-1], _PERIODS * 2.0 * np.pi / first)
+    found = []
+    for start, stop in pairwise(edges):
+        inside = (t >= start) & (t < stop)
+        # A coarse encoder may read one value at the end of a decay.
+        if inside.sum() >= 8 * _PERIODS and np.ptp(x[inside]) > 0:
+            row = _sine(t[inside], x[inside], first)
+            # What noise makes of a stretch says nothing.
+            found += [row] if 0.0 < row[2] < 0.02 * row[1] else []
+    return found
+
+
+def _sine(t: FloatArray, x: FloatArray, guess: float) -> tuple[float, float, float]:
+    """Fit a decaying sine about a free centre: amplitude in the middle, frequency and its standard deviation."""
+    from scipy.optimize import least_squares
+
+    s = t - t.mean()
+
+    def shape(p: FloatArray) -> FloatArray:
+        phase = p[0] * s
+        swing = (p[1] * np.cos(phase) + p[2] * np.sin(phase)) * (1.0 + p[3] * s)
+        return swing + p[4] - x
+
+    scale = np.sqrt(2.0) * np.std(x)
+    start = [np.mean(x * f(guess * s)) * 2.0 for f in (np.cos, np.sin)]
+    fit = least_squares(shape, [guess, *start, 0.0, 0.0], x_scale=[guess, scale, scale, guess, scale], max_nfev=50)
+    slopes = np.asarray(fit.jac, np.float64)
+    try:
+        covariance = np.linalg.inv(slopes.T @ slopes) * 2.0 * fit.cost / max(t.size - 5, 1)
+    except np.linalg.LinAlgError:
+        return 0.0, guess, np.inf
+    return float(np.hypot(fit.x[1], fit.x[2])), float(abs(fit.x[0])), float(np.sqrt(abs(covariance[0, 0])))
+
+
+def fall_doubt(rig: Rig, motion: Motion) -> str:
+    """Return a doubt about the units of a fall; empty where there is none.
+
+    Parameters
+    ----------
+    rig : Rig
+        The falling body.
+    motion : (time, height), each shape (n,)
+        In SI units; NaN are gaps.
+    """
+    gravity = rig.gravity.value if rig.gravity else np.nan
+    good = np.isfinite(motion[1])
+    found = _slow_fall(motion[0][good], motion[1][good])
+    if found is None:
+        return ""
+    fall, sd, slow = found
+    if fall - _SURE * sd > _FASTEST * gravity:
+        why = "and drag never makes a fall faster"
+    elif slow and fall + _SURE * sd < _SLOWEST * gravity:
+        why = "and drag is small as long as it is slow"
+    else:
+        return ""
+    declared = si_factor(rig.columns.output.unit)
+    fits = [u for u in _LENGTHS if 0.85 < fall * si_factor(u) / declared / gravity < 1.1]
+    hint = f' Heights in {fits[0]} would fit: set unit = "{fits[0]}" for the output.' if fits else ""
+    return (
+        f"The fall begins with {fall:.3g} m/s^2 where gravity is {gravity:.4g} m/s^2, {why}. Are the units of height "
+        f"and time right, and gravity?{hint}"
+    )
+
+
+def _slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | None:
+    """Return the first acceleration downwards, its standard deviation, and whether the fall was slow then."""
+    if t.size < _SAMPLES:
+        return None
+    speed = np.abs(np.gradient(height, t))
+    # The first samples up to where it is fast: a bounce later is no fall.
+    fast = np.flatnonzero(speed > _SLOW * np.quantile(speed, 0.95))
+    slow = int(fast[0]) if fast.size else t.size
+    count = max(slow, _SAMPLES)
+    s = t[:count] - t[0]
+    basis = np.vander(s, 3)
+    solution, *_ = np.linalg.lstsq(basis, height[:count], rcond=None)
+    rest = height[:count] - basis @ solution
+    variance = np.sum(rest**2) / max(count - 3, 1) * np.linalg.inv(basis.T @ basis)[0, 0]
+    return -2.0 * float(solution[0]), 2.0 * float(np.sqrt(variance)), slow >= _SAMPLES

@@ -1,0 +1,196 @@
+"""Numbers that are plausible in another unit: angles in degrees, times in milliseconds, heights in millimetres."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.declarations.units import quoted, si_factor
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import Table
+from discovery.rigs.rig import Rig
+
+__all__ = ["check_units", "near_hanging"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_FULL_TURN = 2.0 * np.pi
+_JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours that lie so near each other [rad]
+_RARE = 0.01  # share of such readings up to which they are no motion
+_WHITE = 1.2  # median difference of neighbours over that from the median: 1.4 for white noise, little for a swing
+_SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
+_LENGTH_MARGIN = 4.0  # ratio of a fitted to a stated length: an extended body swings slower
+_CLOCKS = ("s", "ms", "us")  # units in which times are written
+_GRAVITY_MARGIN = 10.0  # drag slows a fall, but not to a tenth
+
+
+def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list[str]]:
+    """Join the turns of an angle that was recorded modulo 2 pi, and count it from the nearest full turn.
+
+    Parameters
+    ----------
+    angle : array, shape (n,)
+        Angle of a pendulum [rad]; NaN are gaps.
+    unit : str
+        Unit of its column, for the sentences.
+
+    Returns
+    -------
+    angle : array, shape (n,)
+        The same array where it neither jumps nor lies a turn away; NaN where a single reading jumps away from its
+        neighbours and back, unless many do.
+    notes : list of str
+        What was joined and left out.
+    """
+    alone = _alone(angle)
+    notes = []
+    if alone.any() and alone.mean() < _RARE:
+        angle = np.where(alone, np.nan, angle)
+        rows = np.flatnonzero(alone)
+        what, it = ("1 spike", "It is") if rows.size == 1 else (f"{rows.size} spikes", "They are")
+        notes.append(
+            f"{what}, first at sample {rows[0]} (counted from 0), more than {quoted(_JUMP, unit)} from the readings "
+            f"before and after, which agree: no pendulum does that. {it} left out."
+        )
+    good = np.isfinite(angle)
+    joined = angle.copy()
+    joined[good] = np.unwrap(angle[good])
+    # Rounded: a turn that is added and taken away again leaves the last digit different.
+    places = np.flatnonzero(np.diff(np.round((joined[good] - angle[good]) / _FULL_TURN)))
+    if places.size:
+        first = int(np.flatnonzero(good)[places[0] + 1])
+        notes.append(
+            f"The angle jumps by full turns in {places.size} place{'s' * (places.size > 1)}, first at sample {first}, "
+            "counted from 0: the turns are joined."
+        )
+    turns = float(np.round(np.median(joined[good]) / _FULL_TURN)) if good.any() else 0.0
+    joined -= _FULL_TURN * turns
+    return (joined if turns or places.size else angle), notes
+
+
+def _alone(angle: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return which readings jump by what is no full turn away from two neighbours that agree."""
+    found = np.zeros(angle.size, bool)
+    jump = np.diff(angle)
+    turned = np.abs(np.remainder(jump + np.pi, _FULL_TURN) - np.pi)
+    there, back = jump[:-1], jump[1:]
+    away = (np.abs(there) > _JUMP) & (np.abs(back) > _JUMP) & (there * back < 0)
+    found[1:-1] = away & (np.maximum(turned[:-1], turned[1:]) > 0.5 * _JUMP) & (np.abs(angle[2:] - angle[:-2]) < _NEAR)
+    return found
+
+
+def check_units(
+    table: Table, rig: Rig, names: dict[str, str], time: FloatArray, output: FloatArray, driven: bool
+) -> None:
+    """Refuse a motion that gravity cannot have made.
+
+    Parameters
+    ----------
+    table : Table
+        The file, for the messages.
+    rig : Rig
+        The system; only pendulums and falling bodies are held against gravity.
+    names : dict of str to str
+        Signal to the name of its column.
+    time, output : array, shape (n,)
+        In SI units.
+    driven : bool
+        Whether a force acts beside gravity.
+
+    Raises
+    ------
+    InputError
+        If a pendulum swings through more than a turn and back, comes to rest upright, or swings or falls as in another
+        gravity by a factor that only a wrong unit explains.
+    """
+    if rig.gravity is None or rig.view is not None:
+        return
+    good = np.isfinite(output)
+    t, y = time[good], output[good]
+    where = f"{table.path}, column {names['output']!r}"
+    if rig.kind == "pendulum" and not driven:
+        _check_swing(where, rig, y, float(np.nanmax(np.abs(table.numbers(names["output"])))))
+        # Too slow or too fast is more often the time's fault than the angle's.
+        clock = f", column {names['time']!r}" if "time" in names else ""
+        _check_pace(f"{table.path}{clock}", rig, t, y)
+    elif rig.kind == "falling_body":
+        _check_fall(where, rig.gravity.value, t, y)
+
+
+def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> None:
+    """Refuse a swing that gravity cannot have made; `largest` is the largest reading as it stands in the column."""
+    unit = rig.columns.output.unit
+    swing = float(np.quantile(angle, 0.98) - np.quantile(angle, 0.02))
+    # One that first turns over does so in one sense: its later half tells.
+    later = angle[angle.size // 2 :]
+    later_swing = float(np.quantile(later, 0.98) - np.quantile(later, 0.02))
+    if min(swing, later_swing) > _FULL_TURN:
+        remedy = 'If the angle is in degrees, set unit = "deg" for the output in the rig file.'
+        if unit == "deg":
+            remedy = "Correct the unit of the output in the rig file, or leave out what is no swing with samples."
+        raise InputError(
+            f"{where}: the pendulum would swing to and fro by more than a full turn, and the largest reading would be "
+            f"{largest:.4g} {unit}. {remedy}"
+        )
+    if abs(float(np.median(later))) > 0.5 * np.pi:
+        given = rig.columns.output
+        upright = given.zero + np.pi / (given.scale * si_factor(unit))
+        raise InputError(
+            f"{where}: the pendulum would swing about {quoted(float(np.median(later)), unit, 4)}, that is upright. If "
+            f"the angle is counted from upright, set zero = {upright:.9g} (in the unit of the column) "
+            "for the output in the rig file."
+        )
+    scatter = float(np.median(np.abs(angle - np.median(angle))))
+    if float(np.median(np.abs(np.diff(angle)))) > _WHITE * scatter:
+        raise InputError(
+            f"{where}: nothing swings. The readings scatter by {quoted(1.48 * scatter, unit)}, each independent of the "
+            "one before. Record a swing, or sample it more often than twice a period."
+        )
+
+
+def _check_pace(where: str, rig: Rig, t: FloatArray, angle: FloatArray) -> None:
+    """Refuse a swing that is too slow or too fast for gravity."""
+    assert rig.gravity is not None  # `check_units` asked
+    frequency = _frequency(t, angle)
+    if frequency is None:
+        return
+    length = rig.gravity.value / (2.0 * np.pi * frequency) ** 2
+    stated = rig.length.value if rig.length is not None else None
+    shortest, longest = (_SMALLEST, _LARGEST) if stated is None else (stated / _LENGTH_MARGIN, stated * _LENGTH_MARGIN)
+    if not shortest < length < longest:
+        known = "" if stated is None else f", and the rig file states {stated:.4g} m"
+        # A pendulum of a thousandth of the period has a millionth of the length.
+        scale = si_factor(rig.columns.time.unit)
+        right = next((u for u in _CLOCKS if shortest < (si_factor(u) / scale) ** 2 * length < longest), None)
+        hint = "Correct"
+        if right is not None and rig.columns.time.rate is None:
+            hint = f'If the times are in {right}, set unit = "{right}" for the time in the rig file; else correct'
+        raise InputError(
+            f"{where}: the pendulum would swing once in {1.0 / frequency:.4g} s, as if it were {length:.4g} m long"
+            f"{known}. {hint} the unit of the time or its rate, or the length, in the rig file."
+        )
+
+
+def _frequency(t: FloatArray, x: FloatArray) -> float | None:
+    """Frequency of a swing from the median time between its upward crossings of the median [Hz]."""
+    level = x - np.median(x)
+    # Crossings count only between excursions that noise does not reach.
+    far = 0.3 * float(np.quantile(np.abs(level), 0.9))
+    sign = np.where(level > far, 1, np.where(level < -far, -1, 0))
+    marked = np.flatnonzero(sign)
+    up = marked[1:][np.diff(sign[marked]) > 0]
+    return float(1.0 / np.median(np.diff(t[up]))) if up.size > 3 else None
+
+
+def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -> None:
+    fall = float(np.polynomial.Polynomial.fit(t, height, 2).deriv(2)(t[0]))
+    if fall > 0.02 * gravity:
+        raise InputError(
+            f"{where}: the body would fall upwards. The output is the height: set scale = -1 for it in the rig file if "
+            "the column holds the depth."
+        )
+    if not gravity / _GRAVITY_MARGIN < -fall < gravity * _GRAVITY_MARGIN:
+        raise InputError(
+            f"{where}: the body would fall with {-fall:.4g} m/s^2 where gravity is {gravity:.4g} m/s^2. Correct the "
+            "unit of the time or of the height in the rig file."
+        )

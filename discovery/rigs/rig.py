@@ -1,0 +1,238 @@
+"""A measured system as its experimenter knows it before any recording is opened: quantities, columns, model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from discovery.declarations.units import si_symbol
+from discovery.rigs.kinds import KINDS, LINEAR_MODEL, PAPER_MODEL
+
+__all__ = [
+    "ARM_COLUMNS",
+    "LINEAR_MODEL",
+    "PAPER_MODEL",
+    "Columns",
+    "Controller",
+    "ForceView",
+    "InputColumn",
+    "OutputColumn",
+    "Quantity",
+    "RecordPart",
+    "Rig",
+    "TimeColumn",
+]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of the rig with its standard deviation, both in SI units."""
+
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """Where the time comes from: a column of the file, or a sampling rate [Hz] where the file has none.
+
+    ``assumed`` says that nobody knows the rate: times and rates are then per sample, not per second.
+    """
+
+    name: str | None = "time"
+    unit: str = "s"
+    rate: float | None = None
+    assumed: bool = False
+
+
+@dataclass(frozen=True)
+class InputColumn:
+    """The measured input, and how it runs between the samples.
+
+    ``interpolation`` is ``"band_limited"``, ``"spline"``, ``"linear"``, ``"hold"``, ``"motion"`` (an encoder's motion,
+    smoothed) or ``"auto"``. A reading r is ``scale * (r - zero)`` in `unit`.
+    """
+
+    name: str
+    unit: str
+    interpolation: str
+    zero: float = 0.0
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class OutputColumn:
+    """The measured output; ``noise`` is its standard deviation in SI units, None if it must be estimated.
+
+    A reading r is ``scale * (r - zero)`` in `unit`. ``reads`` says what it is of the coordinate: its ``"position"`` or
+    its ``"acceleration"``.
+    """
+
+    name: str
+    unit: str
+    noise: float | None = None
+    reads: Literal["position", "acceleration"] = "position"
+    zero: float = 0.0
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of a recording; ``header`` names those of a text file that has no line of names.
+
+    Of the rows, one in ``every`` is used: a signal that changes little from row to row tells no more with all of them.
+    """
+
+    time: TimeColumn
+    input: InputColumn | None
+    output: OutputColumn
+    header: tuple[str, ...] | None = None
+    every: int = 1
+
+    @property
+    def turns_by_shift(self) -> bool:
+        """Whether the input is a length and the output an angle."""
+        return self.input is not None and (si_symbol(self.input.unit), si_symbol(self.output.unit)) == ("m", "rad")
+
+
+@dataclass(frozen=True)
+class Controller:
+    """The loop around a drive, whose input is the reference: command = kv (kp (reference - q) - q').
+
+    Attributes
+    ----------
+    kp : float
+        Gain of the position loop [1/s].
+    kv : float
+        Gain of the velocity loop [command s / q], in SI units.
+    limit : float or None
+        Largest magnitude of the command, in SI units; None where it never saturates.
+    unit : str
+        Unit of the command as declared.
+    added : str or None
+        Column with what was added to the command, in `unit`; a file that lacks it had nothing added.
+    """
+
+    kp: float
+    kv: float
+    limit: float | None = None
+    unit: str = "1"
+    added: str | None = None
+
+
+@dataclass(frozen=True)
+class ForceView:
+    """Inverse dynamics: the motion, which is the input, is prescribed, and the force that it takes is the output.
+
+    Attributes
+    ----------
+    motion_cutoff : float
+        The motion is differentiated after a zero-phase low-pass of this frequency [Hz].
+    cutoff : float
+        The measured and the computed force pass through the same zero-phase low-pass of this frequency [Hz].
+    decimation : int or None
+        Of the filtered samples of the force, one in so many is used, the others are gaps of the recording; None: as
+        many as leave four in a period of `cutoff`.
+    """
+
+    motion_cutoff: float
+    cutoff: float
+    decimation: int | None = None
+
+
+@dataclass(frozen=True)
+class RecordPart:
+    """Rows of a file.
+
+    Attributes
+    ----------
+    file : Path
+    samples : (int, int) or None
+        ``start <= i < stop`` of the rows that `where` leaves, as a Python slice.
+    where : tuple of (str, str or float)
+        Columns and the values that they must have; empty for all rows.
+    name : str or None
+        Name for people.
+    """
+
+    file: Path
+    samples: tuple[int, int] | None = None
+    where: tuple[tuple[str, str | float], ...] = ()
+    name: str | None = None
+
+
+ARM_COLUMNS = Columns(TimeColumn(), InputColumn("motor_angle", "rad", "motion"), OutputColumn("tip", "m"))
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A measured system as its rig file describes it, in SI units.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        One of `discovery.rigs.kinds.KINDS`.
+    length, tip_mass, beam_mass, flexural_rigidity : Quantity or None
+        Of the arm: m, kg, kg, N m^2. The length of a pendulum goes from its axis to the centre of mass.
+    position_noise : float or None
+        Standard deviation of the camera per axis [m].
+    angle_noise : float or None
+        Half width of the encoder's uniform error [rad].
+    columns : Columns
+        What the recordings of this rig contain.
+    declared : tuple of str
+        Effect ids of the model that the experimenter declares.
+    records : mapping of str to tuple of RecordPart
+        Named recordings: ``"train"`` is fitted, ``"holdout"`` judges, ``"test"`` is only scored; empty if the file
+        names none.
+    gravity : Quantity or None
+        Gravitational acceleration [m/s^2], of a pendulum or a falling body.
+    controller : Controller or None
+        Of a drive that was recorded in closed loop.
+    view : ForceView or None
+        Inverse dynamics in place of the motion.
+    motor_angle_limit, motor_speed_limit, motor_acceleration_limit : float or None
+        What the motor of an arm may do in a manoeuvre that is proposed: angle to either side of where the hub starts
+        [rad], speed [rad/s], acceleration [rad/s^2]. None: what the recordings show.
+    deflection_limit : float or None
+        Largest angle between tip and hub that it may cause [rad].
+    path : Path or None
+        The rig file.
+    sha256 : str
+        Of the rig file's bytes.
+    """
+
+    name: str
+    kind: str = "flexible_arm"
+    length: Quantity | None = None
+    tip_mass: Quantity | None = None
+    beam_mass: Quantity | None = None
+    flexural_rigidity: Quantity | None = None
+    position_noise: float | None = None
+    angle_noise: float | None = None
+    columns: Columns = ARM_COLUMNS
+    declared: tuple[str, ...] = PAPER_MODEL
+    records: Mapping[str, tuple[RecordPart, ...]] = field(default_factory=dict)
+    gravity: Quantity | None = None
+    controller: Controller | None = None
+    view: ForceView | None = None
+    motor_angle_limit: float | None = None
+    motor_speed_limit: float | None = None
+    motor_acceleration_limit: float | None = None
+    deflection_limit: float | None = None
+    path: Path | None = None
+    sha256: str = ""
+
+    @property
+    def base(self) -> str:
+        """Name of the mechanics of the bare system."""
+        if self.view is not None:
+            return "inverse_dynamics"
+        if self.columns.output.reads == "acceleration":
+            return "accelerometer"
+        if self.kind == "base_excited" and self.columns.turns_by_shift:
+            return "moving_pivot"
+        return KINDS[self.kind].base if self.controller is None else "servo"

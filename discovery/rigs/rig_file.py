@@ -1,0 +1,244 @@
+"""Rig files: TOML in, a `Rig` in SI units out.
+
+The keys of physical quantities carry their unit as a suffix (``length_m``, ``tip_mass_g``); systems other than the
+flexible arm declare their columns. Everything is converted to SI here, and every refusal names the file, the line, the
+key and the remedy.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from discovery.declarations.registry import get_effect
+from discovery.declarations.units import si_factor, split_suffix
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import reason, shown
+from discovery.mechanics import get_base
+from discovery.rigs.kinds import KINDS
+from discovery.rigs.rig import Quantity, RecordPart, Rig
+from discovery.rigs.rig_schema import (
+    MEANT_FOR,
+    QUANTITIES,
+    QuantityTable,
+    RecordsTable,
+    RigTable,
+    explain,
+    key_of,
+    line_of,
+)
+from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
+
+__all__ = ["read_rig"]
+
+# Standard gravity and its range between places at sea level and mountains, poles and equator.
+_GRAVITY = Quantity(9.80665, 0.02)
+
+
+def read_rig(path: str | os.PathLike[str]) -> Rig:
+    """Read and check a rig file.
+
+    Parameters
+    ----------
+    path : path
+        TOML file. The files of its ``[records]`` are looked for beside it, then in the folders that the environment
+        variable ``DISCOVERY_DATA`` names, separated as in ``PATH``: there, in the subfolder that is called like the
+        folder of the rig file, and in any other.
+
+    Returns
+    -------
+    Rig
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no TOML, a key is unknown, missing or lacks its unit, a value is of the wrong kind or
+        physically impossible, or several subfolders hold a file of ``[records]``.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:  # a name may hold what no file's name can
+        raise InputError(
+            f"The rig file {shown(path)} cannot be read: {reason(error)}. Give the path of a TOML file."
+        ) from error
+    try:
+        text = content.decode("utf-8")
+        document = tomllib.loads(text)
+    except RecursionError as error:
+        raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
+    except ValueError as error:  # no TOML, no text, or a number of thousands of digits
+        raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
+    rest, quantities, keys = _quantities(path, text, document)
+    try:
+        table = RigTable.model_validate(rest)
+    except ValidationError as error:
+        raise InputError(explain(path, text, error)) from error
+    arm = table.kind == "flexible_arm"
+    if arm and "length" not in quantities:
+        raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
+    check_tables(path, text, table)
+    _check_quantities(path, text, table, keys)
+    _check_effects(path, text, table)
+    values = {stem: quantity.value for stem, quantity in quantities.items()}
+    if arm and values.get("position_noise", 0.0) > 0.1 * values["length"]:
+        raise InputError(
+            f"The rig file {path} states a position noise of {values['position_noise']:g} m on an arm of "
+            f"{values['length']:g} m. If it is in millimetres, name the key 'position_noise_mm'."
+        )
+    return Rig(
+        name=table.name,
+        kind=table.kind,
+        length=quantities.get("length"),
+        tip_mass=quantities.get("tip_mass"),
+        beam_mass=quantities.get("beam_mass"),
+        flexural_rigidity=quantities.get("flexural_rigidity"),
+        position_noise=values.get("position_noise"),
+        angle_noise=values.get("angle_noise"),
+        columns=columns_of(path, text, table),
+        declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
+        records=_records(path, text, table.records),
+        gravity=quantities.get("gravity", _GRAVITY if table.kind in ("pendulum", "falling_body") else None),
+        controller=controller_of(path, text, table),
+        view=view_of(path, text, table),
+        motor_angle_limit=values.get("motor_angle_limit"),
+        motor_speed_limit=values.get("motor_speed_limit"),
+        motor_acceleration_limit=values.get("motor_acceleration_limit"),
+        deflection_limit=values.get("deflection_limit"),
+        path=path,
+        sha256=hashlib.sha256(content).hexdigest(),
+    )
+
+
+def _quantities(
+    path: Path, text: str, document: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Quantity], dict[str, str]]:
+    """Take the keys with a unit out of the document: return the rest, and quantities in SI units and keys by stem."""
+    rest: dict[str, Any] = {}
+    quantities: dict[str, Quantity] = {}
+    keys: dict[str, str] = {}
+    for key, value in document.items():
+        split = split_suffix(key, QUANTITIES)
+        if split is None:
+            rest[key] = value
+            continue
+        stem, unit = split
+        expected, relative, absolute, largest = QUANTITIES[stem]
+        where = f"The rig file {path}, line {line_of(text, (key,))}:"
+        if not unit:
+            raise InputError(f"{where} the key {key!r} lacks its unit. Write it as a suffix, {key_of(stem)!r}.")
+        if key == key_of(stem):  # a bare key has no sign for the negative power of an acceleration
+            unit = expected
+        if stem in quantities:
+            raise InputError(f"{where} the key {key!r} gives {stem} a second time. Keep one of them.")
+        try:
+            factor = si_factor(unit, expected)
+            given = QuantityTable.model_validate(value if isinstance(value, dict) else {"value": value})
+        except InputError as error:
+            raise InputError(f"{where} key {key!r}: {error} In SI units the key is {key_of(stem)!r}.") from error
+        except ValidationError as error:
+            raise InputError(explain(path, text, error, (key,), bare=not isinstance(value, dict))) from error
+        si = given.value * factor
+        if si > largest:
+            same = "" if factor == 1.0 else f"{given.value:g} {unit}, that is "
+            raise InputError(
+                f"{where} {key!r} is {same}{si:g} {expected}, which is not plausible. Give it in {expected}, or change "
+                "the suffix of the key to the unit that the number is in."
+            )
+        quantities[stem] = Quantity(si, relative * si + absolute if given.sd is None else given.sd * factor)
+        keys[stem] = key
+    return rest, quantities, keys
+
+
+def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str, str]) -> None:
+    """Refuse quantities of another kind of system: nothing would come of them."""
+    given = table.columns.input if table.columns else None
+    # The error of an encoder says how much its motion is smoothed, on whatever kind of system.
+    smoothed = given is not None and (given.interpolation or KINDS[table.kind].interpolation) == "motion"
+    for stem, key in keys.items():
+        if table.kind in MEANT_FOR[stem] or (stem == "angle_noise" and smoothed):
+            continue
+        noise = "State the noise of a reading as noise = ... of the output in [columns]: remove"
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, (key,))}: the key {key!r} belongs to "
+            f"{' or '.join(MEANT_FOR[stem])}; kind {table.kind!r} has no use for it. "
+            f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
+        )
+
+
+def _check_effects(path: Path, text: str, table: RigTable) -> None:
+    named = table.model.effects if table.model else []
+    where = f"The rig file {path}, line {line_of(text, ('model', 'effects'))}, key 'model.effects':"
+    system = get_base(KINDS[table.kind].base).system
+    for effect in named:
+        try:
+            systems = get_effect(effect).systems
+        except InputError as error:
+            raise InputError(f"{where} {error}") from error
+        if system not in systems:
+            raise InputError(
+                f"{where} {effect!r} acts on {' and '.join(sorted(systems))}, not on kind {table.kind!r}. Remove it; "
+                f"`discovery effects {effect}` shows what it is."
+            )
+        if named.count(effect) > 1:
+            raise InputError(f"{where} {effect!r} is named twice. Name each effect once.")
+
+
+def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[RecordPart, ...]]:
+    records: dict[str, tuple[RecordPart, ...]] = {}
+    for name, parts in (("train", table.train), ("holdout", table.holdout), ("test", table.test)):
+        for part in parts:
+            if part.samples and part.samples[0] >= part.samples[1]:
+                raise InputError(
+                    f"The rig file {path}, line {line_of(text, ('records', name))}: samples = {part.samples} of "
+                    f"{part.file!r} is empty. Give [start, stop] with start < stop, as in a Python slice."
+                )
+        if parts:
+            records[name] = tuple(
+                RecordPart(
+                    _find(path, part.file),
+                    (part.samples[0], part.samples[1]) if part.samples else None,
+                    tuple(part.where.items()),
+                    part.name,
+                )
+                for part in parts
+            )
+    return records
+
+
+def _find(path: Path, file: str) -> Path:
+    from discovery_datasets.registry import data_folders, registered
+
+    beside = path.parent / file
+    folders = data_folders()
+    if not folders or Path(file).is_absolute() or os.path.exists(beside):
+        return beside
+    own = path.resolve().parent.name
+    near = [place / file for folder in folders for place in (folder, folder / own)]
+    found = [place for place in near if os.path.exists(place)][:1]
+    if not found and registered(beside) is None:  # another set may have a file of that name
+        found = _in_subfolders(folders, file)
+    if len({place.parent.name for place in found}) > 1:
+        raise InputError(
+            f"The rig file {path} names {file!r}, which is in {' and in '.join(str(p.parent) for p in found)}. Name it "
+            "with its folder."
+        )
+    # The name may be no file's at all; then it is refused where the recording is read.
+    return found[0] if found else beside
+
+
+def _in_subfolders(folders: Sequence[Path], file: str) -> list[Path]:
+    """Return the files of that name in the subfolders."""
+    found = []
+    for folder in folders:
+        with suppress(OSError):
+            places = sorted(place for place in folder.iterdir() if place.is_dir())
+            found += [place / file for place in places if os.path.exists(place / file)]
+    return found

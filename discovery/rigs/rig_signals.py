@@ -1,0 +1,182 @@
+"""What a rig file says of the signals: columns, the controller around a drive, the view of its force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from discovery.declarations.units import si_factor, si_symbol
+from discovery.foundation.errors import InputError
+from discovery.rigs.kinds import KINDS
+from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
+from discovery.rigs.rig_schema import RigTable, line_of
+
+__all__ = ["check_tables", "columns_of", "controller_of", "view_of"]
+
+
+def check_tables(path: Path, text: str, table: RigTable) -> None:
+    """Refuse tables that the kind of system does not have, or lacks.
+
+    Raises
+    ------
+    InputError
+        Naming the table and what the kind records.
+    """
+    kind, columns = KINDS[table.kind], table.columns
+    if kind.name == "flexible_arm":
+        for name in ("columns", "controller", "view"):
+            if getattr(table, name) is not None:
+                raise InputError(
+                    f"The rig file {path}, line {line_of(text, (name,))}, declares [{name}], but the signals of an arm "
+                    "are fixed (time_s, motor_angle_rad, tip_x_m, tip_y_m). Remove the table, or set kind to "
+                    f"{', '.join(repr(other) for other in KINDS if other != kind.name)}."
+                )
+        return
+    called = f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name}"
+    if columns is None:
+        raise InputError(f"The rig file {path} describes {called} but has no table [columns]. Declare time and output.")
+    if kind.needs_input and columns.input is None:
+        raise InputError(
+            f"The rig file {path} describes {called}, whose input is the {kind.input}, but declares none. Add "
+            'input = { name = "...", unit = "..." } to [columns].'
+        )
+    if kind.needs_input is False and columns.input is not None:
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'input'))}, declares an input, but {called} has "
+            "none. Remove it."
+        )
+    for name, kinds in (("controller", ("drive",)), ("view", ("drive", "oscillator"))):
+        if getattr(table, name) is not None and (kind.name not in kinds or columns.input is None):
+            raise InputError(
+                f"The rig file {path}, line {line_of(text, (name,))}: [{name}] belongs to {' or '.join(kinds)} with "
+                f"an input, not to {called}. Remove the table."
+            )
+    if table.controller is not None and table.view is not None:
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('view',))}: the force is seen without the controller. Keep one "
+            "of [controller] and [view]."
+        )
+    if table.model is not None and not table.model.effects and not kind.may_be_bare:
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('model', 'effects'))}: the key 'model.effects' is empty, but "
+            f"{called} needs at least one effect. Name some, or remove the key for {', '.join(kind.declared)}."
+        )
+
+
+def columns_of(path: Path, text: str, table: RigTable) -> Columns:
+    """Return the declared columns in SI units.
+
+    Raises
+    ------
+    InputError
+        If a unit is not known or of the wrong kind, the time is given twice or not at all, or a header lacks a column.
+    """
+    columns, kind = table.columns, KINDS[table.kind]
+    if columns is None:
+        return ARM_COLUMNS
+    time = columns.time
+    if (time.rate_hz is None) == (time.name is None) or (time.assumed and time.rate_hz is None):
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'time'))}: the time needs either a rate, "
+            'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }; only a rate can be assumed.'
+        )
+    factor = _factors(path, text)
+    factor("time", time.unit, "s")
+    scale = factor("output", columns.output.unit, None if table.view else kind.unit)
+    if columns.input is not None:
+        factor("input", columns.input.unit, None)
+    if columns.header is not None:
+        named = [time.name, columns.input and columns.input.name, columns.output.name]
+        for missing in (name for name in named if name and name not in columns.header):
+            raise InputError(
+                f"The rig file {path}, line {line_of(text, ('columns', 'header'))}: the header does not name the "
+                f"column {missing!r}. Name every column of the file, from left to right."
+            )
+    noise = columns.output.noise
+    given = columns.input.model_dump() if columns.input else {}
+    if given and given["interpolation"] is None:
+        given["interpolation"] = "spline" if table.view else kind.interpolation
+    differentiated = table.view or kind.interpolation == "motion" or columns.output.reads == "acceleration"
+    if differentiated and given and given["interpolation"] in ("linear", "hold"):
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'input'))}: the second derivative of this input is "
+            f'needed; with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
+        )
+    found = Columns(
+        time=TimeColumn(time.name, time.unit, time.rate_hz, time.assumed),
+        input=InputColumn(**given) if given else None,
+        output=OutputColumn(**columns.output.model_dump() | {"noise": None if noise is None else noise * scale}),
+        header=None if columns.header is None else tuple(columns.header),
+        every=columns.every,
+    )
+    if kind.name == "base_excited" and found.input is not None and not found.turns_by_shift:
+        _refuse_unlike(path, text, found.input.unit, found.output.unit)
+    return found
+
+
+def _refuse_unlike(path: Path, text: str, moved: str, read: str) -> None:
+    """Refuse a base whose motion cannot be added to the deflection."""
+    if si_symbol(moved) != si_symbol(read):
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'input', 'unit'))}: the base moves in {moved!r} and "
+            f"the deflection is in {read!r}, so that they cannot be added to the place in the fixed frame. Declare "
+            "both as angles or both as lengths (scale = 1/l turns a small deflection into an angle), or a shift in m "
+            "under a pendulum's angle in rad."
+        )
+
+
+def controller_of(path: Path, text: str, table: RigTable) -> Controller | None:
+    """Return the controller in SI units; `kv` and `limit` are stated in its unit and per unit of the output.
+
+    Raises
+    ------
+    InputError
+        If the unit of the command is not known, or reference and output measure different things.
+    """
+    given, columns = table.controller, table.columns
+    if given is None or columns is None or columns.input is None:
+        return None
+    factor = _factors(path, text)
+    factor("input", columns.input.unit, columns.output.unit)
+    try:
+        unit = si_factor(given.unit)
+    except InputError as error:
+        line = line_of(text, ("controller", "unit"))
+        raise InputError(f"The rig file {path}, line {line}, [controller]: {error}") from error
+    return Controller(
+        kp=given.kp,
+        kv=given.kv * unit / si_factor(columns.output.unit),
+        limit=None if given.limit is None else given.limit * unit,
+        unit=given.unit,
+        added=given.added,
+    )
+
+
+def view_of(path: Path, text: str, table: RigTable) -> ForceView | None:
+    """Return the view of the force.
+
+    Raises
+    ------
+    InputError
+        If the motion is smoothed more than the force that it explains.
+    """
+    given = table.view
+    if given is None:
+        return None
+    if given.motion_cutoff_hz < given.cutoff_hz:
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('view', 'motion_cutoff_hz'))}: the motion is smoothed below "
+            f"{given.motion_cutoff_hz:g} Hz, but the force holds up to {given.cutoff_hz:g} Hz. Raise motion_cutoff_hz."
+        )
+    return ForceView(given.motion_cutoff_hz, given.cutoff_hz, given.decimation)
+
+
+def _factors(path: Path, text: str) -> Callable[[str, str, str | None], float]:
+    def factor(column: str, unit: str, expected: str | None) -> float:
+        try:
+            return si_factor(unit, expected)
+        except InputError as error:
+            line = line_of(text, ("columns", column, "unit"))
+            raise InputError(f"The rig file {path}, line {line}, column {column!r}: {error}") from error
+
+    return factor

@@ -1,0 +1,258 @@
+"""A campaign: many cases, each done once, kept on disk as they come, and collected in one table."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from itertools import chain, islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import atomic_write
+from discovery.results.provenance import plain, read_json, write_json
+from discovery.runs.spread import Outcome, Work, spread
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = ["campaign", "collect", "rows", "unfinished", "watched"]
+
+#: Rows of a table held at once.
+_ROWS = 1000
+
+
+def campaign(
+    work: Work,
+    cases: Iterable[tuple[str, Any]],
+    folder: str | os.PathLike[str],
+    *,
+    settings: Mapping[str, Any] | None = None,
+    origins: Mapping[str, Mapping[str, Any]] | None = None,
+    seed: int = 0,
+    workers: int = 2,
+    scheduler: str | None = None,
+    insecure: bool = False,
+    limit: float | None = None,
+) -> Iterator[Outcome]:
+    """Do the cases that are not done yet, and keep every outcome on disk as it comes.
+
+    Interrupted at whatever moment, the next call goes on where this one was; cases that failed or whose origin has
+    changed are done again.
+
+    Parameters
+    ----------
+    work, cases, seed, workers, scheduler, insecure, limit
+        See `discovery.runs.spread.spread`.
+    folder : path
+        Every outcome is written to ``cases/<name>.json`` in it, whole or not at all.
+    settings : mapping, optional
+        What else all outcomes depend on; JSON-ready.
+    origins : mapping of str to mapping, optional
+        By name of a case, what its outcome is made from, such as hashes of files; JSON-ready, kept with the outcome.
+
+    Returns
+    -------
+    iterator of Outcome
+        Of the cases that are done now.
+
+    Raises
+    ------
+    InputError
+        If the folder holds outcomes under another seed or other settings.
+    """
+    folder = Path(folder)
+    _claim(folder / "campaign.json", {"seed": seed, "settings": plain(settings or {})})
+    known = origins or {}
+    waiting = ((name, case) for name, case, _ in unfinished(cases, folder, known))
+
+    def outcomes() -> Iterator[Outcome]:
+        if (first := next(waiting, None)) is None:
+            return
+        left = chain([first], waiting)
+        for outcome in spread(
+            work, left, seed=seed, workers=workers, scheduler=scheduler, insecure=insecure, limit=limit
+        ):
+            origin = {"origin": known[outcome.name]} if outcome.name in known else {}
+            write_json(_file(folder, outcome.name), asdict(outcome) | origin)
+            yield outcome
+
+    return outcomes()
+
+
+def unfinished(
+    cases: Iterable[tuple[str, Any]],
+    folder: str | os.PathLike[str],
+    origins: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Iterator[tuple[str, Any, str]]:
+    """Yield the cases that a campaign still has to do, with the reason why one is done again, empty for a new one.
+
+    Parameters
+    ----------
+    cases, folder, origins
+        See `campaign`.
+    """
+    for name, case in cases:
+        path = _file(Path(folder), name)
+        if not path.exists():
+            yield name, case, ""
+        elif (reason := _outdated(path, (origins or {}).get(name))) is not None:
+            yield name, case, reason
+
+
+def _outdated(path: Path, origin: Mapping[str, Any] | None) -> str | None:
+    """Return why a case is done again, None where its outcome stands."""
+    try:
+        kept = read_json(path)
+    except InputError:
+        return "its outcome cannot be read"
+    if not isinstance(kept, dict) or not kept.keys() >= {"name", "seconds", "result", "error"}:
+        return "its outcome is not whole"
+    if kept["error"]:
+        return "it failed before"
+    if origin is None:
+        return None
+    if "origin" not in kept:
+        return "what it was made from is not known"
+    now = json.loads(json.dumps(plain(origin)))
+    before = plain(kept["origin"])
+    changed = [key for key in {**now, **before} if now.get(key) != before.get(key)]
+    return f"changed since: {', '.join(changed).replace('_', ' ')}" if changed else None
+
+
+def _claim(path: Path, content: dict[str, Any]) -> None:
+    """Say what a folder is of, or refuse one that is of something else."""
+    if not path.exists():
+        write_json(path, content)
+    elif plain(read_json(path)) != json.loads(json.dumps(content)):
+        raise InputError(
+            f"{path.parent} holds a campaign with another seed or other settings (see {path.name}). Delete it, or name "
+            "another folder."
+        )
+
+
+def _file(folder: Path, name: str) -> Path:
+    return folder / "cases" / f"{name.replace('/', '_')}.json"
+
+
+def collect(folder: str | os.PathLike[str], names: Iterable[str] | None = None, *, apart: Sequence[str] = ()) -> Path:
+    """Write the outcomes of a campaign as one table, sorted by name, and return its path.
+
+    Parameters
+    ----------
+    folder : path
+        That of `campaign`.
+    names : iterable of str, optional
+        The cases that the table is of; by default all that the folder holds.
+    apart : sequence of str
+        Keys of the results that hold a list of mappings. Each becomes a table of its own, ``<key>.parquet``: the name
+        of the case, and a column for every key of the mappings.
+
+    Returns
+    -------
+    Path
+        ``results.parquet`` in it: columns ``name``, ``seconds``, ``error`` and one for every key of the results. Beside
+        every table lies the same as CSV; what is no single value is JSON there.
+
+    Raises
+    ------
+    InputError
+        If there are no outcomes.
+    """
+    folder = Path(folder)
+    found = partial(rows, folder, None if names is None else tuple(names))
+    if next(found(), None) is None:
+        raise InputError(f"{folder} holds no outcomes of a campaign.")
+    for key in apart:
+        _write(folder / f"{key}.parquet", partial(_entries, found, key))
+    out = folder / "results.parquet"
+    _write(out, lambda: ({k: v for k, v in row.items() if k not in apart} for row in found()))
+    return out
+
+
+def _entries(found: Callable[[], Iterator[dict[str, Any]]], key: str) -> Iterator[dict[str, Any]]:
+    for row in found():
+        for entry in row.get(key) or ():
+            yield {"name": row["name"], **entry}
+
+
+def _write(out: Path, found: Callable[[], Iterator[dict[str, Any]]]) -> None:
+    """Write rows as Parquet and, beside it, as CSV."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    # Once over all rows for the columns, once more to write them: memory holds a part of them at a time.
+    schemas = [_table(part).schema for part in _parts(found())]
+    schema = pa.unify_schemas([pa.schema([("name", pa.string())]), *schemas], promote_options="permissive")
+    with atomic_write(out) as draft, pq.ParquetWriter(draft, schema) as writer:
+        for part in _parts(found()):
+            writer.write_table(pa.Table.from_pylist(part, schema=schema))
+    with atomic_write(out.with_suffix(".csv")) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        lines = csv.DictWriter(file, schema.names)
+        lines.writeheader()
+        for row in found():
+            lines.writerow({k: json.dumps(plain(v)) if isinstance(v, (dict, list)) else v for k, v in row.items()})
+
+
+def rows(folder: str | os.PathLike[str], names: Iterable[str] | None = None) -> Iterator[dict[str, Any]]:
+    """Yield the outcomes of a campaign, or of some of its cases, sorted by name, as `collect` writes them."""
+    chosen = None if names is None else {_file(Path(folder), name) for name in names}
+    for path in sorted((Path(folder) / "cases").glob("*.json")):
+        if chosen is None or path in chosen:
+            outcome = read_json(path)
+            yield {**{k: outcome[k] for k in ("name", "seconds", "error")}, **(outcome["result"] or {})}
+
+
+def _table(part: list[dict[str, Any]]) -> pa.Table:
+    """Return rows as columns: every key that any of them has."""
+    import pyarrow as pa
+
+    names = dict.fromkeys(name for row in part for name in row)
+    return pa.table({name: [row.get(name) for row in part] for name in names})
+
+
+def _parts(found: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
+    while part := list(islice(found, _ROWS)):
+        yield part
+
+
+def watched(outcomes: Iterable[Outcome], total: int | None, title: str) -> Iterator[Outcome]:
+    """Yield outcomes and show on standard error how many there are, how many failed and how long the rest will take.
+
+    Parameters
+    ----------
+    outcomes : iterable of Outcome
+        From `campaign` or `spread`.
+    total : int or None
+        How many there will be, if that is known.
+    title : str
+        One or two words.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[failed]}"))
+    clock = (TimeElapsedColumn(), TimeRemainingColumn())
+    # Standard output that goes to a file stays there.
+    with Progress(*columns, *clock, console=Console(stderr=True), redirect_stdout=sys.stdout.isatty()) as bar:
+        task, failed = bar.add_task(title, total=total, failed=""), 0
+        try:
+            for outcome in outcomes:
+                failed += bool(outcome.error)
+                bar.update(task, advance=1, failed=f"{failed} failed" * bool(failed))
+                yield outcome
+        except InputError:  # no bar above a refusal
+            bar.live.transient = True
+            raise

@@ -1,0 +1,344 @@
+"""Many cases spread over processes, or over machines by Dask: each has an outcome, and none is lost with another.
+
+A case is a name and whatever its work needs. Its random numbers depend on a common seed and its name alone, so an
+outcome is the same on any number of workers, in any order, and whatever other cases there are.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import os
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count, islice
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from discovery.foundation.errors import InputError
+from discovery.results.provenance import plain, restored
+from discovery.runs.processes import Died, Pool, pool
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+__all__ = ["SCHEDULER", "Outcome", "TooLong", "Work", "case_seed", "spread"]
+
+#: Environment variable with the address of a Dask scheduler.
+SCHEDULER = "DISCOVERY_SCHEDULER"
+#: How often a case is tried whose worker dies: it may have died of another case's memory.
+_TRIES = 3
+#: Seconds after which a process whose work does not heed its limit is ended.
+_GRACE = 10.0
+#: Seconds in which a scheduler must answer, and have a worker.
+_PATIENCE = 10.0
+
+Work = Callable[[Any, SeedSequence], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one case.
+
+    Parameters
+    ----------
+    name : str
+        The case.
+    seconds : float
+        Time that it took.
+    result : mapping, optional
+        What its work returned, None where it failed.
+    error, trace : str
+        What went wrong, and where; empty where nothing did.
+    """
+
+    name: str
+    seconds: float
+    result: Mapping[str, Any] | None
+    error: str = ""
+    trace: str = ""
+
+
+def case_seed(seed: int, name: str) -> SeedSequence:
+    """Return the seed of one case: a child of the common seed that its name alone chooses."""
+    words = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], np.uint32)
+    return SeedSequence(seed, spawn_key=tuple(words.tolist()))
+
+
+class TooLong(BaseException):
+    """The limit of a case has passed: no error of its work's own, which the work might catch."""
+
+
+@contextmanager
+def _limited(limit: float | None, *, alone: bool) -> Iterator[None]:
+    """Raise `TooLong` in this thread after so many seconds; where it is alone, end its process if it does not react."""
+    if limit is None:
+        yield
+        return
+    thread, guard, over = threading.get_ident(), threading.Lock(), threading.Event()
+
+    def watch() -> None:
+        if over.wait(limit):
+            return
+        with guard:
+            if not over.is_set():
+                # What a signal would do, but a signal reaches the main thread only, and Dask's work runs in another.
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(TooLong))
+        if alone and not over.wait(_GRACE):
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        with guard:
+            over.set()
+
+
+def _attempt(work: Work, name: str, case: Any, seed: SeedSequence, limit: float | None, alone: bool) -> Outcome:
+    """Do one case; a failure is an outcome, too."""
+    start = time.perf_counter()
+    try:
+        with _limited(limit, alone=alone):
+            result = restored(plain(dict(work(case, seed))))
+            json.dumps(result)
+    except TooLong:
+        said = f"TooLong: the case took longer than its limit of {limit:g} s"
+        trace = traceback.format_exc()
+    except Exception as error:
+        said, trace = f"{type(error).__name__}: {error}", traceback.format_exc()
+    else:
+        return Outcome(name, time.perf_counter() - start, result)
+    return Outcome(name, time.perf_counter() - start, None, said, trace)
+
+
+def spread(
+    work: Work,
+    cases: Iterable[tuple[str, Any]],
+    *,
+    seed: int = 0,
+    workers: int = 2,
+    scheduler: str | None = None,
+    insecure: bool = False,
+    limit: float | None = None,
+) -> Iterator[Outcome]:
+    """Do cases on several processes, or on a cluster, and yield the outcome of each as it is done.
+
+    Cases are taken from `cases` as workers become free, so neither they nor the outcomes pile up in this process. The
+    processes import the calling script: it must do its work under ``if __name__ == "__main__"``.
+
+    Parameters
+    ----------
+    work : callable
+        Called with what a case needs and its seed, returns what JSON can hold. It and the cases must be picklable.
+    cases : iterable of (str, object)
+        Name, and what its work needs.
+    seed : int
+        Common seed, see `case_seed`.
+    workers : int
+        Processes on this machine, one thread each; a single one is this process.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are used instead, for example ``"tcp://host:8786"``; by default the
+        environment variable ``DISCOVERY_SCHEDULER``. Without one, nothing listens on any port.
+    insecure : bool
+        Accept a scheduler of another machine without TLS, through which others of its network can run code.
+    limit : float, optional
+        Seconds that a case may take. A worker whose work does not heed them is ended; this process is not.
+
+    Yields
+    ------
+    Outcome
+        In the order in which they end. A case that raises, exceeds its limit or takes its process down is one, too.
+
+    Raises
+    ------
+    InputError
+        If there is no scheduler at that address, no worker, or others could run code through it.
+    """
+    address = scheduler or os.environ.get(SCHEDULER)
+    if address is None and workers == 1:
+        for name, case in cases:
+            yield _attempt(work, name, case, case_seed(seed, name), limit, False)
+        return
+    if address is None and workers < 1:
+        raise InputError(f"{workers} workers cannot work; give at least one.")
+    with _here(workers) if address is None else _client(address, insecure) as crew:
+        yield from _stream(crew, work, iter(cases), seed, limit)
+
+
+class _Crew(Protocol):
+    """Who does the work: processes of this machine, or a cluster."""
+
+    def room(self) -> int:
+        """Return how many cases can be done at once."""
+
+    def submit(self, key: int, *arguments: Any) -> None:
+        """Begin with a case: `_attempt` with its arguments."""
+
+    def next(self) -> tuple[int, Callable[[], Outcome]]:
+        """Return the key of the case that ends next, and a function that returns its outcome, or raises."""
+
+
+class _Processes:
+    """Processes of this machine."""
+
+    def __init__(self, made: Pool, size: int) -> None:
+        self._made, self._size = made, size
+
+    def room(self) -> int:
+        return self._size
+
+    def submit(self, key: int, *arguments: Any) -> None:
+        self._made.submit(key, _attempt, *arguments)
+
+    def next(self) -> tuple[int, Callable[[], Outcome]]:
+        return self._made.next()
+
+
+class _Cluster:
+    """The workers of a Dask scheduler."""
+
+    def __init__(self, client: Client) -> None:
+        from distributed import as_completed
+
+        self._client, self._done = client, as_completed()
+        self._keys: dict[Any, int] = {}
+
+    def room(self) -> int:
+        return sum(self._client.ncores().values())
+
+    def submit(self, key: int, *arguments: Any) -> None:
+        # One prefix for all: the scheduler keeps statistics of every prefix for ever.
+        own = ("case", os.urandom(8).hex())
+        self._keys[own] = key
+        self._done.add(self._client.submit(_attempt, *arguments, key=own, pure=False, retries=0))
+
+    def next(self) -> tuple[int, Callable[[], Outcome]]:
+        from distributed import KilledWorker
+
+        future = next(self._done)
+
+        def returned() -> Outcome:
+            try:
+                outcome: Outcome = future.result()
+            except KilledWorker:
+                raise Died from None
+            finally:
+                future.release()
+            return outcome
+
+        return self._keys.pop(future.key), returned
+
+
+@contextmanager
+def _here(workers: int) -> Iterator[_Crew]:
+    """Yield processes on this machine."""
+    # The processes share the processors; each would else simulate on all of them.
+    threads = max(1, (os.cpu_count() or 1) // workers)
+    with pool({"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
+        yield _Processes(made, workers)
+
+
+def _is_safe(address: str) -> bool:
+    """Return whether nobody on the way to a scheduler can read or change what is sent: code, in both directions."""
+    scheme, _, rest = address.rpartition("://")
+    host = rest.rpartition(":")[0].strip("[]")
+    return scheme in ("tls", "inproc") or host == "localhost" or _is_loopback(host)
+
+
+def _is_loopback(host: str) -> bool:
+    from ipaddress import ip_address
+
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:  # a name
+        return False
+
+
+@contextmanager
+def _client(address: str, insecure: bool) -> Iterator[_Crew]:
+    """Yield the workers of the scheduler at an address."""
+    if not (insecure or _is_safe(address)):
+        raise InputError(
+            f"The connection to the Dask scheduler at {address!r} is neither encrypted nor authenticated: anybody on "
+            "its network can run code on the workers and here. Give it a tls:// address (distributed.comm.tls in "
+            "Dask's configuration names the certificates), or accept that with --insecure."
+        )
+    import dask
+    from distributed import Client
+
+    # A worker that dies is replaced; what it did is tried again here, not by the scheduler, which keeps a short diary.
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.admin.log-length": 500}):
+        try:
+            client = Client(address, timeout=_PATIENCE)
+        except (OSError, ValueError, TypeError) as error:
+            raise InputError(f"No Dask scheduler answers at {address!r}: {error}") from error
+        with client:
+            # Workers that died are replaced after a while.
+            try:
+                client.wait_for_workers(1, timeout=_PATIENCE)
+            except TimeoutError as error:
+                said = f"The Dask scheduler at {address!r} has no workers. Start some: dask worker {address}"
+                raise InputError(said) from error
+            yield _Cluster(client)
+
+
+def _stream(
+    crew: _Crew, work: Work, cases: Iterator[tuple[str, Any]], seed: int, limit: float | None
+) -> Iterator[Outcome]:
+    running: dict[int, tuple[str, Any, int, float]] = {}
+    keys = count()
+    lost: deque[Outcome] = deque()
+
+    def submit(name: str, case: Any, tries: int) -> None:
+        key = next(keys)
+        running[key] = name, case, tries, time.perf_counter()
+        try:
+            crew.submit(key, work, name, case, case_seed(seed, name), limit, True)
+        except Exception as error:
+            # The case cannot be sent.
+            del running[key]
+            lost.append(Outcome(name, 0.0, None, f"{type(error).__name__}: {error}", traceback.format_exc()))
+
+    # No more at once than there are workers: a case that takes its worker down harms no other that waits there.
+    for name, case in islice(cases, crew.room()):
+        submit(name, case, 1)
+    while running or lost:
+        outcome = lost.popleft() if lost else _ended(crew, running, submit, limit)
+        if outcome is None:
+            continue
+        if (following := next(cases, None)) is not None:
+            submit(*following, 1)
+        yield outcome
+
+
+def _ended(
+    crew: _Crew,
+    running: dict[int, tuple[str, Any, int, float]],
+    submit: Callable[[str, Any, int], None],
+    limit: float | None,
+) -> Outcome | None:
+    """Return the outcome of the case that ends next, None where its worker died and it is tried again."""
+    key, returned = crew.next()
+    name, case, tries, start = running.pop(key)
+    seconds = time.perf_counter() - start
+    try:
+        return returned()
+    except Died:
+        # A process that does not heed its limit ends itself; one that died sooner may have died of the case before,
+        # behind which this one waited.
+        if tries < _TRIES and (limit is None or seconds < limit + _GRACE):
+            submit(name, case, tries + 1)
+            return None
+        return Outcome(name, seconds, None, "WorkerDied: its process crashed, or took too much memory or time")
+    except Exception as error:
+        # The case or its outcome could not be sent.
+        return Outcome(name, seconds, None, f"{type(error).__name__}: {error}", traceback.format_exc())

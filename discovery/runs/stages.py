@@ -1,0 +1,358 @@
+"""The stages of a run: each a function of its inputs and a seed, whose result is saved to files of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.random import SeedSequence
+from numpy.typing import NDArray
+
+from discovery.declarations.effect import ARM
+from discovery.diagnosis.missing_force import MissingForce, missing_force
+from discovery.equations.model import Model
+from discovery.estimation.fit import Fit, declared_model, fit
+from discovery.estimation.holdout import HoldOut
+from discovery.estimation.problem import natural_units
+from discovery.estimation.residual import errors
+from discovery.estimation.step import TOLERANCE
+from discovery.foundation.errors import ComputationError, InputError
+from discovery.posterior.noise import GAUSSIAN, words_of
+from discovery.recordings.angles import within_half_a_turn
+from discovery.recordings.dataset import Dataset
+from discovery.recordings.experiment import Experiment, largest_deflection, make_experiment
+from discovery.rigs.kinds import KINDS, LINEAR_MODEL
+from discovery.rigs.rig import Rig
+from discovery.runs.loop import LoopResult, close_loop
+from discovery.selection.settings import LoopSettings
+
+if TYPE_CHECKING:
+    from discovery.posterior.draws import Posterior
+    from discovery.posterior.noise_choice import NoiseChoice
+    from discovery.posterior.study import PosteriorStudy
+
+__all__ = [
+    "Discovered",
+    "Fits",
+    "Tell",
+    "can_discover",
+    "compared",
+    "continued",
+    "discover",
+    "estimate",
+    "loop",
+    "predicted",
+    "sampled",
+    "scored",
+    "stage_seed",
+    "studied",
+    "unexplained",
+    "weighed",
+]
+
+FloatArray = NDArray[np.float64]
+Tell = Callable[[str], None]
+#: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
+DISCOVERY_SAMPLES = 16_384
+_ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
+
+
+def stage_seed(seed: int, stage: str) -> int:
+    """Return the seed of one stage, independent of the others."""
+    return int(SeedSequence(seed).spawn(len(_ORDER))[_ORDER.index(stage)].generate_state(1)[0])
+
+
+@dataclass(frozen=True)
+class Discovered:
+    """Equations found in the motion."""
+
+    equation: Any
+    radius: Any = None
+    multisine: Any = None
+
+    def summary(self) -> dict[str, Any]:
+        """Return what results.json holds of the discovery."""
+        e = self.equation
+
+        def described(equation) -> dict[str, Any]:
+            keys = ("terms", "effects", "coefficients", "sd", "unexplained", "likelihood_ratio", "probability")
+            return {k: getattr(equation, k) for k in keys}
+
+        found = {
+            "terms": e.summary(),
+            "status": e.status,
+            "rows": e.rows,
+            "at_rest": e.at_rest,
+            "threshold": e.threshold,
+            "noise_ratio": e.noise_ratio,
+            "stretches": e.stretches,
+            "resamples": e.resamples,
+            "smoothers": [asdict(x) for x in e.smoothers],
+            "inclusion": e.inclusion,
+            "equation": described(e.equation),
+            "rivals": [described(r) for r in e.rivals],
+            "table": [described(r) for r in e.table],
+            "path": [{"threshold": t, "terms": terms} for t, terms in e.path],
+            "best_three": described(e.best(3)),
+        }
+        law = self.radius
+        radius = None
+        if law is not None:
+            keys = ("gamma", "sd", "drift", "dynamic", "interval", "noise_ratio", "status")
+            radius = {k: getattr(law, k) for k in keys}
+            radius |= {"preferred": asdict(law.preferred), "rivals": law.summary()}
+        lines = None if self.multisine is None else self.multisine.summary()
+        return {"discovery": found, "radius": radius, "multisine": lines}
+
+
+def can_discover(rig: Rig) -> bool:
+    """Return whether the library of the sparse regression describes a system: a coordinate read under a force."""
+    return rig.base in ("constant_radius", "oscillator")
+
+
+def discover(dataset: Dataset, *, seed: int, tell: Tell) -> Discovered:
+    """Find the equation of motion, and an arm's radius law, by sparse regression.
+
+    Raises
+    ------
+    InputError
+        For recordings without the channels that this needs, and for a system that the library does not describe.
+    """
+    if not can_discover(dataset.rig):
+        raise InputError(
+            f"{dataset.rig.name}: sparse regression needs readings of the coordinate and of the force on it. Use "
+            "`discovery loop`, which compares free-run predictions."
+        )
+    from discovery.signals.motion import motion_of
+    from discovery.sindy.radius import discover_radius
+    from discovery.sindy.sindy import discover as sparse
+
+    tell("smoothing the recordings")
+    motions = []
+    for e in dataset.train:
+        recording = _shortened(e)
+        motions.append(motion_of(recording, dataset.rig, e.drive))
+    rng = np.random.default_rng(stage_seed(seed, "discover"))
+    tell("searching the library for the equation of motion")
+    equation = sparse(motions, rng=rng)
+    radius = None
+    if all(m.radius is not None for m in motions):
+        tell("searching for the radius law")
+        radius = discover_radius(motions, rng=rng)
+    multisine = None
+    if not dataset.train[0].is_arm and dataset.train[0].recording.input is not None:
+        from discovery.signals.distortion import analyse_multisine
+
+        tell("reading the multisine's own lines")
+        multisine = analyse_multisine(dataset.train[0].recording)
+    return Discovered(equation, radius, multisine)
+
+
+def _shortened(experiment: Experiment):
+    r = experiment.recording
+    stop = min(DISCOVERY_SAMPLES, len(r.time[experiment.fitted]))
+    if stop == r.time.size:
+        return r
+    return replace(r, time=r.time[:stop], output=r.output[:stop], input=None if r.input is None else r.input[:stop])
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Output-error fits of the linear and of the declared model.
+
+    Parameters
+    ----------
+    models : mapping of str to Fit
+        By label: "linear" (where the system has a rest position), "constant_radius" (an arm's declared model without
+        the radius law), "declared".
+    predictions : mapping of str to list of ndarray
+        Of the training recordings.
+    errors : mapping
+        "position" and, for an arm, "angle" errors on the training recordings.
+    """
+
+    models: Mapping[str, Fit]
+    predictions: Mapping[str, list[FloatArray]]
+    errors: Mapping[str, Any] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what results.json holds of the fits."""
+        return {"fits": {k: f.summary() for k, f in self.models.items()}, "fit_errors": dict(self.errors)}
+
+
+def estimate(dataset: Dataset, *, tell: Tell) -> Fits:
+    """Fit the declared model to the training recordings, and the linear one where the system has a rest position."""
+    train = dataset.train
+    units = natural_units(train)
+    declared = declared_model(train[0])
+    plans: dict[str, tuple[str, ...]] = {}
+    if not KINDS[train[0].rig.kind].may_be_bare:
+        plans["linear"] = LINEAR_MODEL
+    if train[0].is_arm and "radius_law" in declared.effects:
+        plans["constant_radius"] = tuple(e for e in declared.effects if e != "radius_law")
+    plans["declared"] = declared.effects
+    models, predictions, found = {}, {}, {}
+    start: dict[str, float] = {}
+    for label, effects in plans.items():
+        tell(f"fitting the {label.replace('_', ' ')} model")
+        models[label] = fit(Model(declared.base, effects, declared.known), train, units=units, start=start)
+        start = {n: v for n, v in models[label].values.items() if "[" not in n}
+        predictions[label] = models[label].predict()
+        found[label] = _fit_errors(train, predictions[label])
+    return Fits(models, predictions, found)
+
+
+def _fit_errors(train, predictions) -> dict[str, Any]:
+    measured = np.concatenate([e.recording.output[e.fitted] for e in train])
+    predicted = np.concatenate([p[e.fitted] for e, p in zip(train, predictions, strict=True)])
+    found: dict[str, Any] = {"position": errors(predicted, measured)}
+    if train[0].recording.channels == ("tip_x", "tip_y"):
+        angle = np.arctan2(predicted[:, 1], predicted[:, 0]) - np.arctan2(measured[:, 1], measured[:, 0])
+        found["angle"] = errors(within_half_a_turn(angle)[:, None], np.zeros((angle.size, 1)))
+        radius = np.hypot(*predicted.T) - np.hypot(*measured.T)
+        found["radius"] = errors(radius[:, None], np.zeros((radius.size, 1)))
+    return found
+
+
+def weighed(fitted: Fit, *, seed: int, tell: Tell) -> NoiseChoice:
+    """Weigh the noise models that apply to the recordings of a fit by their evidence."""
+    from discovery.posterior.noise_choice import choose_noise
+
+    tell("weighing noise models by their evidence")
+    return choose_noise(fitted, rng_seed=stage_seed(seed, "evidence"))
+
+
+def sampled(fitted: Fit, *, seed: int, tell: Tell, backend=None, noise: str = GAUSSIAN) -> Posterior:
+    """Sample the posterior of a fitted model under a noise model."""
+    from discovery.posterior.sampling import sample
+
+    tell(f"sampling the posterior, errors {words_of(noise)}")
+
+    def on_progress(p) -> None:
+        tell(f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}")
+
+    return sample(
+        fitted, rng_seed=stage_seed(seed, "posterior"), noise=noise, progress=on_progress, backend_path=backend
+    )
+
+
+def studied(posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int, tell: Tell) -> PosteriorStudy:
+    """Study a posterior: priors, profiles, correlations, chains, and predictive bands of every recording."""
+    from discovery.posterior.study import LONGEST_BAND, study_posterior
+
+    tell("profile likelihoods and predictive bands")
+    rng = np.random.default_rng(stage_seed(seed, "predictive"))
+    study = study_posterior(posterior, fitted, dataset.holdout, rng=rng)
+    banded = {band.name for band in study.bands}
+    for e in dataset.holdout:
+        if e.recording.name not in banded and e.recording.time.size <= LONGEST_BAND:
+            tell(f"no predictive band of {e.recording.name}: the fitted motion blows up there")
+    return study
+
+
+def compared(fitted: Fit, loop: LoopResult, *, seed: int, tell: Tell) -> dict[str, Any]:
+    """Weigh noise models of a fit, and the models before and after the loop, by their evidence."""
+    from discovery.posterior.model_comparison import compare_models
+
+    noise = weighed(fitted, seed=seed, tell=tell).summary()
+    models = {"before": loop.before, "after": loop.after}
+    if loop.before.model == loop.after.model or any(f.null_directions for f in models.values()):
+        return {"noise": noise, "evidence": None}
+    tell("weighing the models before and after by their evidence")
+    held = {label: loop.errors[label]["holdout"]["rms"] for label in models}
+    # What the smaller model lacks is correlated: white noise would count every sample of it.
+    compared = compare_models(models, rng_seed=stage_seed(seed, "evidence"), noise="correlated", held_out=held)
+    return {"noise": noise, "evidence": compared.summary()}
+
+
+def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str, Any] | None:
+    """Compare a posterior with the elastica's prediction from the rig file; None where the rig does not allow it."""
+    from discovery.theory.prediction import predict
+
+    rig = dataset.rig
+    if (
+        rig.kind != ARM
+        or rig.flexural_rigidity is None
+        or rig.tip_mass is None
+        or rig.length is None
+        or rig.beam_mass is None
+    ):
+        return None
+    tell("checking against the elastica")
+    rng = np.random.default_rng(stage_seed(seed, "elastica"))
+    if dataset.train:
+        deflection = np.concatenate([e.deflection[e.fitted] for e in dataset.train])
+        prediction = predict(rig, rng, delta_max=largest_deflection(dataset.train), deflection=deflection)
+    else:
+        prediction = predict(rig, rng)
+    return {
+        "prediction": [asdict(row) for row in prediction.summary()],
+        "comparison": [asdict(row) for row in prediction.compare(posterior.flat())] if posterior is not None else [],
+        "delta_max": prediction.delta_max,
+    }
+
+
+def loop(dataset: Dataset, *, seed: int = 1, follow_up: bool = True, tell: Tell) -> LoopResult:
+    """Close the loop on a data set."""
+    settings = LoopSettings(seed=stage_seed(seed, "loop"), follow_up=follow_up)
+    return close_loop(dataset.train, dataset.holdout, settings=settings, progress=tell)
+
+
+def scored(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any]:
+    """Return the errors before and after on every recording that neither a fit nor a decision has seen, by its name.
+
+    Nothing of these recordings is fitted but their initial states.
+    """
+    found: dict[str, Any] = {}
+    for e in dataset.test:
+        tell(f"scoring {e.recording.name}")
+        found[e.recording.name] = {"samples": int(np.isfinite(e.recording.output).all(axis=1).sum())}
+        for label, fitted in (("before", result.before), ("after", result.after)):
+            judge = HoldOut(dataset.train, [e], fitted.problem.units, TOLERANCE)
+            ((prediction,),) = judge.predictions(fitted.problem.bench, [(fitted.model, fitted.values, [])])
+            found[e.recording.name][label] = errors(prediction, e.recording.output)
+    return found
+
+
+def continued(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any] | None:
+    """Return the held-out errors before and after where the run goes on from the training part, nothing fitted anew.
+
+    None where the hold-out is not what follows the only training recording in its file. An initial state fitted to the
+    held-out part takes away the phase that a model has lost by then: this error holds it.
+    """
+    if len(dataset.train) != 1 or len(dataset.holdout) != 1 or result.after.model.mechanics.prescribed:
+        return None
+    first, second = dataset.train[0].recording, dataset.holdout[0].recording
+    if first.sha256 != second.sha256 or not 0 < second.time[0] - first.time[-1] < 1.5 * np.median(np.diff(first.time)):
+        return None
+    tell("continuing into the held-out part")
+    joined = replace(
+        first,
+        time=np.concatenate([first.time, second.time]),
+        output=np.concatenate([first.output, second.output]),
+        input=None if first.input is None or second.input is None else np.concatenate([first.input, second.input]),
+    )
+    whole = make_experiment(joined, dataset.rig)
+    found = {}
+    for label, fitted in (("before", result.before), ("after", result.after)):
+        start = [fitted.values[f"{n}[{first.name}]"] for n in ("delta_0_init", "rate_0_init")]
+        (prediction,) = fitted.predict([whole], np.array([start]))
+        found[label] = errors(prediction[first.time.size :], second.output)
+    return found
+
+
+def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingForce | None:
+    """Return the force that the final model lacks where it is not complete; None where it is."""
+    if result.complete:
+        return None
+    if not result.after.model.mechanics.reads_state:
+        tell("no missing force: it is reconstructed where the instrument reads the position")
+        return None
+    tell("reconstructing the missing force")
+    try:
+        return missing_force(result.after, dataset.holdout)
+    except ComputationError as failure:
+        tell(f"no missing force: {failure}")
+        return None

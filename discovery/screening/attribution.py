@@ -1,0 +1,266 @@
+"""Which effect explains a residual: sensitivities of the whole catalogue in one call.
+
+The score of a candidate is how much of chi-square its linear effect could remove once the fitted parameters have
+absorbed what they can. Scores only rank and provide starts, see `discovery.screening.refits`: finite effects mislead
+linear scores.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.declarations.effect import ARM, Effect, Mode
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.registry import catalogue
+from discovery.equations.model import Model
+from discovery.estimation.least_squares import Minimum
+from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.foundation.workers import single_algebra
+from discovery.screening.bounded_gain import bounded_gains
+from discovery.screening.responses import Grid, Responses, plan, respond
+from discovery.screening.scalar_products import grams
+from discovery.simulation.simulate import THREADS
+
+__all__ = ["Candidate", "Shapes", "Start", "candidates", "grid_of", "screen"]
+
+FloatArray = NDArray[np.float64]
+#: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
+_SHAPE_GRID = 48
+#: An effect with at most so many shapes is tried at each of its declared sizes, else at the smallest.
+_FEW_SHAPES = 12
+#: Starts of a refit differ: the cosine between their sensitivities is at most this,
+_DISTINCT = 0.9
+#: and they are chosen among so many of the best.
+_COMPARED = 24
+_STARTS = 3
+#: Effects with many shapes have many minima: so many times as many starts.
+_MANY = 3
+#: Gains within this part of the largest are equal.
+_TIE = 1e-9
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """What the shapes of an effect on its grid could do to a residual, to first order.
+
+    Parameters
+    ----------
+    responses : ndarray of float32, shape (u, n)
+        Of amplitudes, what the fitted parameters leave of them; shapes may share some.
+    rows : ndarray, shape (t, k)
+        Which of them belong to each shape.
+    transform : ndarray, shape (t, k, k)
+        Makes an orthonormal basis of these, see `discovery.screening.bounded_gain.bounded_gains`.
+    gains : ndarray, shape (t,)
+        Chi-square that each removes within its bounds.
+    """
+
+    responses: NDArray[np.float32]
+    rows: NDArray[np.int64]
+    transform: FloatArray
+    gains: FloatArray
+
+    def bases(self, shapes: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return the orthonormal directions of some shapes, shape (shapes, k, n)."""
+        return self.transform[shapes].astype(np.float32) @ self.responses[self.rows[shapes]]
+
+    def powers(self, noise: NDArray[np.float32]) -> FloatArray:
+        """Return the chi-square that each shape would remove from each column of (n, r), bounds ignored, (t, r)."""
+        seen = self.responses @ noise
+        return np.square(self.transform @ seen[self.rows]).sum(axis=1)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a refit may begin.
+
+    Parameters
+    ----------
+    values : ndarray, shape (f,)
+        Of what a refit estimates.
+    sizes : ndarray, shape (k,)
+        Which of them are amplitudes.
+    responses : Responses
+        Of amplitudes.
+    rows, simulated : ndarray, shape (k,)
+        Which responses are those of this start, and to what amplitudes.
+    """
+
+    values: FloatArray
+    sizes: NDArray[np.int64]
+    responses: Responses
+    rows: NDArray[np.int64]
+    simulated: FloatArray
+
+    def columns(self) -> FloatArray:
+        """Return the sensitivity (n, f); unknown derivatives, those of shapes, are zero."""
+        columns = np.zeros((self.responses.left.shape[1], self.values.size))
+        columns[:, self.sizes] = self.responses.moved(self.rows) / self.simulated
+        return columns
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One candidate effect with its linear score.
+
+    Parameters
+    ----------
+    effect : str
+        Id.
+    score : float
+        Chi-square that its linear sensitivity removes, fitted parameters re-adjusted.
+    starts : tuple of Start
+        The best ones of a refit.
+    sensitivity : ndarray, shape (n, k)
+        Orthonormal directions of the best start, orthogonal to what fitted parameters absorb.
+    shapes : Shapes
+        Every shape on the grid.
+    """
+
+    effect: str
+    score: float
+    starts: tuple[Start, ...]
+    sensitivity: FloatArray
+    shapes: Shapes
+
+
+def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
+    """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    unit : str
+        Unit of an oscillator's coordinate: laws of an angle ask for radians.
+    """
+    base = model.mechanics
+    return tuple(
+        e
+        for e, effect in catalogue().items()
+        if base.system in effect.systems
+        and e not in model.effects
+        and e not in base.provides
+        and (base.system == ARM or unit == "rad" or not effect.angular)
+        and (base.push() is not None or not isinstance(effect, Mode))
+        and (base.anchored or not effect.anchored)
+    )
+
+
+def _sizes(parameter: Parameter) -> list[float]:
+    """Return the declared sizes of an amplitude, smallest first: small enough to be linear, large enough to matter."""
+    return sorted({abs(v) for v in parameter.starts if v}) or [1e-3 * parameter.prior.width]
+
+
+def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, float]]:
+    """Return finite values of an effect in the problem's units: a grid over shapes and sizes."""
+    shapes = [p for p in effect.fitted(system) if p.shape]
+    amplitudes = [p for p in effect.fitted(system) if not p.shape]
+    scale = {p.name: units.scale(p) for p in (*shapes, *amplitudes)}
+    grids: list[dict[str, float]] = [{}]
+    for p in shapes:
+        low, high = max(p.bounds[0], 1e-3 * p.prior.width), p.bounds[1]
+        values = p.starts or tuple(np.geomspace(low, min(high, 20 * p.prior.width), _SHAPE_GRID))
+        grids = [{**g, p.name: v * scale[p.name]} for g in grids for v in values]
+    sizes = {p: _sizes(p) for p in amplitudes}
+    levels = max((len(s) for s in sizes.values()), default=1) if len(grids) <= _FEW_SHAPES else 1
+    return [
+        {**g, **{p.name: s[min(level, len(s) - 1)] * scale[p.name] for p, s in sizes.items()}}
+        for g in grids
+        for level in range(levels)
+    ]
+
+
+def screen(
+    model: Model,
+    minimum: Minimum,
+    problem: Problem,
+    names: Sequence[str],
+    *,
+    keep: int = _STARTS,
+    left: FloatArray | None = None,
+) -> list[Candidate]:
+    """Score candidate effects by their sensitivities around a fitted model, all in one batched simulation.
+
+    Parameters
+    ----------
+    model : Model
+        The fitted model.
+    minimum : Minimum
+        Its minimum on `problem`.
+    problem : Problem
+        Its bench must contain every candidate.
+    names : sequence of str
+        Candidate effect ids.
+    keep : int
+        Number of starts kept for each, at most; three times as many for effects with many shapes.
+    left : ndarray, shape (n,), optional
+        The residual to explain, if it is another than that of the minimum: that of finer mechanics.
+
+    Returns
+    -------
+    list of Candidate
+        Highest score first.
+    """
+    bench, units, system = problem.bench, problem.units, model.mechanics.system
+    grids, settings = _planned(tuple(catalogue()[name] for name in names), system, units)
+    reference = minimum.residual[: bench.n_rows]
+    known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
+    left = reference if left is None else left[: bench.n_rows]
+    target = left - known @ (known.T @ left)
+    with single_algebra():
+        with ThreadPoolExecutor(THREADS) as pool:
+            responses = respond(pool, bench, problem.expand(minimum.x[:, None]), settings, reference, known)
+        scored = [_scored(name, grids[name], responses, target, units, keep) for name in names]
+    return sorted(scored, key=lambda c: -c.score)
+
+
+@lru_cache(maxsize=64)
+def _planned(
+    effects: tuple[Effect, ...], system: str, units: NaturalUnits
+) -> tuple[dict[str, Grid], list[dict[str, float]]]:
+    """Return what is simulated for some effects: the same around every fit of the same recordings."""
+    return plan({effect.id(): grid_of(effect, system, units) for effect in effects}, system)
+
+
+def _scored(
+    name: str, grid: Grid, responses: Responses, target: FloatArray, units: NaturalUnits, keep: int
+) -> Candidate:
+    """Return the candidate of one effect: the amplitudes of every shape that remove most, and the best starts."""
+    count = len(grid.rows)
+    parameters = [grid.fitted[i] for i in grid.sizes]
+    sizes = grid.values[:, grid.sizes]
+    limits = [np.array([p.bounds[end] * units.scale(p) for p in parameters]) / sizes for end in (0, 1)]
+    first = int(grid.rows.min())
+    own, rows = responses.left[first : int(grid.rows.max()) + 1], grid.rows - first
+    gram, push = grams(own, rows, target)
+    gain, solution, transform = bounded_gains(gram, push, *limits)
+    shapes = Shapes(own, rows, transform, gain)
+    # Shapes that rounding alone tells apart stay in the order of the grid.
+    removed = np.maximum(gain, 0.0)
+    order = np.argsort(-np.round(removed / max(_TIE * removed.max(), 1e-300)), kind="stable")
+    bases = shapes.bases(order[:_COMPARED])
+    starts = []
+    for i in order[_distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)]:
+        values = grid.values[i].copy()
+        values[grid.sizes] = solution[i] * sizes[i]
+        starts.append(Start(values, grid.sizes, responses, grid.rows[i], sizes[i]))
+    return Candidate(name, float(gain[order[0]]), tuple(starts), bases[0].T.astype(float), shapes)
+
+
+def _distinct(bases: NDArray[np.float32], keep: int) -> list[int]:
+    """Return which of the best (t, k, n), best first, differ: peaks of the grid, not neighbours on one of them."""
+    chosen: list[int] = []
+    free = np.arange(len(bases))
+    while free.size and len(chosen) < keep:
+        chosen.append(int(free[0]))
+        free = free[1:]
+        likeness = np.linalg.svd(bases[free] @ bases[chosen[-1]].T, compute_uv=False)[:, -1]
+        free = free[likeness < _DISTINCT]
+    return chosen

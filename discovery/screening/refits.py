@@ -1,0 +1,331 @@
+"""Bounded refits of a model with every candidate effect added: finite effects decide, all together in one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems, together
+from discovery.estimation.bench import Bench
+from discovery.estimation.least_squares import Minimum, levenberg_marquardt
+from discovery.estimation.problem import Problem
+from discovery.estimation.race import SLOW, Race, near_the_best
+from discovery.recordings.experiment import Experiment
+from discovery.screening.attribution import Candidate
+from discovery.screening.finite import FarStart
+
+__all__ = [
+    "Refit",
+    "best_of",
+    "distances",
+    "finish",
+    "held_fixed",
+    "refit",
+    "refit_pairs",
+    "relaxed",
+    "resettled",
+    "settle",
+    "settled",
+]
+
+FloatArray = NDArray[np.float64]
+#: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
+_Start = tuple[tuple[str, ...], FloatArray, FloatArray, Mapping[str, float] | None]
+#: So many of the best quick refits, and of the best effects, are finished with a differenced Jacobian,
+_FINISHED = 6
+#: and so many of those with the largest scores.
+_PROMISING = 8
+#: All refits take so many steps, then only the best ones go on.
+_FIRST_ROUND = 8
+_IN_THE_RACE = 18
+_SECOND_ROUND = 30
+#: A differenced Jacobian shows within so many steps what a quick search missed (the best ones are finished later), and
+#: where a minimum is on another bench.
+_CHECKED = 10
+#: Shorter steps that leave more than this part of chi-square do not help.
+_NO_HELP = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A model with a candidate added, refitted."""
+
+    effect: str
+    problem: Problem
+    minimum: Minimum
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared normalised residuals."""
+        return 2 * self.minimum.cost
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name, initial states included."""
+        return self.problem.named(self.minimum.x)
+
+    def predict(self) -> list[FloatArray]:
+        """Return the channels of every fitted recording, each (n, c)."""
+        return self.problem.predict(self.minimum.x)
+
+
+def held_fixed(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
+    """Return a fit with what the rig knows held at its fitted value: the rod's ringing would trap a search."""
+    nuisance = [n for n in problem.gaussian if n in problem.free]
+    known = {**problem.model.known, **{n: float(minimum.x[problem.names.index(n)]) for n in nuisance}}
+    model = Model(problem.model.base, problem.model.effects, known)
+    keep = [i for i, n in enumerate(problem.names) if n not in nuisance]
+    rows = problem.bench.n_rows
+    residual = minimum.residual[:rows]
+    return Problem(model, problem.bench, problem.units, {}), Minimum(
+        minimum.x[keep],
+        0.5 * float(residual @ residual),
+        residual,
+        minimum.jacobian[:rows, keep],
+        minimum.at_bound[keep],
+        minimum.converged,
+        minimum.iterations,
+    )
+
+
+def refit(
+    model: Model,
+    minimum: Minimum,
+    problem: Problem,
+    shortlist: Sequence[Candidate],
+    *,
+    finite: Sequence[FarStart] = (),
+    thorough: bool = False,
+) -> list[Refit]:
+    """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
+
+    Parameters
+    ----------
+    model, minimum, problem : Model, Minimum, Problem
+        The fit so far.
+    shortlist : sequence of Candidate
+        From `discovery.screening.attribution.screen`.
+    finite : sequence of FarStart
+        More starts, see `discovery.screening.finite.finite_starts`.
+    thorough : bool
+        Finish every effect with a differenced Jacobian, however far behind: a quick search may stall where it begins.
+
+    Returns
+    -------
+    list of Refit
+        Smallest chi-square first.
+    """
+    rows = problem.bench.n_rows
+    starts: list[_Start] = [((c.effect,), s.values, s.columns(), None) for c in shortlist for s in c.starts]
+    starts += [((name,), vector, np.zeros((rows, vector.size)), others) for name, vector, others in finite]
+    return _raced(model, minimum, problem, starts, thorough=thorough)
+
+
+def refit_pairs(
+    model: Model, minimum: Minimum, problem: Problem, pairs: Sequence[tuple[Candidate, Candidate]]
+) -> list[Refit]:
+    """Refit the model with two candidates added at once, from their joint linear solution.
+
+    Returns
+    -------
+    list of Refit
+        Smallest chi-square first; `effect` is the second one.
+    """
+    rows = problem.bench.n_rows
+    known, _ = np.linalg.qr(minimum.jacobian[:rows])
+    starts: list[_Start] = []
+    for pair in pairs:
+        vector = np.concatenate([c.starts[0].values for c in pair])
+        columns = np.concatenate([c.starts[0].columns() for c in pair], axis=1)
+        moving = columns.any(axis=0)
+        free = columns[:, moving] - known @ (known.T @ columns[:, moving])
+        size = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
+        solution = np.linalg.lstsq(free / size, -minimum.residual[:rows], rcond=None)[0]
+        vector[moving] = solution / size
+        starts.append((tuple(c.effect for c in pair), vector, columns, None))
+    return _raced(model, minimum, problem, starts)
+
+
+def _raced(
+    model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thorough: bool = False
+) -> list[Refit]:
+    """Refit from starts, all together; only the best go all the way."""
+    problems: list[Problem] = []
+    requests = []
+    labels = [effects for effects, *_ in starts]
+    n_data = problem.bench.n_data
+    race = Race(n_data, SLOW)
+    for effects, vector, columns, others in starts:
+        extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
+        where = [extended.free.index(n) for n in problem.free]
+        added = [i for i in range(len(extended.free)) if i not in where]
+        lower, upper = extended.bounds
+        x = np.empty(len(extended.names))
+        jacobian = np.zeros((len(minimum.residual), x.size))
+        x[where], x[added] = minimum.x[: len(problem.free)], np.clip(vector, lower[added], upper[added])
+        first, was = len(extended.free), len(problem.free)
+        x[first:] = minimum.x[was:]
+        jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
+        jacobian[:, first:] = minimum.jacobian[:, was:]
+        jacobian[: len(columns), added] = columns
+        if others is None:
+            # The fitted parameters move with the effect: first-order compensation.
+            push = minimum.residual + jacobian[:, added] @ x[added]
+            old = [*where, *range(first, x.size)]
+            step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
+            x[old] = np.clip(x[old] + step, lower[old], upper[old])
+        else:
+            for i, name in enumerate(extended.names):
+                x[i] = np.clip(others.get(name, x[i]), lower[i], upper[i])
+        problems.append(extended)
+        requests.append(
+            levenberg_marquardt(
+                x,
+                lower,
+                upper,
+                extended.scale,
+                iterations=_FIRST_ROUND,
+                tolerance=1e-3,
+                jacobian=jacobian,
+                is_behind=race.enter(effects),
+            )
+        )
+    quick = together(problems, requests)
+    minima = list(quick)
+    # Only those go on that are still in the race.
+    ahead = near_the_best([2 * m.cost for m in minima], n_data, SLOW)[:_IN_THE_RACE]
+    going = [i for i in ahead if not minima[i].converged and np.isfinite(minima[i].cost)]
+    race = Race(n_data, SLOW)
+    further = [
+        levenberg_marquardt(
+            minima[i].x,
+            *problems[i].bounds,
+            problems[i].scale,
+            iterations=_SECOND_ROUND,
+            tolerance=1e-3,
+            jacobian=minima[i].jacobian,
+            is_behind=race.enter(labels[i]),
+        )
+        for i in going
+    ]
+    second = together([problems[i] for i in going], further)
+    for i, found in zip(going, second, strict=True):
+        minima[i] = found
+    # A quick search may stall on its carried Jacobian: the best ones are finished with differences, and so are effects
+    # that promise most, or that leave more than the model without them.
+    order = sorted(range(len(minima)), key=lambda i: minima[i].cost)
+    leading: dict[tuple[str, ...], int] = {}
+    for i in order:
+        leading.setdefault(labels[i], i)
+    near = near_the_best([2 * m.cost for m in minima], n_data)
+    nearest = [i for i in leading.values() if i in near]
+    stalled = [i for i in leading.values() if not minima[i].cost <= minimum.cost]
+    # Starts come in the order of their scores.
+    promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
+    all_of_them = leading.values() if thorough else ()
+    chosen = list(dict.fromkeys([*near[:_FINISHED], *nearest[:_FINISHED], *promising, *stalled, *all_of_them]))
+    ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
+    finished = settle([problems[i] for i in chosen], ends, _CHECKED)
+    for i, found in zip(chosen, finished, strict=True):
+        if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
+            minima[i] = found
+    # What any start of an effect ran into may have stopped its best one, too.
+    tried = (*enumerate(quick), *zip(going, second, strict=True), *zip(chosen, finished, strict=True))
+    blown = {labels[i] for i, m in tried if m.blown}
+    return best_of(
+        Refit(each[-1], p, replace(m, blown=each in blown)) for each, p, m in zip(labels, problems, minima, strict=True)
+    )
+
+
+def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[Refit]:
+    """Refit with what the rig knows free again: a missing effect may have pushed it off what the rig states.
+
+    Parameters
+    ----------
+    problem, minimum : Problem, Minimum
+        The fit so far, with what the rig knows free.
+    quick : sequence of Refit
+        Refits with it held.
+
+    Returns
+    -------
+    list of Refit
+        Smallest chi-square first.
+    """
+    nuisance = [n for n in problem.gaussian if n in problem.free]
+    fitted = problem.named(minimum.x)
+    # As fitted so far, and as the rig states; what may not be negative, from inside its bounds.
+    stated = {n: mean if mean > 0 else 0.5 * sd for n, (mean, sd) in problem.gaussian.items()}
+    starts = [{n: fitted[n] for n in nuisance}]
+    if any(abs(fitted[n] - stated[n]) > problem.gaussian[n][1] for n in nuisance):
+        starts.append({n: stated[n] for n in nuisance})
+    problems, vectors = [], []
+    for r in quick:
+        model = Model(problem.model.base, r.problem.model.effects, problem.model.known)
+        extended = Problem(model, r.problem.bench, problem.units, problem.gaussian)
+        for known in starts:
+            problems.append(extended)
+            vectors.append(extended.start({**r.values, **known}))
+    return settled(problems, vectors)
+
+
+def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
+    """Return a refit without some of its effects, fitted again.
+
+    Parameters
+    ----------
+    fitted : Refit
+        With them.
+    dropped : sequence of str
+        Effects.
+    """
+    problem = fitted.problem
+    smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
+    (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
+    # A falling body needs no effect at all.
+    return Refit(next(reversed(smaller.model.effects), ""), smaller, minimum)
+
+
+def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], there: Sequence[FloatArray]) -> FloatArray:
+    """Return how far two predictions of recordings, each (n, c, k), lie apart, shape (k,) [noise sds, squared].
+
+    Held-out samples count, too; infinite where a motion blew up.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = sum(
+            np.square((b - a) / e.recording.noise[:, None]).sum(axis=(0, 1))
+            for e, a, b in zip(experiments, here, there, strict=True)
+        )
+    return np.where(np.isfinite(apart), apart, np.inf)
+
+
+def resettled(fitted: Refit, bench: Bench) -> Refit:
+    """Return the same model on another bench, of the same mechanics or another, from where it was fitted."""
+    problem = replace(fitted.problem, model=fitted.problem.model.on_base(bench.base), bench=bench)
+    (minimum,) = settle([problem], [problem.start(fitted.values)], _CHECKED)
+    return Refit(fitted.effect, problem, minimum)
+
+
+def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:
+    """Minimise until a differenced Jacobian finds nothing better, in so many steps at most."""
+    return fit_problems(problems, starts, iterations=iterations, tolerance=1e-4, rough=True, race=True)
+
+
+def settled(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Refit]:
+    """Return the best of what `settle` finds for each set of effects, smallest chi-square first."""
+    minima = settle(problems, starts)
+    return best_of(Refit(p.model.effects[-1], p, m) for p, m in zip(problems, minima, strict=True))
+
+
+def best_of(refits: Iterable[Refit]) -> list[Refit]:
+    """Return the best refit of each set of effects, smallest chi-square first."""
+    best: dict[tuple[str, ...], Refit] = {}
+    for r in refits:
+        label = r.problem.model.effects
+        if np.isfinite(r.chi2) and (label not in best or r.chi2 < best[label].chi2):
+            best[label] = r
+    return sorted(best.values(), key=lambda r: r.chi2)

@@ -1,0 +1,191 @@
+"""How finite amplitudes of effects move the residual of a fit: what is simulated for a screen, and its outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from itertools import compress
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import dgemm
+
+from discovery.declarations.effect import ARM, Effect, Expressed, Joint, Memory, Sensor
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.registry import catalogue
+from discovery.estimation.bench import Bench
+from discovery.screening.ages import ages_of, ages_only, per_age
+
+__all__ = ["Grid", "Responses", "plan", "respond"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Finite values of one effect, and where each of its amplitudes lies among all parameter sets to be simulated.
+
+    Parameters
+    ----------
+    fitted : tuple of Parameter
+        What a refit estimates.
+    values : ndarray, shape (t, f)
+        Grid, a column for each of `fitted`.
+    sizes : ndarray, shape (k,)
+        Which of them are amplitudes.
+    rows : ndarray, shape (t, k)
+        Which of all parameter sets holds each amplitude, the others absent.
+    """
+
+    fitted: tuple[Parameter, ...]
+    values: FloatArray
+    sizes: NDArray[np.int64]
+    rows: NDArray[np.int64]
+
+
+@cache
+def _shapes_of(effect: Effect, system: str, amplitude: str) -> tuple[str, ...]:
+    """Return the shapes that enter an effect where its other amplitudes are zero."""
+    import sympy as sp
+
+    fitted = effect.fitted(system)
+    shapes = tuple(p.name for p in fitted if p.shape)
+    law: tuple = ()
+    if isinstance(effect, Sensor):
+        readings = (
+            effect.arm_reading(*sp.symbols("x y")) if system == ARM else (effect.oscillator_reading(sp.Symbol("y")),)
+        )
+        law = (effect.lateness(), *readings)
+    elif isinstance(effect, Expressed) and not isinstance(effect, Joint | Memory):
+        law = (effect.expression(),)
+    else:
+        return shapes
+    absent = {sp.Symbol(p.name, real=True): 0 for p in fitted if not p.shape and p.name != amplitude}
+    named = {s.name for s in sp.Tuple(*law).subs(absent).free_symbols}
+    return tuple(n for n in shapes if n in named)
+
+
+@dataclass(frozen=True)
+class Responses:
+    """How parameter sets move the residual, split by what the fitted parameters absorb.
+
+    Parameters
+    ----------
+    known : ndarray, shape (n, p)
+        Orthonormal basis of what they absorb.
+    left : ndarray of float32, shape (k, n)
+        What they leave of each response.
+    taken : ndarray, shape (k, p)
+        What they take, in the basis.
+    """
+
+    known: FloatArray
+    left: NDArray[np.float32]
+    taken: FloatArray
+
+    def moved(self, rows: NDArray[np.int64]) -> FloatArray:
+        """Return whole responses, shape (n, rows)."""
+        return self.left[rows].T + self.known @ self.taken[rows].T
+
+
+def plan(
+    grids: Mapping[str, Sequence[Mapping[str, float]]], system: str
+) -> tuple[dict[str, Grid], list[dict[str, float]]]:
+    """Return the grid of every effect, and in what each parameter set to be simulated differs from the fit.
+
+    Parameters
+    ----------
+    grids : mapping of str to sequence of mapping
+        Finite values of each effect, in the problem's units.
+    system : str
+        Kind of the system.
+    """
+    found: dict[str, Grid] = {}
+    settings: list[dict[str, float]] = []
+    for name, grid in grids.items():
+        effect = catalogue()[name]
+        fitted = effect.fitted(system)
+        sizes = np.array([i for i, p in enumerate(fitted) if not p.shape], dtype=np.int64)
+        rows = np.empty((len(grid), sizes.size), dtype=np.int64)
+        for k, i in enumerate(sizes):
+            own = (*_shapes_of(effect, system, fitted[i].name), fitted[i].name)
+            known: dict[tuple[float, ...], int] = {}
+            for point, values in enumerate(grid):
+                key = tuple(values[n] for n in own)
+                if key not in known:
+                    known[key] = len(settings)
+                    settings.append(dict(zip(own, key, strict=True)))
+                rows[point, k] = known[key]
+        found[name] = Grid(fitted, np.array([[g[p.name] for p in fitted] for g in grid]), sizes, rows)
+    return found, settings
+
+
+def respond(
+    pool: ThreadPoolExecutor,
+    bench: Bench,
+    fitted: tuple[FloatArray, FloatArray],
+    settings: Sequence[Mapping[str, float]],
+    reference: FloatArray,
+    known: FloatArray,
+) -> Responses:
+    """Return how parameter sets move the residual, zero where the motion blows up.
+
+    Blocks as wide as the kernel's stay in the processor's cache from the simulation to what is left. What the
+    instrument alone does is read of one motion, and where it is only late, known to first order, see
+    `discovery.screening.ages`.
+
+    Parameters
+    ----------
+    pool : ThreadPoolExecutor
+        Threads among which the blocks are shared.
+    bench : Bench
+        Its simulators know every effect.
+    fitted : (ndarray, ndarray)
+        Kernel parameters (p, 1) and initial states (experiments, 2, 1) of the fit.
+    settings : sequence of mapping
+        In what each set differs from the fit.
+    reference : ndarray, shape (n,)
+        Residual of the fit.
+    known : ndarray, shape (n, p)
+        Orthonormal basis of what the fitted parameters absorb.
+    """
+    base, initial = fitted
+    at = {name: i for i, name in enumerate(bench.names)}
+    sets = np.repeat(base, len(settings), axis=1)
+    where = [at[name] for changed in settings for name in changed]
+    columns = np.repeat(np.arange(len(settings)), [len(changed) for changed in settings])
+    sets[where, columns] = [value for changed in settings for value in changed.values()]
+    lanes = bench.simulators[0].kernel.lanes
+    left = np.empty((len(settings), reference.size), dtype=np.float32)
+    taken = np.empty((len(settings), known.shape[1]))
+
+    alike = bench.moves_alike(np.column_stack([base, sets]))[1:]
+    older = ages_only(bench, settings)
+    late = list(compress(settings, older))
+    place = np.cumsum(older) - 1
+
+    def read_once() -> tuple[list[FloatArray] | None, FloatArray, NDArray[np.float32]]:
+        motions = bench.motions(base, initial) if alike.any() else None
+        if motions is None or not late:
+            return motions, np.empty((reference.size, 1)), np.empty((reference.size, 0), dtype=np.float32)
+        return motions, per_age(bench, fitted, motions), ages_of(bench, late)
+
+    def simulate(part: NDArray[np.int64]) -> None:
+        motions, slope, ages = once.result() if alike[part[0]] else (None, reference, reference)
+        if older[part[0]]:
+            moved = slope * np.take(ages, place[part], axis=1)
+        else:
+            moved = bench.residuals(sets[:, part], np.repeat(initial, part.size, axis=2), motions)
+            moved -= reference[:, None]
+        # A set that blows up is infinite throughout.
+        moved[:, ~np.isfinite(moved[0])] = 0.0
+        taken[part] = moved.T @ known
+        left[part] = dgemm(-1.0, taken[part], known, 1.0, moved.T, trans_b=True, overwrite_c=True)
+
+    # Others are simulated meanwhile.
+    once = pool.submit(read_once)
+    groups = [np.flatnonzero(~alike), np.flatnonzero(older), np.flatnonzero(alike & ~older)]
+    list(pool.map(simulate, [own[i : i + lanes] for own in groups for i in range(0, own.size, lanes)]))
+    return Responses(known, left, taken)

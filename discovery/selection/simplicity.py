@@ -1,0 +1,35 @@
+"""Which of equally good explanations comes first: the physically simplest one, and last one that imitates others."""
+
+from __future__ import annotations
+
+from discovery.declarations.registry import catalogue
+
+__all__ = ["is_pliable", "simplicity"]
+
+
+def is_pliable(effect: str) -> bool:
+    """Return whether the law of an effect is so pliable that it may imitate others."""
+    return catalogue()[effect].pliable
+
+
+def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
+    """Return a key that sorts effects, the physically simplest first.
+
+    What imitates others comes last; then no free parameter before one, one before several, a force before a fault of an
+    instrument (of the camera, or of the encoder), and a spring or friction before a load that could feed the motion.
+
+    Parameters
+    ----------
+    effect : str
+        Id.
+    system : str
+        Kind of system, `discovery.declarations.effect.ARM` or `discovery.declarations.effect.OSCILLATOR`.
+    """
+    declared = catalogue()[effect]
+    return (
+        declared.pliable,
+        len(declared.fitted(system)),
+        declared.kind in ("sensor", "drive"),
+        declared.kind == "load",
+        effect,
+    )

@@ -1,0 +1,165 @@
+"""Positions, rates and accelerations of one smoother, with standard deviations.
+
+A recording is smoothed once: a quintic B-spline on uniform knots with a penalty on its third or fourth derivative.
+Samples may be irregular and may miss; the bandwidth is chosen on the data, by the known noise (Mallows' C_p) or,
+without it, by generalised cross-validation, and is stored with the result. Value, rate and acceleration always come
+from the same curve.
+
+References
+----------
+P. H. C. Eilers, B. D. Marx, Statistical Science 11 (1996) 89 (penalised B-splines).
+G. Wahba, J. R. Statist. Soc. B 45 (1983) 133 (standard deviations of a smoothing spline).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.interpolate import BSpline
+
+from discovery.foundation.errors import InputError
+from discovery.signals.penalised_spline import (
+    DEGREE,
+    PenalisedSpline,
+    SplineFit,
+    basis_matrix,
+    difference_matrix,
+    inverse_band,
+    uniform_knots,
+    upper_band,
+)
+
+__all__ = ["FloatArray", "Smoother", "Trajectory", "smooth"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Smoother:
+    """What was done to the samples, so that it can be repeated."""
+
+    name: str
+    criterion: str  # "known noise" or "generalised cross-validation"
+    penalty_order: int  # order of the penalised derivative
+    segments: int
+    smoothing: float  # weight of the penalty relative to the data
+    degrees_of_freedom: float
+    noise: float  # standard deviation of the samples, in their unit
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One coordinate with its rate and acceleration, from one smoother.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Times of the finite samples [s].
+    observed, noise : ndarray, shape (n,)
+        The samples themselves and their standard deviations.
+    q, q_dot, q_ddot : ndarray, shape (n,)
+        Smoothed value, rate and acceleration at ``time``.
+    sd : ndarray, shape (3, n)
+        Standard deviations of the three (Bayesian intervals of Wahba 1983).
+    smoother : Smoother
+        Method and bandwidth.
+    """
+
+    time: FloatArray
+    observed: FloatArray
+    noise: FloatArray
+    q: FloatArray
+    q_dot: FloatArray
+    q_ddot: FloatArray
+    sd: FloatArray
+    smoother: Smoother
+    spline: BSpline = field(repr=False, compare=False)
+
+    def evaluate(self, t: FloatArray) -> FloatArray:
+        """Return value, rate and acceleration at the times ``t`` [s], shape (3, n)."""
+        return np.stack([self.spline(t, nu=order) for order in range(3)])
+
+
+def smooth(
+    time: FloatArray, values: FloatArray, noise: float | FloatArray | None = None, *, orders: tuple[int, ...] = (3, 4)
+) -> Trajectory:
+    """Smooth samples of one coordinate.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Strictly increasing times [s], irregular if need be.
+    values : ndarray, shape (n,)
+        Samples; NaN marks a gap.
+    noise : float or ndarray, shape (n,), optional
+        Standard deviation of the samples. Without it the bandwidth is chosen by generalised cross-validation.
+    orders : tuple of int
+        Orders of the penalised derivative to choose from (at most 5).
+
+    Returns
+    -------
+    Trajectory
+        The curve of lowest score over orders of penalty, knot spacings and smoothing weights.
+
+    Raises
+    ------
+    InputError
+        If fewer than 20 samples are finite, times do not increase, or the noise is not positive.
+    """
+    finite = np.isfinite(values)
+    t, y = np.asarray(time, float)[finite], np.asarray(values, float)[finite]
+    if t.size < 20:
+        raise InputError(f"{t.size} finite samples are too few to smooth; at least 20 are needed.")
+    if np.any(np.diff(t) <= 0.0):
+        raise InputError("Times must increase strictly; sort the samples and drop repeated ones before smoothing.")
+    sigma = np.broadcast_to(np.asarray(1.0 if noise is None else noise, float), np.shape(values))[finite]
+    if not np.all(sigma > 0.0):
+        raise InputError("The standard deviation of the samples must be positive.")
+    weight = 1.0 / sigma**2
+    offset = np.average(y, weights=weight)  # keeps the sums of squares free of cancellation
+    best: tuple[SplineFit, int, PenalisedSpline, int] | None = None
+    segments = max(t.size // 16, 8)
+    while segments <= max(t.size // 2, 8):
+        knots = uniform_knots(t, segments)
+        basis = basis_matrix(t, knots, 0)
+        weighted = sparse.csr_array(basis.multiply(weight[:, None]))
+        gram = upper_band(sparse.csr_array(weighted.T @ basis))
+        moment, energy = weighted.T @ (y - offset), float(weight @ (y - offset) ** 2)
+        before = np.inf if best is None else best[0].score
+        for order in orders:
+            rough = difference_matrix(segments + DEGREE, order)
+            penalty = upper_band(sparse.csr_array(rough.T @ rough))
+            penalty *= gram[-1].sum() / penalty[-1].sum()
+            system = PenalisedSpline(knots, gram, penalty, moment, energy, t.size, noise is not None)
+            fit = system.best()
+            # Of equal scores the finer knots: the penalty, not the knots, shall set the bandwidth.
+            if best is None or fit.score < best[0].score + (2.0 if segments > best[3] else 0.0):
+                best = fit, order, system, segments
+        if best is None or before - best[0].score < 2.0:  # finer knots no longer pay for one degree of freedom
+            break
+        segments *= 2
+    if best is None:
+        raise InputError("The normal equations of the smoother are singular; look for gaps longer than the signal.")
+    fit, order, system, segments = best
+    scale = 1.0 if noise is not None else float(np.sqrt(fit.misfit / max(t.size - fit.degrees_of_freedom, 1.0)))
+    covariance = inverse_band(fit.factor)
+    spline = BSpline(system.knots, fit.coefficients + offset, DEGREE)
+    sd = np.empty((3, t.size))
+    for nu in range(3):
+        rows = basis_matrix(t, system.knots, nu)
+        variance = np.asarray((rows @ covariance).multiply(rows).sum(axis=1)).ravel()
+        sd[nu] = scale * np.sqrt(np.maximum(variance, 0.0))
+    smoother = Smoother(
+        name="penalised quintic spline",
+        criterion="generalised cross-validation" if noise is None else "known noise",
+        penalty_order=order,
+        segments=segments,
+        smoothing=fit.smoothing,
+        degrees_of_freedom=fit.degrees_of_freedom,
+        noise=float(np.sqrt(np.mean(sigma**2))) * scale,
+    )
+    q, q_dot, q_ddot = (spline(t, nu=nu) for nu in range(3))
+    return Trajectory(t, y, sigma * scale, q, q_dot, q_ddot, sd, smoother, spline)

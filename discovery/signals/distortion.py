@@ -1,0 +1,145 @@
+"""What a periodic multisine says by itself: noise level, even and odd nonlinear distortion, before any model.
+
+A linear system in steady state answers a multisine at the excited lines only. Of an odd multisine, which excites odd
+multiples of 1 / period, even powers of a nonlinearity fall on even lines and odd powers on odd lines: on those left
+free, and on the excited ones, where they change with the random phases from realisation to realisation. What does not
+repeat from period to period is noise. What the measured input holds at lines that it should not is taken off through
+the frequency response, interpolated between the excited lines.
+
+References
+----------
+R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., Wiley (2012), chapter 4.
+J. Schoukens, R. Pintelon, T. Dobrowiecki, Y. Rolain, Automatica 41 (2005) 491 (odd multisines, robust method).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+
+from discovery.signals.multisine import Distortion, Multisine, Parity
+from discovery.signals.periods import find_periods, settling_of, whole_periods
+from discovery.signals.spectral_lines import MIN_LINES, LineNoise, Lines, line_noise, lines_of, tones_of
+
+if TYPE_CHECKING:
+    from discovery.recordings.recording import Recording
+
+__all__ = ["analyse_multisine"]
+
+FloatArray = NDArray[np.float64]
+
+
+IRREGULAR = 0.05  # of a sampling interval: times may be rounded
+SIGNIFICANCE = 1e-3
+MARGIN_DB = 1.0  # noise through a resonance makes its own estimate less certain than white noise would
+
+
+def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | None:
+    """Find the periods of a multisine in the input and read noise and distortion off the output's lines.
+
+    Realisations with different phases may follow one another, with or without pauses; the period is found on the
+    input, as the lag at which stretches of it come again (or come again with the opposite sign, at half the period of
+    an odd multisine). It must be a whole number of samples.
+
+    Parameters
+    ----------
+    recording : Recording
+        Uniformly sampled; periods with gaps are left out.
+    channel : int
+        Column of the output.
+
+    Returns
+    -------
+    Multisine or None
+        None if the input is missing, irregularly sampled, or no multisine: nothing in it comes again, or fewer than
+        eight lines carry it.
+    """
+    time = recording.time
+    if recording.input is None or time.size < 64:
+        return None
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    if np.max(np.abs(time - np.linspace(time[0], time[-1], time.size))) > IRREGULAR * step:
+        return None
+    u, y = recording.input - recording.input.mean(), recording.output[:, channel]
+    found = find_periods(u)
+    if found is None:
+        return None
+    settled, settling = settling_of(y, found)
+    periods, behind = whole_periods(u, y, found, settling)
+    lines = lines_of(u, y, periods, found.period) if periods else None
+    if lines is None:
+        return None
+    steady = settled and behind
+    share = float(np.mean([1.0 / len(starts) for starts in periods]))
+    floor = line_noise(u, y, found, settling if settled else None, lines, share)
+    rate = 1.0 / step
+    frequency = lines.number * rate / found.period
+    return Multisine(
+        period=found.period,
+        rate=rate,
+        periods=periods,
+        kind=lines.multisine,
+        settling=settling / rate,
+        steady=steady,
+        frequency=frequency,
+        line_class=lines.kinds,
+        input=np.sqrt(2.0 * lines.input),
+        output=np.sqrt(2.0 * lines.output),
+        spread=np.sqrt(2.0 * lines.spread),
+        noise=np.sqrt(2.0 * floor.density),
+        noise_rms=floor.rms,
+        noise_source=floor.source,
+        interference=tones_of(frequency, lines),
+        distortions=_distortions(lines, frequency, floor, len(periods), steady),
+        unit=recording.units[channel],
+    )
+
+
+def _distortions(
+    lines: Lines, frequency: FloatArray, floor: LineNoise, realisations: int, steady: bool
+) -> tuple[Distortion, ...]:
+    """One entry for each parity that the multisine can tell; unexcited lines are preferred to the spread."""
+    samples = floor.samples * float(np.mean(lines.kinds != "outside"))
+
+    def judged(parity: Parity, use: NDArray[np.bool_], spread: bool = False) -> Distortion:
+        power = np.where(use, lines.spread if spread else lines.output, 0.0)
+        # The noise is smeared over frequency as its pieces are short; so is what is compared with it.
+        weight = np.convolve(use, floor.kernel, "same")[use]
+        smeared = np.convolve(power, floor.kernel, "same")[use] / weight
+        noise = floor.density[use]
+        total, expected, count = float(2.0 * np.sum(power)), float(2.0 * np.sum(noise)), int(np.sum(use))
+        width = max(3, count // 100)
+        ratio_db = limit_db = float("nan")
+        if expected > 0.0:
+            freedom = 2.0 * count * (realisations - spread)
+            limit = float(f_distribution.isf(SIGNIFICANCE, freedom, samples))
+            ratio_db = float(10.0 * np.log10(np.mean(smeared / noise)))
+            limit_db = float(10.0 * np.log10(limit)) + MARGIN_DB
+        return Distortion(
+            parity=parity,
+            basis="spread over realisations" if spread else "unexcited lines",
+            lines=count,
+            level=max(total - expected, 0.0) ** 0.5,
+            noise=expected**0.5,
+            ratio_db=ratio_db,
+            limit_db=limit_db,
+            peak=float(frequency[use][np.argmax(np.convolve(power[use], np.ones(width), "same"))]),
+            detected=ratio_db > limit_db if steady and expected > 0.0 else None,
+        )
+
+    odd, even, excited = (lines.kinds == kind for kind in ("odd", "even", "excited"))
+    # Sums and differences of odd numbers tell the powers apart; once even lines are excited, they do not.
+    both = lines.multisine == "full"
+    first: Parity = "odd or even" if both else "odd"
+    free = odd | even if both else odd
+    found = []
+    if free.sum() >= MIN_LINES:
+        found.append(judged(first, free))
+    elif realisations > 1:
+        found.append(judged(first, excited, spread=True))
+    if not both and even.sum() >= MIN_LINES:
+        found.append(judged("even", even))
+    return tuple(found)

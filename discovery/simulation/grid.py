@@ -1,0 +1,113 @@
+"""The grid of a simulation: steps between the kinks of the drive, and where the outputs lie in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from discovery.simulation.pace import Pace
+from discovery.simulation.runge_kutta import CLASSICAL, Method
+
+__all__ = ["DriveLike", "Grid"]
+
+
+class DriveLike(Protocol):
+    """A smooth input: `discovery.recordings.drive.Drive` or anything that evaluates like it."""
+
+    @property
+    def kinks(self) -> NDArray[np.float64]:
+        """Times at which the second derivative jumps [s]."""
+        ...
+
+    def evaluate(self, time: ArrayLike, side: Literal["left", "right"] = "right") -> NDArray[np.float64]:
+        """Return input and two derivatives at the given times, shape (3, n); `side` chooses the limit at a kink."""
+        ...
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Steps of the integration between the kinks of the drive, and where each output lies in them.
+
+    Parameters
+    ----------
+    times, steps : ndarray, shape (n,)
+        Start and length of each step [s].
+    restart : ndarray of bool, shape (n,)
+        True where slopes jump (a kink of the drive, or the start).
+    drive : ndarray, shape (n, nodes, 3)
+        Input and two derivatives at the nodes of each step: start, middle and end for the classical method.
+    out_step, out_fraction, out_time, out_drive : ndarray, shapes (m,), (m,), (m,), (m, 3)
+        Step that contains each output, where in it, when, and the drive there.
+    """
+
+    times: NDArray[np.float64]
+    steps: NDArray[np.float64]
+    restart: NDArray[np.bool_]
+    drive: NDArray[np.float64]
+    out_step: NDArray[np.int64]
+    out_fraction: NDArray[np.float64]
+    out_time: NDArray[np.float64]
+    out_drive: NDArray[np.float64]
+
+    @classmethod
+    def build(
+        cls,
+        time: NDArray[np.float64],
+        drive: DriveLike | None,
+        step: float,
+        method: Method = CLASSICAL,
+        pace: Pace | None = None,
+    ) -> Grid:
+        """Return a grid with steps of at most `step` [s] from the first to the last of `time`, shorter at a pace."""
+        start, end = float(time[0]), float(time[-1])
+        kinks = np.empty(0) if drive is None else _breaks(drive, time.size)
+        # Two kinks nearer than a millionth of the step are one.
+        inner = kinks[(kinks > start) & (kinks < end)]
+        knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end]])
+        shown = knots if pace is None else pace.shown(knots)
+        counts = np.maximum(1, np.ceil(np.diff(shown) / step - 1e-9)).astype(int)
+        edges = np.concatenate(
+            [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(shown[:-1], shown[1:], counts, strict=True)]
+            + [shown[-1:]]
+        )
+        if pace is not None:
+            edges = pace.when(edges)
+            edges[np.cumsum(counts)] = knots[1:]
+            edges[0] = start
+        times, steps = edges[:-1], np.diff(edges)
+        restart = np.zeros(times.size, bool)
+        restart[np.concatenate([[0], np.cumsum(counts)[:-1]])] = True
+        values = np.zeros((times.size, len(method.times), 3))
+        out_drive = np.zeros((time.size, 3))
+        if drive is not None:
+            for k, node in enumerate(method.times[:-1]):
+                values[:, k] = drive.evaluate(times + node * steps, side="right").T
+            values[:, -1] = drive.evaluate(edges[1:], side="left").T
+            out_drive[:] = drive.evaluate(time, side="right").T
+        out_step = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, times.size - 1)
+        fraction = np.clip((time - times[out_step]) / steps[out_step], 0.0, 1.0)
+        return cls(times, steps, restart, values, out_step, fraction, np.ascontiguousarray(time, float), out_drive)
+
+    def until(self, count: int) -> Grid:
+        """Return the same steps with the first outputs only: the integration ends with the last of them."""
+        return replace(
+            self,
+            out_step=self.out_step[:count],
+            out_fraction=self.out_fraction[:count],
+            out_time=self.out_time[:count],
+            out_drive=self.out_drive[:count],
+        )
+
+
+def _breaks(drive: DriveLike, samples: int) -> NDArray[np.float64]:
+    """Return where steps must end: kinks, and where a smooth motor profile changes its polynomial.
+
+    A band-limited input has several pieces a sample, each join far below the solver's error; those are passed over.
+    """
+    joins = getattr(drive, "breakpoints", np.empty(0))
+    if joins.size > samples / 2:
+        joins = np.empty(0)
+    return np.unique(np.concatenate([np.asarray(drive.kinks, float), joins]))

@@ -1,0 +1,140 @@
+"""Text of a step, and of a reading, as one loop over the lanes that keeps its numbers in registers.
+
+It serves where everything always runs; the general text goes through memory between the stages of a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from discovery.simulation.runge_kutta import Method
+
+__all__ = ["fused_reading", "fused_step"]
+
+_HEAD = '@njit(fastmath=_FAST, error_model="numpy", forceinline=True)\n'
+
+
+def _sum(coefficients: Sequence[float], names: Sequence[str]) -> str:
+    """Return the text of a sum of products, without those that vanish."""
+    return " + ".join(f"{c!r} * {name}" for c, name in zip(coefficients, names, strict=True) if c != 0.0)
+
+
+def fused_step(
+    method: Method,
+    lanes: int,
+    loads: Mapping[str, int],
+    states: Sequence[str],
+    body: Sequence[str],
+    rows: Mapping[str, Mapping[str, int]],
+) -> str:
+    """Return a function that takes one step from states S with slopes K, kept as Y and F, to the next.
+
+    Parameters
+    ----------
+    method : Method
+        Stages and weights.
+    lanes : int
+        Parameter sets in one block.
+    loads : mapping of str to int
+        Row of every number that does not change during a step.
+    states : sequence of str
+        Names of the states in `body`.
+    body : sequence of str
+        Lines that compute ``slope_0``, ... from them, from the recorded input ``r_0``, ``r_1``, ``r_2`` and from ``t``.
+    rows : mapping
+        Rows of the states Y, S, F, K.
+    """
+    at = [method.times.index(c) for c in (*method.nodes, 1.0)]
+    lines = [f"_r_{k}_{n} = drive[{n}, {k}]" for n in sorted({*at[1:]}) for k in range(3)]
+    lines += [f"_t_{n} = t + {method.times[n]!r} * h" for n in sorted({*at[1:]})]
+    lines += [f"for i in range({lanes}):"]
+    inner = [f"{name} = w[{row} + i]" for name, row in loads.items()]
+    for k, state in enumerate(states):
+        y, slope = (rows[label][state] for label in "SK")
+        inner += [f"_y_{k} = w[{y} + i]", f"_k_0_{k} = w[{slope} + i]"]
+        inner += [f"w[{rows['Y'][state]} + i] = _y_{k}", f"w[{rows['F'][state]} + i] = _k_0_{k}"]
+    for j, coefficients in enumerate((*method.stages[1:], method.weights), start=1):
+        for k, state in enumerate(states):
+            inner.append(f"{state} = _y_{k} + h * ({_sum(coefficients, [f'_k_{m}_{k}' for m in range(j)])})")
+        inner += [f"r_{k} = _r_{k}_{at[j]}" for k in range(3)]
+        inner += [f"t = _t_{at[j]}", *body, *(f"_k_{j}_{k} = slope_{k}" for k in range(len(states)))]
+    for k, state in enumerate(states):
+        inner += [f"w[{rows['S'][state]} + i] = {state}", f"w[{rows['K'][state]} + i] = slope_{k}"]
+    lines += [f"    {line}" for line in inner]
+    return (
+        f"{_HEAD}def _advance(w, on, t, h, restart, drive):\n"
+        f'    """Take one step of order {method.order}, from states S with slopes K, kept as Y and F, to the next."""\n'
+        "    _rolled()\n"
+        # A loop, for after a branch here the compiler keeps the lanes of the step apart.
+        "    for _ in range(1 if restart else 0):\n"
+        "        _derivative(w, on, t, drive[0, 0], drive[0, 1], drive[0, 2])\n"
+        + "".join(f"    {line}\n" for line in lines)
+        + "    _barrier()\n"
+    )
+
+
+def fused_reading(
+    lanes: int,
+    loads: Mapping[str, int],
+    coordinates: Sequence[tuple[str, str]],
+    sampled: Sequence[str],
+    body: Sequence[str],
+    rows: Mapping[str, Mapping[str, int]],
+) -> str:
+    """Return functions that read at a fraction of a step: one that stores readings, one that adds up what they miss.
+
+    Parameters
+    ----------
+    lanes : int
+        Parameter sets in one block.
+    loads : mapping of str to int
+        Row of every number that does not change.
+    coordinates : sequence of (str, str)
+        Names of the coordinates in `body`, each with that of its rate.
+    sampled : sequence of str
+        Names of other states that the reading needs.
+    body : sequence of str
+        Lines that compute the readings.
+    rows : mapping
+        Rows of the states Y, S, F, K, of the readings R, of the sums of squares C and the largest miss M.
+    """
+    inner = [f"{name} = w[{row} + i]" for name, row in loads.items()]
+    for q, rate in coordinates:
+        terms = [f"b{k} * w[{rows[label][q]} + i]" for k, label in enumerate("YSFK")]
+        terms += [f"b{k} * w[{rows[label][rate]} + i]" for k, label in enumerate("FK", start=4)]
+        inner.append(f"{q} = {' + '.join(terms)}")
+    for state in sampled:
+        inner.append(
+            f"{state} = " + " + ".join(f"g{k} * w[{rows[label][state]} + i]" for k, label in enumerate("YSFK"))
+        )
+    inner += body
+    kept = [f"w[{row} + i] = {name}" for name, row in rows["R"].items()]
+    (largest,) = rows["M"].values()
+    scored = [f"_top = w[{largest} + i]"]
+    for k, (name, row) in enumerate(zip(rows["R"], rows["C"].values(), strict=True)):
+        scored += [f"_miss = _share_{k} * ({name} - _goal_{k})", f"w[{row} + i] += _miss * _miss"]
+        scored += ["_size = abs(_miss)", "_top = _size if _size > _top else _top"]
+    scored.append(f"w[{largest} + i] = _top")
+    aims = [f"_goal_{k}, _share_{k} = target[{k}], weight[{k}]" for k in range(len(rows["R"]))]
+    weights = ["b0, b1, b2, b3, b4, b5 = _hermite(f, h)", "g0, g1, g2, g3 = _cubic(f, h)"]
+
+    def function(head: str, said: str, before: Sequence[str], lines: Sequence[str]) -> str:
+        loop = [f"for i in range({lanes}):", *(f"    {line}" for line in lines)]
+        text = [f'"""{said}"""', "_rolled()", *before, *loop, "_barrier()"]
+        return f"{_HEAD}def {head}:\n" + "".join(f"    {line}\n" for line in text)
+
+    return (
+        function(
+            "_read(w, on, f, h, t, r_0, r_1, r_2)",
+            "Readings R at fraction f of a step h, in every lane.",
+            weights,
+            [*inner, *kept],
+        )
+        + "\n\n"
+        + function(
+            "_score(w, f, h, t, r_0, r_1, r_2, target, weight)",
+            "Add what the readings miss to the sums of squares C and to the largest miss M.",
+            [*aims, *weights],
+            [*inner, *scored],
+        )
+    )

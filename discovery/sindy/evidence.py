@@ -1,0 +1,86 @@
+"""When one equation explains the data better than another, although what both leave is no white noise.
+
+The residual of an incomplete equation is systematic: it is measured by its spectrum at the frequencies of the motion,
+and once it exceeds the instrument's noise there, likelihoods count whole stretches instead of samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from discovery.signals.differentiate import FloatArray
+from discovery.sindy.subset import stopping_size
+
+__all__ = ["CANNOT_TELL", "MISFIT", "Choice", "log_ratio", "loudness"]
+
+CANNOT_TELL = 10.0
+"""Rivals within this ratio of likelihoods fit equally."""
+
+MISFIT = 2.0
+"""Ratio of residual to instrument noise beyond which an equation counts as incomplete."""
+
+
+def loudness(residual: FloatArray, target: FloatArray) -> float:
+    """Spectral density of unit-noise residuals at the frequencies of the target; one for the instrument's noise alone.
+
+    What a wrong model leaves is correlated: its variance as a regression sees it is its spectrum where the target is.
+    """
+    power = np.abs(np.fft.rfft(residual)) ** 2 / residual.size
+    width = max(5, round(np.sqrt(residual.size) / 4.0))
+    smoothed = np.convolve(np.pad(power, width, mode="reflect"), np.ones(width) / width, mode="same")[width:-width]
+    weight = np.abs(np.fft.rfft(target)) ** 2
+    return max(1.0, float(np.sum(smoothed * weight) / np.sum(weight)))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The rule by which one equation is preferred, on the full data and on every resample alike.
+
+    Parameters
+    ----------
+    sets : tuple of ndarray of int
+        For each size k the candidate equations, shape (m, k).
+    complexity : tuple of ndarray
+        Their complexities, each of shape (m,).
+    noise : ndarray, shape (k_max + 1,)
+        Variance of what is left over that of the instrument's noise at each size, index zero for no term.
+    stretches : int
+        Number of independent stretches of the recordings.
+    price : float
+        Chi squared that a term must gain.
+    """
+
+    sets: tuple[np.ndarray, ...]
+    complexity: tuple[FloatArray, ...]
+    noise: FloatArray
+    stretches: int
+    price: float
+
+    def preferred(self, rss: Sequence[FloatArray], size: int) -> int:
+        """Index of the simplest equation among those that cannot be told from the best."""
+        return int(min(self.near(rss, size), key=lambda i: (self.complexity[size - 1][i], rss[size - 1][i])))
+
+    def near(self, rss: Sequence[FloatArray], size: int) -> np.ndarray:
+        """Return the indices of the equations of one size that fit as well as the best."""
+        return np.flatnonzero(self.evidence(rss, size) <= np.log(CANNOT_TELL))
+
+    def evidence(self, rss: Sequence[FloatArray], size: int) -> FloatArray:
+        """Return the log likelihood ratio of the best equation of one size over each of that size."""
+        return log_ratio(rss[size - 1], float(rss[size - 1].min()), float(self.noise[size]), self.stretches)
+
+    def size(self, energy: float, rss: Sequence[FloatArray]) -> int:
+        """Return the number of terms after which no further one pays its price."""
+        return stopping_size(np.array([energy, *(values.min() for values in rss)]), self.price * self.noise)
+
+
+def log_ratio(rss: FloatArray, best: float, noise: float, stretches: int) -> FloatArray:
+    """Log likelihood ratio of the best equation over others of its size.
+
+    Against the instrument's noise if that is all that is left. Else all of them are wrong, what they leave is
+    systematic, and each stretch counts for two independent numbers only, an amplitude and a phase.
+    """
+    white = (rss - best) / (2.0 * noise)
+    return white if noise <= MISFIT else np.minimum(white, stretches * np.log(np.maximum(rss / best, 1.0)))

@@ -1,0 +1,152 @@
+"""Rows of the sparse regression from all recordings: candidate terms on smoothed motion against the measured motion.
+
+The equation is theta_t'' + sum_j c_j f_j = 0 for an arm (the paper's form, equation 15) and q'' + sum_j c_j f_j = b u
+for an oscillator; `discovery.sindy.rows` describes the three kinds of rows.
+
+While the base of an arm moves, inertial forces act that depend on its rate and acceleration and that no candidate in
+delta and theta_t' describes; they would be spread over those that are there. Rows of an arm are therefore taken where
+the base rests, if it does for long enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from discovery.foundation.errors import InputError
+from discovery.signals.differentiate import FloatArray
+from discovery.signals.motion import Motion
+from discovery.sindy.candidates import Candidates, Term
+from discovery.sindy.rows import RowKind, Rows, force_rows, power_rows, response_rows
+
+__all__ = ["Library", "build_library", "stretches"]
+
+
+@dataclass(frozen=True)
+class Library:
+    """Whitened regression rows: ``target = columns @ coefficients + unit noise``.
+
+    Attributes
+    ----------
+    terms : tuple of Term, length p
+        Candidates.
+    columns : ndarray, shape (n, p)
+        Candidates, sign included, in standard deviations of the row.
+    target : ndarray, shape (n,)
+        Left-hand side in standard deviations of the row.
+    blocks : ndarray of int, shape (n,)
+        Contiguous stretch of a recording to which the row belongs; stretches are resampled whole.
+    rows : str
+        "response", "force" or "power".
+    at_rest : bool
+        Only rows where an arm's base rests were taken.
+    """
+
+    terms: tuple[Term, ...]
+    columns: FloatArray
+    target: FloatArray
+    blocks: np.ndarray
+    rows: RowKind
+    at_rest: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms."""
+        return tuple(term.name for term in self.terms)
+
+
+def _runs(motion: Motion, at_rest: bool, shortest: float) -> list[np.ndarray]:
+    """Return the samples to use in contiguous runs; where the base rests, of at least ``shortest`` seconds."""
+    time = motion.coordinate.time
+    if not at_rest or motion.drive is None:
+        return [np.arange(time.size)]
+    rate = np.abs(motion.drive.evaluate(time)[1])
+    rests = rate < 2e-3 * rate.max() if rate.max() > 0.0 else np.ones(time.size, bool)
+    runs = np.split(np.arange(time.size), np.flatnonzero(np.diff(rests.astype(int))) + 1)
+    return [run for run in runs if rests[run[0]] and run.size >= 20 and time[run[-1]] - time[run[0]] >= shortest]
+
+
+def build_library(
+    motions: Sequence[Motion],
+    *,
+    rows: RowKind = "response",
+    degree: int = 5,
+    trigonometric: bool | None = None,
+    stretch: float | None = None,
+    window: int = 4000,
+    at_rest: bool | None = None,
+) -> Library:
+    """Evaluate the candidate terms on smoothed recordings.
+
+    Parameters
+    ----------
+    motions : sequence of Motion
+        Recordings of one system.
+    rows : str
+        "response", "force" or "power".
+    degree : int
+        See `Candidates`.
+    trigonometric : bool, optional
+        See `Candidates`; by default for an arm, whose coordinate is an angle.
+    stretch : float, optional
+        Length of the stretches that are resampled whole [s]; by default a period of the nearest oscillator, but at
+        least a fiftieth and at most a fifth of the longest recording.
+    window : int
+        Samples after which response rows start from a new initial state.
+    at_rest : bool, optional
+        Take rows of an arm only where its base rests. By default, if that leaves half of the samples.
+
+    Returns
+    -------
+    Library
+        Columns, target and stretches of all recordings, one below the other.
+
+    Raises
+    ------
+    InputError
+        For unknown rows, recordings of different kinds, or if no row is left.
+    """
+    if rows not in ("response", "force", "power"):
+        raise InputError(f"There are no {rows!r} rows; choose 'response', 'force' or 'power'.")
+    samples = sum(motion.coordinate.time.size for motion in motions)
+    arm = bool(motions) and motions[0].kind == "flexible_arm"
+    if at_rest is None:
+        at_rest = arm and 2 * sum(run.size for motion in motions for run in _runs(motion, True, 0.0)) >= samples
+    trigonometric = arm if trigonometric is None else trigonometric
+    candidates = Candidates(motions, degree=degree, trigonometric=trigonometric, at_rest=at_rest)
+    oscillator = candidates.nearest_oscillator(motions)
+    longest = max(float(motion.coordinate.time[-1] - motion.coordinate.time[0]) for motion in motions)
+    period = 2.0 * np.pi / np.sqrt(oscillator[0]) if oscillator[0] > 0.0 else longest
+    parts: list[Rows] = []
+    for motion in motions:
+        for run in _runs(motion, at_rest, min(period / 2.0, longest / 5.0)):
+            for cut in np.array_split(run, -(-run.size // window)):
+                if rows == "response":
+                    parts.append(response_rows(motion, cut, candidates, oscillator))
+                else:
+                    parts.append((force_rows if rows == "force" else power_rows)(motion, cut, candidates))
+    if not parts:
+        raise InputError("The base never rests for half a period; ask for rows of the whole recording (at_rest=False).")
+    if stretch is None:
+        stretch = float(np.clip(period, longest / 50.0, longest / 5.0))
+    return Library(
+        terms=candidates.terms,
+        columns=np.vstack([part[1] for part in parts]),
+        target=np.concatenate([part[2] for part in parts]),
+        blocks=stretches([part[0] for part in parts], stretch),
+        rows=rows,
+        at_rest=at_rest,
+    )
+
+
+def stretches(times: Sequence[FloatArray], length: float) -> np.ndarray:
+    """Return the number of the stretch, of about ``length`` seconds, in which each time of each recording lies."""
+    labels, start = [], 0
+    for t in times:
+        count = max(round((t[-1] - t[0]) / length), 1)
+        index = np.minimum((count * (t - t[0]) / (t[-1] - t[0])).astype(int), count - 1)
+        labels.append(start + index)
+        start += count
+    return np.concatenate(labels)

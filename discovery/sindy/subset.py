@@ -1,0 +1,95 @@
+"""Best subset selection: of all equations of k candidates the ones that explain most, for k = 1, 2, ...
+
+References
+----------
+A. Miller, Subset Selection in Regression, 2nd ed., Chapman & Hall/CRC (2002).
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import comb
+
+import numpy as np
+import pysindy
+
+from discovery.signals.differentiate import FloatArray
+
+__all__ = ["BestSubset", "residual_sums", "stopping_size"]
+
+_KEPT = 100  # equations of each size that are followed through the resamples
+
+
+class BestSubset(pysindy.optimizers.BaseOptimizer):
+    """The k candidates that explain most variance, k = 1, 2, ..., as an optimizer of pysindy.
+
+    Parameters
+    ----------
+    threshold : float
+        A term stays if it explains more than this share of the target's variance.
+    max_terms : int
+        Largest equation looked at.
+    signs : ndarray of int, shape (p,), optional
+        1 for a coefficient that must not be negative, -1 for one that must not be positive, 0 for any.
+
+    Attributes
+    ----------
+    table_ : list of tuple
+        For each k the best equations: indices (m, k) and residual sums of squares (m,), best first.
+    """
+
+    def __init__(
+        self, threshold: float = 1e-6, max_terms: int = 5, signs: np.ndarray | None = None, unbias: bool = False
+    ) -> None:
+        super().__init__(max_iter=max_terms, unbias=unbias)
+        self.threshold, self.max_terms, self.signs = threshold, max_terms, signs
+
+    def _reduce(self, x: FloatArray, y: FloatArray) -> None:
+        signs = np.zeros(x.shape[1], int) if self.signs is None else self.signs
+        gram, moment, energy = x.T @ x, x.T @ y[:, 0], float(y[:, 0] @ y[:, 0])
+        self.table_: list[tuple[np.ndarray, FloatArray]] = []
+        for k in range(1, min(self.max_terms, x.shape[1]) + 1):
+            rivals = _subsets(x.shape[1], k, self.table_[-1][0] if self.table_ else None)
+            rss = residual_sums(gram, moment, energy, rivals, signs)
+            order = np.argsort(rss)[:_KEPT]
+            self.table_.append((rivals[order], rss[order]))
+        best = np.array([energy, *(rss[0] for _, rss in self.table_)])
+        size = stopping_size(best, np.full(best.size, self.threshold * energy))
+        self.coef_, self.ind_ = np.zeros((1, x.shape[1])), np.zeros((1, x.shape[1]), bool)
+        if size:
+            chosen = self.table_[size - 1][0][0]
+            self.coef_[0, chosen] = np.linalg.lstsq(x[:, chosen], y[:, 0], rcond=None)[0]
+            self.ind_[0, chosen] = True
+        self.history_.append(self.coef_)
+
+
+def _subsets(p: int, k: int, smaller: np.ndarray | None) -> np.ndarray:
+    """Every set of k candidates, or beyond 200 000 of them every extension of the best smaller ones."""
+    if comb(p, k) <= 200_000 or smaller is None:
+        return np.array(list(combinations(range(p), k)))
+    grown = {tuple(sorted((*s, j))) for s in smaller.tolist() for j in range(p) if j not in s}
+    return np.array(sorted(grown))
+
+
+def residual_sums(
+    gram: FloatArray, moment: FloatArray, energy: float, sets: np.ndarray, signs: np.ndarray
+) -> FloatArray:
+    """Residual sum of squares of each set; infinite where a coefficient has the wrong sign."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    unit = gram / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
+    right = (moment / scale)[sets]
+    coefficients = np.linalg.solve(unit[sets[:, :, None], sets[:, None, :]], right[..., None])[..., 0]
+    rss = np.maximum(energy - np.sum(coefficients * right, axis=1), 0.0)
+    return np.where(np.any(coefficients * signs[sets] < 0.0, axis=1), np.inf, rss)
+
+
+def stopping_size(best: FloatArray, cost: FloatArray) -> int:
+    """Smallest number of terms after which neither one more nor two more pay their cost.
+
+    ``best[k]`` is the residual sum of squares of the best equation of k terms, ``cost[k]`` the price of a k-th term.
+    """
+    for k in range(best.size - 1):
+        ahead = best[k] - best[k + 1 : k + 3]
+        if np.all(ahead < cost[k + 1 : k + 3] * np.arange(1, ahead.size + 1)):
+            return k
+    return best.size - 1
