@@ -29,7 +29,7 @@ SILVERBOX := $(shell IFS=:; set -f; named="$(DISCOVERY_DATA)"; for d in $$named 
 
 HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
-LOOPS := $(HIDDEN:%=reports/%/loop.json)
+LOOPS := $(HIDDEN:%=reports/%/report.html)
 
 .PHONY: help reproduce measured test test-long lint bench calibration blind datasets docs lock clean distclean setup
 help: ## Show this list
@@ -62,7 +62,8 @@ reports/%/report.html: reports/%/results.json $(PAGE)
 	@[ -z "$$(find $^ -newer $@ 2>&1)" ] || $(BIN)/discovery report $(@D)
 	@touch $@
 
-$(LOOPS): reports/%/loop.json: datasets/%/rig.toml datasets/%/train_paper.csv datasets/%/train_large.csv datasets/%/holdout_inside.csv $(CODE) | $(READY)
+# A loop writes loop.json and its page, and is so short that both are made again with either.
+$(LOOPS): reports/%/report.html: datasets/%/rig.toml datasets/%/train_paper.csv datasets/%/train_large.csv datasets/%/holdout_inside.csv $(CODE) $(PAGE) | $(READY)
 	@echo "$*: the closed loop"
 	@$(BIN)/discovery loop $< --train datasets/$*/train_paper.csv --train datasets/$*/train_large.csv \
 		--holdout datasets/$*/holdout_inside.csv --seed $(SEED) --out $(@D)

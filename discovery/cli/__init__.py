@@ -25,7 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _RESUMED = {
     "campaign": "the same command goes on from what is finished",
     "posterior": "the same command fits again and goes on with the chains that were being sampled",
-    "run": "give the same command to start over; a posterior that was being sampled goes on",
+    "run": "the answer stays once it is said; the same command fits again and goes on with the posterior where it was",
 }
 
 

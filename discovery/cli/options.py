@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
+import time
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -14,7 +16,19 @@ import click
 if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
 
-__all__ = ["PATH", "SEED", "estimate_text", "held", "load", "note", "once", "options", "progress", "results_folder"]
+__all__ = [
+    "PATH",
+    "SEED",
+    "Seconds",
+    "estimate_text",
+    "held",
+    "load",
+    "note",
+    "once",
+    "options",
+    "progress",
+    "results_folder",
+]
 
 
 class _Path(click.Path):
@@ -26,8 +40,24 @@ class _Path(click.Path):
         return super().convert(value, param, ctx)
 
 
+class Seconds(click.ParamType):
+    """A time as a number of seconds, or with a unit: 90, 90s, 5min, 1.5h."""
+
+    name = "TIME"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the seconds."""
+        found = _TIME.fullmatch(str(value).strip())
+        if not found:
+            self.fail(f"{value!r} is no time; give seconds as in 90, or a unit as in 5min or 1h.", param, ctx)
+        return float(found[1]) * {"m": 60.0, "h": 3600.0}.get(found[2][:1], 1.0)
+
+
 PATH = _Path(path_type=Path)
 SEED = click.IntRange(0)
+_TIME = re.compile(r"(\d+(?:\.\d*)?|\.\d+) *(|s|min|m|h)")
+#: Seconds after which a message of the same kind is said again where nothing can be overwritten.
+_AGAIN = 30.0
 #: Without a word of it the first loop on a machine would seem to hang.
 _COMPILING = "compiling a simulator, up to a minute: each only once, then it is kept on disk"
 
@@ -85,13 +115,14 @@ def progress(quiet: bool):
     from discovery.simulation.kernel.compile import heard_compiling
 
     if not sys.stderr.isatty():
-        last = ""
+        last, said = "", 0.0
 
         def tell(message: str) -> None:
-            nonlocal last
+            nonlocal last, said
             kind = message.partition(":")[0]
-            if kind != last:
+            if kind != last or time.monotonic() - said > _AGAIN:
                 note(message)
+                said = time.monotonic()
             last = kind
 
         with heard_compiling(lambda: note(_COMPILING)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +12,25 @@ import click
 
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state, read_state
-from discovery.cli.options import PATH, estimate_text, held, load, note, once, options, progress, results_folder
+from discovery.cli.options import (
+    PATH,
+    Seconds,
+    estimate_text,
+    held,
+    load,
+    note,
+    once,
+    options,
+    progress,
+    results_folder,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from discovery.diagnosis.missing_force import MissingForce
+    from discovery.recordings.dataset import Dataset
+    from discovery.runs.loop import LoopResult
 
 __all__ = ["COMMANDS", "NOISES"]
 
@@ -29,21 +45,63 @@ NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
 @click.option(
     "--posterior/--no-posterior", "with_posterior", default=True, help="Sample the posterior, the longest part."
 )
-def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, data_note: str, with_posterior: bool) -> None:
-    """Run the whole pipeline and write its report."""
+@click.option(
+    "--max-time",
+    type=Seconds(),
+    multiple=True,
+    callback=once,
+    help="Seconds, or a time as 5min or 1h: what of the posterior is not there then is left out. The answer of the "
+    "loop is always given, however long it takes.",
+)
+def run(
+    rig: Path, train, holdout, out: Path, seed: int, quiet: bool, data_note: str, with_posterior: bool,
+    max_time: float | None,
+) -> None:  # fmt: skip
+    """Run the whole pipeline: first the answer of the loop and its page, then the posterior."""
+    from discovery.foundation.errors import ComputationError
     from discovery.results.manifest import RESULTS, remove_unfinished
-    from discovery.runs.pipeline import run as run_pipeline
 
+    began = time.monotonic()
     dataset = load(rig, train, holdout, quiet)
     folder = results_folder(out, *RESULTS, "report.html")
     remove_unfinished(folder)
-    with progress(quiet) as tell:
-        run_pipeline(dataset, folder, seed=seed, tell=tell, note=data_note, with_posterior=with_posterior)
-        tell("writing the report")
-        from discovery.report import build_report
+    from discovery.report import build_report
+    from discovery.runs import pipeline
 
-        page = build_report(out)
+    with progress(quiet) as tell:
+        found = pipeline.answer(dataset, folder, seed=seed, tell=tell, note=data_note, with_posterior=with_posterior)
+    _say_loop(found.loop)
+    _say_doubts(found.loop, dataset)
+    start = time.monotonic()
+    with progress(quiet) as tell:
+        tell("writing the report")
+        page = build_report(folder)
+    if with_posterior:
+        # The page will be written once more, with more figures.
+        end = time.monotonic()
+        left = math.inf if max_time is None else began + max_time - end - 2 * (end - start)
+        failed: ComputationError | None = None
+        with progress(quiet) as tell:
+            try:
+                content = pipeline.add_posterior(found, tell=tell, seconds=left)
+            except ComputationError as failure:
+                # The page says why there is none.
+                failed = failure
+            tell("writing the report")
+            build_report(folder)
+        if failed is not None:
+            raise failed
+        _say_left_out(content["pending"])
     click.echo(f"{page}")
+
+
+def _say_left_out(pending: Mapping[str, Any] | None) -> None:
+    """Say what the time limit has left out."""
+    if pending:
+        known = pending.get("effective") is not None
+        of = f" ({pending['effective']:.0f} of {pending['wanted']:.0f} effective samples)" if known else ""
+        on = "with more time, the same command goes on from there"
+        click.echo(f"left out for --max-time: {'; '.join(pending['left_out'])}{of}; {on}")
 
 
 @click.command()
@@ -66,8 +124,9 @@ def run(rig: Path, train, holdout, out: Path, seed: int, quiet: bool, data_note:
 def loop(
     rig: Path, train, holdout, out: Path, seed: int, quiet: bool, target: Path | None, initial_state: str | None
 ) -> None:
-    """Find what the declared model lacks."""
+    """Find what the declared model lacks, and write it with its page."""
     from discovery.foundation.errors import ComputationError
+    from discovery.results.manifest import remove_unfinished
     from discovery.runs.stages import loop as close
     from discovery.runs.stages import unexplained
 
@@ -87,15 +146,17 @@ def loop(
                 f"{target}: without --initial-state the prediction starts at rest, and nothing drives this system: it "
                 "stays there. Give the state at the first time with --initial-state ANGLE,RATE."
             )
-    folder, why = results_folder(out, "loop.json", "prediction.csv"), ""
+    folder, why = results_folder(out, "loop.json", "prediction.csv", "report.html"), ""
+    remove_unfinished(folder)
     failed: ComputationError | None = None
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, tell=tell)
         missing = unexplained(result, dataset, tell=tell)
         from discovery.runs.pipeline import save_prediction, write_loop
 
-        # One of an earlier run would be another model's.
-        (folder / "prediction.csv").unlink(missing_ok=True)
+        # Those of an earlier run would be another model's.
+        for name in ("prediction.csv", "report.html"):
+            (folder / name).unlink(missing_ok=True)
         write_loop(folder, result, missing=missing)
         if wanted is not None:
             tell("predicting")
@@ -106,18 +167,33 @@ def loop(
     if why:
         note(f"{target}: the declared model does not predict it, its columns are left empty. {why}")
     _say_loop(result)
-    for doubt in doubts(result, dataset):
-        click.echo(f"doubt: {doubt}")
+    _say_doubts(result, dataset)
     if missing is not None and missing.depends:
         of = " or ".join(", ".join(d.variables) for d in missing.depends)
         patch = "a patch is offered, see missing_force in loop.json" if missing.patch else "no patch is offered"
         click.echo(f"missing force: depends on {of}; {patch}")
-    files = [folder / "loop.json", *sorted(folder.glob("manoeuvre_*.csv"))]
+    with progress(quiet) as tell:
+        tell("writing the report")
+        page = _loops_page(folder, dataset, result, missing, seed)
+    files = [folder / "loop.json", page, *sorted(folder.glob("manoeuvre_*.csv"))]
     files += [folder / "prediction.csv"] if wanted is not None and failed is None else []
     click.echo(f"written: {', '.join(map(str, files))}")
     if failed is not None:
         # What was found has been said.
         raise failed
+
+
+def _loops_page(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> Path:
+    """Write the page of a loop, one file beside its loop.json."""
+    from tempfile import TemporaryDirectory
+
+    from discovery.report import build_report
+    from discovery.results.manifest import SAVING
+    from discovery.runs.pipeline import gather_loop
+
+    with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
+        gather_loop(Path(beside), dataset, result, missing, seed)
+        return build_report(beside).replace(folder / "report.html")
 
 
 def _say_loop(result) -> None:
@@ -136,6 +212,11 @@ def _say_loop(result) -> None:
     for separation in result.separations:
         click.echo(separation.sentence)
     _say_errors(content["errors"])
+
+
+def _say_doubts(result, dataset) -> None:
+    for doubt in doubts(result, dataset):
+        click.echo(f"doubt: {doubt}")
 
 
 def _effect_line(effect: Mapping[str, Any]) -> str:

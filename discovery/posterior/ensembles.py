@@ -7,6 +7,7 @@ global generator. Growth happens in blocks, whose lengths depend on nothing but 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -38,6 +39,8 @@ _WELL_ACCEPTED, _STICKING = 0.75, 10.0
 _EXPLORING = {"independence": 0.6, "differential_evolution": 0.25, "snooker": 0.05, "stretch": 0.1}
 _INFORMED = {"independence": 0.94, "differential_evolution": 0.03, "snooker": 0.01, "stretch": 0.02}
 _ATTEMPTS = 100
+# Seconds after which what was done is kept, also within a block.
+_KEPT_AFTER = 2.0
 # Ensembles at once: the log density does most of its work outside the interpreter's lock.
 _THREADS = 2
 
@@ -192,20 +195,33 @@ def start_ensembles(
     return ensembles
 
 
-def grow(ensembles: Sequence[Ensemble], max_steps: int) -> Iterator[int]:
+def grow(ensembles: Sequence[Ensemble], max_steps: int, keep: Callable[[], None] = lambda: None) -> Iterator[int]:
     """Advance all ensembles block by block; yield the number of steps done after each, up to `max_steps`.
 
-    The blocks depend on the number of steps alone: an interrupted run goes on as if it had not been.
+    The blocks depend on the number of steps alone: an interrupted run goes on as if it had not been. `keep` is called
+    after every block, and every few seconds within one.
     """
-    done = len(ensembles[0].chain)
-    if done:
-        yield done
+    began = done = len(ensembles[0].chain)
+    ahead = _TEMPERED
+    for stop in _stops(max(max_steps, began)):
+        while done < stop:
+            steps, start = min(ahead, stop - done), time.perf_counter()
+            with single_algebra(), ThreadPoolExecutor(_THREADS) as pool:
+                list(pool.map(lambda ensemble: ensemble.advance(steps), ensembles))  # noqa: B023
+            ahead = max(1, int(_KEPT_AFTER * steps / max(time.perf_counter() - start, 1e-6)))
+            done += steps
+            if done == stop:
+                for ensemble in ensembles:
+                    ensemble.adapt()
+            keep()
+        if stop >= began:
+            yield stop
+
+
+def _stops(max_steps: int) -> Iterator[int]:
+    """Yield the numbers of steps at which blocks end."""
+    done = 0
     while done < max_steps:
         ahead = [steps for steps in _STOPS if steps > done]
-        block = min(ahead[0] - done if ahead else int(_GROWTH * done), max_steps - done)
-        with single_algebra(), ThreadPoolExecutor(_THREADS) as pool:
-            list(pool.map(lambda ensemble: ensemble.advance(block), ensembles))  # noqa: B023
-            for ensemble in ensembles:
-                ensemble.adapt()
-        done += block
+        done = min(ahead[0] if ahead else done + int(_GROWTH * done), max_steps)
         yield done

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -51,6 +52,8 @@ class Progress:
         Effective samples, so far and wanted.
     r_hat, tau : float
         R-hat between the ensembles, autocorrelation time [steps].
+    seconds_left : float
+        How long it takes at this pace until the effective samples are there.
     """
 
     steps: int
@@ -59,6 +62,7 @@ class Progress:
     wanted: float
     r_hat: float
     tau: float
+    seconds_left: float = math.nan
 
 
 def sample(
@@ -98,7 +102,7 @@ def sample(
     progress : callable, optional
         Called with a `Progress` after every block.
     backend_path : path, optional
-        HDF5 checkpoint: written after every block, and continued from if it is there, to the very same draws.
+        HDF5 checkpoint: written every few seconds, and continued from if it is there, to the very same draws.
 
     Returns
     -------
@@ -132,9 +136,13 @@ def sample(
     run = _run_of(target, [ensemble.state.coords for ensemble in group])
     if backend_path is not None:
         restore(backend_path, group, run)
-    for steps in grow(group, max_steps):
+    began, before = time.perf_counter(), len(group[0].chain)
+
+    def keep() -> None:
         if backend_path is not None:
             save(backend_path, group, run)
+
+    for steps in grow(group, max_steps, keep):
         burn_in = max(int(_BURN_IN * steps), *(ensemble.adapted for ensemble in group))
         short = steps - burn_in < _FEWEST_STEPS
         if short and steps < max_steps:
@@ -144,7 +152,9 @@ def sample(
         found = convergence(draws)
         if progress is not None:
             worst = float(found.ess.min()), float(found.r_hat.max()), float(found.tau.max())
-            progress(Progress(steps, max_steps, worst[0], min_effective, worst[1], worst[2]))
+            pace = (time.perf_counter() - began) / (steps - before) if steps > before else math.nan
+            left = pace * _steps_left(steps, worst[0] / min_effective, worst[2])
+            progress(Progress(steps, max_steps, worst[0], min_effective, worst[1], worst[2], left))
         if not short and found.meets(min_effective, r_hat_max):
             return _posterior(fit, target, group, found, draws, rng_seed)
     raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
@@ -154,6 +164,12 @@ def _walkers(dimension: int, effective: float) -> int:
     """Return the walkers of an ensemble that has to yield so many effective samples, in whole lanes of the kernel."""
     wanted = max(_WALKERS_A_DIMENSION * dimension, min(effective / _YIELD, _MOST_WALKERS), _FEWEST_WALKERS)
     return math.ceil(wanted / _LANES) * _LANES
+
+
+def _steps_left(steps: int, share: float, tau: float) -> float:
+    """Return the steps to go where a share of the effective samples is there, which grow with the steps."""
+    wanted = max(steps / share if share > 0 else math.inf, LENGTH_IN_TAU * tau / (1 - _BURN_IN))
+    return max(wanted - steps, 0.0)
 
 
 def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:

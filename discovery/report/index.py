@@ -126,6 +126,7 @@ def _row(folder: Path) -> dict[str, Any]:
         rivals = "".join(f" or {effect_name(r)}" for r in effect["ambiguous_with"])
         found.append(effect_name(effect["id"]) + (f" ({'; '.join(values)})" if values else "") + rivals)
     return {
+        "page": f"{folder.name}/report.html" if (folder / "report.html").is_file() else "",
         "name": effect_name(folder.name),
         "verdict": loop["verdict"].replace("_", " "),
         "found": found,

@@ -14,7 +14,9 @@ from discovery.report.words import effect_name, error_scale, listed, prose
 __all__ = [
     "correlation_sentences",
     "coverage_table",
+    "is_as_asked",
     "models_table",
+    "pending_sentence",
     "prior_sentence",
     "priors_table",
     "profiles_table",
@@ -23,6 +25,30 @@ __all__ = [
 
 def _posterior(run: Run) -> Mapping[str, Any]:
     return run.results.get("posterior") or {}
+
+
+def is_as_asked(run: Run) -> bool:
+    """Return whether nothing that was asked for is still to come."""
+    pending = run.results.get("pending")
+    return not pending or pending["because"] == "asked"
+
+
+def pending_sentence(run: Run) -> str:
+    """Return what of the posterior is not there, why, and how it comes; empty where all is."""
+    pending = run.results.get("pending")
+    if not pending or pending["because"] == "asked":
+        said = "This run sampled no posterior." if run.is_whole else "A loop samples no posterior."
+        return "" if _posterior(run) else said
+    missing = listed(pending["left_out"])
+    on = "The same command goes on from there."
+    if pending["because"] == "running":
+        return f"This was written before {missing} were there, which follow. Where the command was ended before: {on}"
+    if pending["because"] != "time":
+        return f"Left out: {missing}. {prose(pending['because'])}"
+    reached = ""
+    if pending.get("effective") is not None:
+        reached = f" {significant(pending['effective'], 4)} of {pending['wanted']:.0f} effective samples were there."
+    return f"The time limit left out {missing}.{reached} With more time, the same command goes on from there."
 
 
 def priors_table(run: Run) -> Table | None:

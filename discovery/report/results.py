@@ -105,6 +105,11 @@ class Run:
         """Whether the system is a flexible arm."""
         return self.results["rig"]["kind"] == "flexible_arm"
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the whole pipeline was run, not the loop alone."""
+        return self.results.get("scope") != "loop"
+
     @cached_property
     def loop(self) -> Mapping[str, Any]:
         """The loop's result, as in ``loop.json``."""

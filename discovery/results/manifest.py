@@ -68,13 +68,14 @@ def check_whole(folder: Path, results: Mapping[str, Any]) -> None:
             )
 
 
-def move_in_place(beside: Path, out: Path) -> None:
+def move_in_place(beside: Path, out: Path, *, same_answer: bool = False) -> None:
     """Replace the results in a folder by those of a new run, gathered in another folder of the same disk.
 
     The file that says that they are whole goes first and comes last: a process that ends in between leaves a folder
-    without it, never one that mixes two runs.
+    without it, never one that mixes two runs. The page of the former results goes with them, but where the new ones
+    say the same and more.
     """
-    for name in (_LAST, _PAGE):
+    for name in (_LAST,) if same_answer else (_LAST, _PAGE):
         (out / name).unlink(missing_ok=True)
     new = {path.name for path in beside.iterdir()} - {_LAST}
     old = {name for name in RESULTS if (out / name).is_file()} | {p.name for p in out.glob("manoeuvre_*.csv")}

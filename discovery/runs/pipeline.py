@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +23,26 @@ from discovery.estimation.residual import errors
 from discovery.export import FittedModel
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.io import atomic_write
+from discovery.foundation.time_limit import TimeIsUp, time_limit
 from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.quantisation import quantum
 from discovery.results import curves
-from discovery.results.manifest import SAVING, hashes, move_in_place
-from discovery.results.provenance import provenance, write_json
+from discovery.results.manifest import SAVING, check_whole, hashes, move_in_place
+from discovery.results.provenance import plain, provenance, read_json, restored, write_json
 from discovery.runs import stages
 from discovery.runs.loop import LoopResult
 
-__all__ = ["run", "save_prediction", "write_loop"]
+if TYPE_CHECKING:
+    from discovery.posterior.sampling import Progress
+    from discovery.posterior.study import PosteriorStudy
+
+__all__ = ["Answer", "add_posterior", "answer", "gather_loop", "run", "save_prediction", "write_loop"]
 
 FloatArray = NDArray[np.float64]
+#: What follows the answer, in words; and under which names it is in results.json.
+_PARTS = ("the posterior and what it predicts", "the noise models and the evidence of the models")
+_AFTERWARDS = ("posterior", "pending", "noise", "evidence", "elastica")
 
 
 def _describe(dataset: Dataset) -> dict[str, Any]:
@@ -156,6 +166,114 @@ def write_loop(
     return content
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What a run knows when its loop is done, which is in its folder then.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Rig and recordings.
+    out : Path
+        Folder of the run.
+    seed : int
+        Seed of everything random.
+    content : mapping
+        Of results.json, with nothing of the posterior.
+    discovered : Discovered or None
+        Equations found in the motion.
+    fits : Fits
+        Of the linear and the declared model.
+    loop : LoopResult
+        What the loop found.
+    missing : MissingForce or None
+        The force that the final model lacks.
+    predictions : mapping
+        Of every recording by "linear", "before" and "after".
+    """
+
+    dataset: Dataset
+    out: Path
+    seed: int
+    content: Mapping[str, Any]
+    discovered: stages.Discovered | None
+    fits: stages.Fits
+    loop: LoopResult
+    missing: MissingForce | None
+    predictions: Mapping[str, list[FloatArray]]
+
+    @property
+    def subject(self) -> Fit:
+        """The fit that is sampled: an arm's is the paper's model, which the elastica predicts, else the final one."""
+        is_arm = self.dataset.train[0].is_arm
+        return (self.fits.models["declared"] if is_arm else self.loop.after).specialised()
+
+    @cached_property
+    def kept(self) -> Mapping[str, Any]:
+        """Content of results.json of an earlier run that came to the same answer; empty where there is none."""
+        try:
+            found = read_json(self.out / "results.json")
+            check_whole(self.out, found)
+        except (FileNotFoundError, InputError):
+            return {}
+        same = isinstance(found, Mapping) and _answer_in(found) == restored(plain(_answer_in(self.content)))
+        return found if same else {}
+
+
+def _answer_in(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of results.json is the answer, and what it was made from."""
+    origin = content.get("provenance") or {}
+    made_from = {k: origin.get(k) for k in ("seed", "rig_sha256", "data", "versions", "git_revision")}
+    return {**{k: v for k, v in content.items() if k not in (*_AFTERWARDS, "provenance")}, "made_from": made_from}
+
+
+@dataclass
+class Sampled:
+    """What follows the answer, as far as it is there.
+
+    Parameters
+    ----------
+    posterior : Posterior, optional
+        Draws.
+    study : PosteriorStudy, optional
+        Of the draws.
+    weighed : mapping
+        "noise" and "evidence".
+    reached : Progress, optional
+        How far the sampler was when it was last asked.
+    left_out : tuple of str
+        What is not there, in words.
+    because : str
+        Why: "asked" (not to be sampled), "running", "time", or what failed.
+    """
+
+    posterior: Posterior | None = None
+    study: PosteriorStudy | None = None
+    weighed: Mapping[str, Any] = field(default_factory=lambda: {"noise": None, "evidence": None})
+    reached: Progress | None = None
+    left_out: tuple[str, ...] = _PARTS
+    because: str = "running"
+
+    def summary(self, answer: Answer) -> dict[str, Any]:
+        """Return what results.json holds of it."""
+        posterior, study = self.posterior, self.study
+        found = None
+        if posterior is not None and study is not None:
+            subject = "declared" if answer.dataset.train[0].is_arm else "after"
+            found = {
+                "subject": subject,
+                "rows": posterior.summary(),
+                "status": posterior.status,
+                **study.summary(),
+            }
+        pending: dict[str, Any] | None = None
+        if self.left_out:
+            pending = {"left_out": list(self.left_out), "because": self.because}
+            if self.reached is not None and posterior is None:
+                pending |= {"effective": self.reached.effective, "wanted": self.reached.wanted}
+        return {"posterior": found, "pending": pending, **self.weighed}
+
+
 def run(
     dataset: Dataset,
     out: Path,
@@ -166,7 +284,7 @@ def run(
     note: str = "",
     with_posterior: bool = True,
 ) -> dict[str, Any]:
-    """Run the whole pipeline and save its results.
+    """Run the whole pipeline and save its results: the answer first, then the posterior.
 
     Parameters
     ----------
@@ -190,6 +308,24 @@ def run(
     dict
         The content of results.json.
     """
+    found = answer(dataset, out, seed=seed, tell=tell, command=command, note=note, with_posterior=with_posterior)
+    return add_posterior(found, tell=tell) if with_posterior else dict(found.content)
+
+
+def answer(
+    dataset: Dataset,
+    out: Path,
+    *,
+    seed: int,
+    tell: stages.Tell,
+    command: Sequence[str] | None = None,
+    note: str = "",
+    with_posterior: bool = True,
+) -> Answer:
+    """Run everything but the posterior, and save it; see `run` for the parameters.
+
+    Where the folder holds a run that came to the same answer, it stays as it is until the posterior is there.
+    """
     out.mkdir(parents=True, exist_ok=True)
     discovered = stages.discover(dataset, seed=seed, tell=tell) if stages.can_discover(dataset.rig) else None
     fits = stages.estimate(dataset, tell=tell)
@@ -199,76 +335,151 @@ def run(
     missing = stages.unexplained(loop, dataset, tell=tell)
     tested = stages.scored(loop, dataset, tell=tell)
     on = stages.continued(loop, dataset, tell=tell)
-    arm = dataset.train[0].is_arm
-    checkpoint = out / "posterior_chains.h5"
-    posterior = study = None
-    weighed: dict[str, Any] = {"noise": None, "evidence": None}
-    if with_posterior:
-        # An arm's posterior is that of the paper's model, which the elastica predicts; elsewhere of the final model.
-        subject = (fits.models["declared"] if arm else loop.after).specialised()
-        posterior = _sampled(subject, seed, tell, checkpoint)
-        study = stages.studied(posterior, subject, dataset, seed=seed, tell=tell)
-        weighed = stages.compared(subject, loop, seed=seed, tell=tell)
-    elastica = stages.predicted(dataset, posterior, seed=seed, tell=tell)
-
-    tell("saving results")
-    predictions: dict[str, list[FloatArray]] = {
-        **{n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"},
-        "before": list(loop.predictions["before"]),
-        "after": list(loop.predictions["after"]),
-    }
+    linear = {n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"}
+    predictions = {**linear, **_loops_predictions(loop)}
     content = {
         "provenance": {**provenance(dataset, seed=seed, command=command), "loop_seconds": seconds},
+        **_of_loop(dataset, loop, missing),
         "data_note": note,
-        **_describe(dataset),
         **(discovered.summary() if discovered else dict.fromkeys(("discovery", "radius", "multisine"))),
         **fits.summary(),
-        "posterior": posterior
-        and study
-        and {
-            "subject": "declared" if arm else "after",
-            "rows": posterior.summary(),
-            "status": posterior.status,
-            **study.summary(),
-        },
-        **weighed,
-        "elastica": elastica,
-        "loop": loop.summary(),
-        "missing_force": None if missing is None else missing.summary(),
         "test": tested,
         "continued": on,
         "clean": _to_clean(dataset, predictions),
         "models": _models(loop),
     }
+    found = Answer(dataset, out, seed, content, discovered, fits, loop, missing, predictions)
+    if not (with_posterior and found.kept):
+        _save(found, Sampled(because="running" if with_posterior else "asked"), tell=tell, first=True)
+    return found
+
+
+def add_posterior(found: Answer, *, tell: stages.Tell, seconds: float = math.inf) -> dict[str, Any]:
+    """Sample the posterior of a run whose answer is saved, study it, and save all of it.
+
+    Parameters
+    ----------
+    found : Answer
+        From `answer`.
+    tell : callable
+        Receives one sentence before every longer piece of work.
+    seconds : float
+        Time for it, saving left out; what is not done then is left out, and results.json says so. The chains stay:
+        the same run goes on with them. Only in the main thread.
+
+    Returns
+    -------
+    dict
+        The content of results.json.
+
+    Raises
+    ------
+    ComputationError
+        If there is no posterior; results.json says why.
+    """
+    done, checkpoint = Sampled(), found.out / "posterior_chains.h5"
+    failed = None
+    try:
+        with time_limit(seconds):
+            _sample(found, done, tell, checkpoint)
+    except TimeIsUp:
+        done.because = "time"
+        if done.posterior is None and found.kept.get("posterior"):
+            # An earlier run had more time.
+            return dict(found.kept)
+    except ComputationError as failure:
+        failed, done.because = failure, str(failure)
+    content = _save(found, done, tell=tell)
+    if failed is not None:
+        raise failed
+    if not done.left_out:
+        checkpoint.unlink(missing_ok=True)
+    return content
+
+
+def _sample(found: Answer, done: Sampled, tell: stages.Tell, checkpoint: Path) -> None:
+    """Do what follows an answer, a part after the other."""
+    subject, seed = found.subject, found.seed
+
+    def heard(progress: Progress) -> None:
+        done.reached = progress
+
+    posterior = _draws(subject, seed, tell, checkpoint, heard)
+    study = stages.studied(posterior, subject, found.dataset, seed=seed, tell=tell)
+    done.posterior, done.study, done.left_out = posterior, study, _PARTS[1:]
+    _save(found, done, tell=tell)
+    done.weighed = stages.compared(subject, found.loop, seed=seed, tell=tell)
+    done.left_out = ()
+
+
+def _of_loop(dataset: Dataset, loop: LoopResult, missing: MissingForce | None) -> dict[str, Any]:
+    """Return what results.json holds of a loop and its recordings."""
+    return {
+        **_describe(dataset),
+        "loop": loop.summary(),
+        "missing_force": None if missing is None else missing.summary(),
+    }
+
+
+def _loops_predictions(loop: LoopResult) -> dict[str, list[FloatArray]]:
+    return {when: list(loop.predictions[when]) for when in ("before", "after")}
+
+
+def _save(found: Answer, done: Sampled, *, tell: stages.Tell, first: bool = False) -> dict[str, Any]:
+    """Save a run with what there is of its posterior, and return the content of results.json.
+
+    The first time, what the folder holds is of another run.
+    """
+    dataset, posterior, study = found.dataset, done.posterior, done.study
+    elastica = stages.predicted(dataset, posterior, seed=found.seed, tell=tell)
+    tell("saving results")
+    content = {**found.content, **done.summary(found), "elastica": elastica}
+    out, bands = found.out, study.bands if study else ()
     # Results of one run belong together: they are written beside and moved in place when all are there.
     # An interrupted command beside this one may have removed the folder while it was empty.
     out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out, prefix=SAVING) as folder:
         beside = Path(folder)
         if posterior is not None:
-            posterior.to_netcdf(beside / "posterior.nc", bands=study.bands if study else (), experiments=dataset.train)
+            posterior.to_netcdf(beside / "posterior.nc", bands=bands, experiments=dataset.train)
         if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
-        bands = study.bands if study else ()
-        _save_curves(beside, dataset, predictions, bands, posterior, discovered, elastica)
-        if missing is not None:
-            curves.save_groups(beside / "force.nc", curves.forces(missing.forces))
-        write_loop(beside, loop, alone=False)
-        content["provenance"]["files"] = hashes(beside, sorted(path.name for path in beside.iterdir()))
+        _save_curves(beside, dataset, found.predictions, bands, posterior, found.discovered, elastica)
+        if found.missing is not None:
+            curves.save_groups(beside / "force.nc", curves.forces(found.missing.forces))
+        write_loop(beside, found.loop, alone=False)
+        files = hashes(beside, sorted(path.name for path in beside.iterdir()))
+        content["provenance"] = {**content["provenance"], "files": files}
         write_json(beside / "results.json", content)
-        move_in_place(beside, out)
-    checkpoint.unlink(missing_ok=True)
+        move_in_place(beside, out, same_answer=not first)
     return content
 
 
-def _sampled(subject: Fit, seed: int, tell: stages.Tell, checkpoint: Path) -> Posterior:
+def _draws(
+    subject: Fit, seed: int, tell: stages.Tell, checkpoint: Path, heard: Callable[[Progress], None]
+) -> Posterior:
     """Return the posterior of a fit, continued from a checkpoint of the same run where one is there."""
     try:
-        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint, heard=heard)
     except InputError:
         # The checkpoint is of another run of this folder, interrupted and now overtaken.
         checkpoint.unlink(missing_ok=True)
-        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint)
+        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint, heard=heard)
+
+
+def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> None:
+    """Gather in an empty folder what the page of a loop alone is made of."""
+    predictions = _loops_predictions(result)
+    content = {
+        "provenance": provenance(dataset, seed=seed),
+        **_of_loop(dataset, result, missing),
+        "scope": "loop",
+        "clean": _to_clean(dataset, predictions),
+    }
+    _save_curves(folder, dataset, predictions, (), None, None, None)
+    if missing is not None:
+        curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
+    write_json(folder / "results.json", content)
 
 
 def _save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, discovered, elastica) -> None:

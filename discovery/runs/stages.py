@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +33,7 @@ from discovery.selection.settings import LoopSettings
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.posterior.noise_choice import NoiseChoice
+    from discovery.posterior.sampling import Progress
     from discovery.posterior.study import PosteriorStudy
 
 __all__ = [
@@ -224,18 +227,36 @@ def weighed(fitted: Fit, *, seed: int, tell: Tell) -> NoiseChoice:
     return choose_noise(fitted, rng_seed=stage_seed(seed, "evidence"))
 
 
-def sampled(fitted: Fit, *, seed: int, tell: Tell, backend=None, noise: str = GAUSSIAN) -> Posterior:
-    """Sample the posterior of a fitted model under a noise model."""
+def sampled(
+    fitted: Fit,
+    *,
+    seed: int,
+    tell: Tell,
+    backend=None,
+    noise: str = GAUSSIAN,
+    heard: Callable[[Progress], None] = lambda _: None,
+) -> Posterior:
+    """Sample the posterior of a fitted model under a noise model; `heard` is told how far it is."""
     from discovery.posterior.sampling import sample
 
     tell(f"sampling the posterior, errors {words_of(noise)}")
 
-    def on_progress(p) -> None:
-        tell(f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}")
+    def on_progress(p: Progress) -> None:
+        heard(p)
+        tell(
+            f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}"
+            + (f", {_until(p.seconds_left)}" if 1.0 < p.seconds_left < math.inf else "")
+        )
 
     return sample(
         fitted, rng_seed=stage_seed(seed, "posterior"), noise=noise, progress=on_progress, backend_path=backend
     )
+
+
+def _until(seconds: float) -> str:
+    """Return how long something still takes, and the time of day at which it is done."""
+    long = f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+    return f"about {long} left, until {datetime.now() + timedelta(seconds=seconds):%H:%M:%S}"
 
 
 def studied(posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int, tell: Tell) -> PosteriorStudy:
