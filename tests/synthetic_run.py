@@ -622,3 +622,14 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
     }
     write_json(folder / "results.json", results)
     return results
+
+
+def write_loop_run(folder: Path) -> dict[str, Any]:
+    """Write what the page of a loop alone is made of: no regression, no fits side by side, no posterior."""
+    results = write_oscillator_run(folder)
+    for name in ("discovery", "radius", "multisine", "fits", "fit_errors", "posterior", "elastica"):
+        del results[name]
+    (folder / "multisine.nc").unlink()
+    results["scope"] = "loop"
+    write_json(folder / "results.json", results)
+    return results

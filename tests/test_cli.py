@@ -25,7 +25,7 @@ from discovery_datasets.disturbances import DISTURBANCES
 from discovery.cli import cli, main
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
-from discovery.cli.options import estimate_text, progress
+from discovery.cli.options import Seconds, estimate_text, progress
 from discovery.cli.sources import MANOEUVRES, SYSTEMS
 from discovery.cli.stages import NOISES
 from discovery.cli.stages import _say_loop as say_loop
@@ -34,6 +34,7 @@ from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.recordings.reading_noise import noise_note, understated
 from discovery.recordings.reading_notes import bend_notes
+from discovery.report import build_report
 from discovery.results.provenance import surroundings
 from discovery.runs.loop import UPGRADES
 from discovery.simulation.kernel import compile as compiled
@@ -111,7 +112,7 @@ def test_loop_says_what_it_found_and_quiet_is_quiet(looped: tuple[Said, Path]) -
     assert said.status == 0, said.err
     assert said.err == ""
     assert re.match(r"verdict: (explained|partly_explained|nothing_missing|unexplained)\n", said.out)
-    assert sorted(p.name for p in out.iterdir()) == ["loop.json", "prediction.csv"]
+    assert sorted(p.name for p in out.iterdir()) == ["loop.json", "prediction.csv", "report.html"]
 
 
 def found_loop(verdict: str, *effects: dict[str, Any], **more: Any) -> SimpleNamespace:
@@ -155,11 +156,12 @@ def test_what_is_not_explained_is_said_with_the_strongest_lead(capsys: pytest.Ca
 def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
     case: Case, looped: tuple[Said, Path], tmp_path: Path
 ) -> None:
-    for name in ("prediction.csv", "manoeuvre_3.csv"):
+    for name in ("prediction.csv", "manoeuvre_3.csv", "report.html"):
         (tmp_path / name).write_text("old", encoding="utf-8")
     said = shell("loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--out", tmp_path, "--quiet")
     assert said.status == 0, said.err
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json", "report.html"]
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
 def test_errors_are_said_once(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
@@ -191,7 +193,62 @@ def test_it_is_said_when_a_kernel_is_compiled_but_not_quietly(capsys: pytest.Cap
 
 def test_a_loop_says_which_files_it_wrote(looped: tuple[Said, Path]) -> None:
     said, out = looped
-    assert said.out.splitlines()[-1] == f"written: {out / 'loop.json'}, {out / 'prediction.csv'}"
+    assert said.out.splitlines()[-1] == (
+        f"written: {out / 'loop.json'}, {out / 'report.html'}, {out / 'prediction.csv'}"
+    )
+
+
+def test_the_page_of_a_loop_says_what_it_found(looped: tuple[Said, Path]) -> None:
+    _, out = looped
+    page, found = ((out / name).read_text(encoding="utf-8") for name in ("report.html", "loop.json"))
+    assert f'<p class="verdict {json.loads(found)["verdict"]}">' in page
+    assert "This is the page of a closed loop" in page
+    assert "A loop samples no posterior." in page
+    assert 'id="figure-errors"' in page
+    assert 'id="figure-time_holdout"' in page
+    assert not re.search('<script|<iframe|src="(?!data:)', page)
+
+
+@pytest.mark.parametrize(
+    ("said", "seconds"), [("90", 90.0), ("1.5", 1.5), ("20s", 20.0), ("5min", 300.0), ("5 m", 300.0), ("0.5h", 1800.0)]
+)
+def test_a_time_is_in_seconds_or_has_a_unit(said: str, seconds: float) -> None:
+    assert Seconds().convert(said, None, None) == seconds
+
+
+@pytest.mark.parametrize("said", ["", "soon", "-3", "5 days", "nan", "1e3"])
+def test_what_is_no_time_is_refused(said: str, film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refusal = call(capsys, "run", film.rig, "--train", film.train, "--max-time", said, "--out", tmp_path / "out")
+    assert refusal.status == 2
+    assert "is no time" in refusal.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_without_time_gives_the_answer_and_says_what_is_left_out(
+    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = call(capsys, "run", film.rig, "--train", film.train, "--max-time", "0", "--out", tmp_path, "--quiet")
+    assert said.status == 0, said.err
+    assert said.out.startswith("verdict: ")
+    *_, left_out, last = said.out.splitlines()
+    assert left_out.startswith("left out for --max-time: the posterior and what it predicts; the noise models")
+    assert last == str(tmp_path / "report.html")
+    assert "The time limit left out the posterior" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_run_that_is_killed_while_it_samples_has_said_and_written_its_answer(film: Film, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "discovery", "run", film.rig, "--train", film.train, "--out", tmp_path]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert process.stdout is not None
+        for line in process.stderr:
+            if line.startswith("sampling the posterior"):
+                process.kill()
+        said = process.stdout.read()
+    assert process.returncode == -signal.SIGKILL
+    assert said.startswith("verdict: ")
+    assert "Not all is here." in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert build_report(tmp_path).exists()
 
 
 @dataclass(frozen=True)
@@ -321,7 +378,7 @@ def test_what_can_be_given_once_is_refused_twice(
     [
         ("campaign", "the same command goes on from what is finished"),
         ("posterior", "goes on with the chains"),
-        ("run", "to start over; a posterior that was being sampled goes on"),
+        ("run", "the same command fits again and goes on with the posterior where it was"),
         ("loop", "half-written; give the same command to start over\n"),
         ("fit", "half-written; give the same command to start over\n"),
         ("discover", "half-written; give the same command to start over\n"),

@@ -131,6 +131,29 @@ def test_moves_sample_a_density_unlike_their_proposal():
     assert stats.kstest((points[:, 1] - points[:, 0]) / 0.3, "norm").pvalue > 1e-4
 
 
+def test_pieces_of_blocks_are_the_same_chain(tmp_path, monkeypatch):
+    """Chains are kept every few seconds: nothing depends on where, and a run goes on from within a block."""
+    whole, pieces, resumed = group_of_four(), group_of_four(), group_of_four()
+    stops = list(ensembles.grow(whole, 500))
+    monkeypatch.setattr(ensembles, "_KEPT_AFTER", 1e-9)
+    kept = []
+
+    def keep():
+        kept.append(len(pieces[0].chain))
+        if kept[-1] == 171:
+            raise KeyboardInterrupt
+        save(tmp_path / "chain.h5", pieces, "run")
+
+    with pytest.raises(KeyboardInterrupt):
+        list(ensembles.grow(pieces, 500, keep))
+    assert kept[-2:] == [170, 171]
+    assert restore(tmp_path / "chain.h5", resumed, "run")
+    assert list(ensembles.grow(resumed, 500)) == [stop for stop in stops if stop > 170]
+    for one, other in zip(whole, resumed, strict=True):
+        assert np.array_equal(one.chain, other.chain)
+        assert np.array_equal(one.log_prob, other.log_prob)
+
+
 def test_adapted_ensembles_continue_from_a_checkpoint(tmp_path):
     whole, first, second = group_of_four(), group_of_four(), group_of_four()
     list(ensembles.grow(whole, 500))

@@ -2,8 +2,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,14 +17,17 @@ from scipy.integrate import solve_ivp
 
 from discovery.estimation.predict import predict
 from discovery.foundation.errors import ComputationError
+from discovery.foundation.time_limit import TimeIsUp
 from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.report import build_report
 from discovery.results.provenance import plain
 from discovery.runs import stages
+from discovery.runs.pipeline import Answer, add_posterior, answer, run, save_prediction, write_loop
 from discovery.runs.pipeline import _describe as describe
-from discovery.runs.pipeline import run, save_prediction, write_loop
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
+ANSWER = {"amplitude.nc", "laws.nc", "loop.json", "results.json", "trajectories.nc"}
 FILES = {"amplitude.nc", "laws.nc", "loop.json", "posterior.nc", "predictive.nc", "results.json", "trajectories.nc"}
 
 
@@ -235,7 +241,8 @@ def sound(folder: Path) -> set[str]:
     [
         ("searching the library", set()),
         ("refitting the declared model", set()),
-        ("checking against the elastica", {"posterior_chains.h5"}),
+        ("checking against the elastica", set()),
+        ("profile likelihoods", {*ANSWER, "posterior_chains.h5"}),
     ],
 )
 def test_an_interrupted_run_leaves_whole_files_only(
@@ -251,8 +258,101 @@ def test_sampling_goes_on_where_it_was_interrupted(dataset: Dataset, results: di
         run(dataset, tmp_path, seed=SEED, tell=interrupt_at("sampling the posterior: "))
     assert "posterior_chains.h5" in sound(tmp_path)
     again = run(dataset, tmp_path, seed=SEED, tell=silent)
-    assert json.loads(json.dumps(plain(again["posterior"]))) == results["posterior"]
+    assert json.loads(json.dumps(plain(numbers(again)))) == {**numbers(results), "data_note": ""}
     assert {p.name for p in tmp_path.iterdir()} == FILES
+
+
+@pytest.fixture(scope="module")
+def begun(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Answer:
+    """A run whose loop is done, with its page."""
+    found = answer(dataset, tmp_path_factory.mktemp("begun"), seed=SEED, tell=silent)
+    build_report(found.out)
+    return found
+
+
+def copied(begun: Answer, folder: Path) -> Answer:
+    shutil.copytree(begun.out, folder, dirs_exist_ok=True)
+    return replace(begun, out=folder)
+
+
+def page_of(folder: Path) -> str:
+    return build_report(folder).read_text(encoding="utf-8")
+
+
+def test_the_answer_is_there_before_sampling_begins(
+    begun: Answer, results: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stages, "sampled", interrupted)
+    found = copied(begun, tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        add_posterior(found, tell=silent)
+    assert {p.name for p in tmp_path.iterdir()} == {*ANSWER, "report.html", "figures", "tables"}
+    there = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert there["loop"] == results["loop"]
+    assert there["posterior"] is None
+    assert there["pending"]["because"] == "running"
+    # The folder is whole, and its page says what is missing.
+    assert "This was written before the posterior and what it predicts and the noise models" in page_of(tmp_path)
+
+
+def test_time_that_is_up_ends_the_sampler_and_is_told(
+    begun: Answer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*_: Any, heard: Any, **__: Any) -> None:
+        heard(SimpleNamespace(effective=1234.5, wanted=4000.0))
+        time.sleep(60)
+
+    monkeypatch.setattr(stages, "sampled", slow)
+    found, began = copied(begun, tmp_path), time.monotonic()
+    content = add_posterior(found, tell=silent, seconds=0.2)
+    assert time.monotonic() - began < 30
+    assert content["pending"]["because"] == "time"
+    assert content["posterior"] is None
+    page = page_of(tmp_path)
+    assert "The time limit left out the posterior and what it predicts and the noise models" in page
+    assert "1234 of 4000 effective samples were there." in page or "1235 of 4000" in page
+
+
+def test_time_that_is_up_after_sampling_leaves_the_posterior(
+    begun: Answer, results: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_more(*_: Any, **__: Any) -> None:
+        raise TimeIsUp
+
+    found = copied(begun, tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(stages, "compared", no_more)
+        content = add_posterior(found, tell=silent)
+    assert plain(content["posterior"]) == results["posterior"]
+    assert content["pending"]["left_out"] == ["the noise models and the evidence of the models"]
+    assert "The time limit left out the noise models and the evidence" in page_of(tmp_path)
+    # With less time than before, what is there stays.
+    again = replace(found)
+    assert again.kept["posterior"]
+    assert add_posterior(again, tell=silent, seconds=0)["posterior"] == results["posterior"]
+    assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["posterior"] == results["posterior"]
+
+
+def test_a_posterior_that_fails_leaves_the_answer(
+    begun: Answer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: Any, **__: Any) -> None:
+        raise ComputationError("The ensembles did not converge in 20000 steps.")
+
+    monkeypatch.setattr(stages, "sampled", failing)
+    with pytest.raises(ComputationError, match="did not converge"):
+        add_posterior(copied(begun, tmp_path), tell=silent)
+    assert "The ensembles did not converge in" in page_of(tmp_path)
+
+
+def test_another_answer_is_not_kept(begun: Answer, tmp_path: Path) -> None:
+    found = copied(begun, tmp_path)
+    assert found.kept
+    content = {**begun.content, "provenance": {**begun.content["provenance"], "seed": SEED + 1}}
+    assert not replace(found, content=content).kept
 
 
 def test_a_write_that_fails_leaves_the_old_file(dataset: Dataset, tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from discovery.report.equations import model_formulas
 from discovery.report.estimates import posterior_table
 from discovery.report.figures import model_error, motion, nats, ranking
 from discovery.report.formula import formula
+from discovery.report.index import build_index
 from discovery.report.mathml import block
 from discovery.report.noise import noise_differs
 from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
@@ -591,6 +592,58 @@ def test_the_noise_is_chosen_by_evidence(arm: Made) -> None:
     assert "held out, rms [mm]" in arm[2]
     assert "correlated noise for all, because what the smaller model lacks is correlated" in arm[2]
     assert "Not asked, because it does not apply: input (no recorded input" in arm[2]
+
+
+@pytest.mark.parametrize(
+    ("pending", "said"),
+    [
+        ({"because": "running"}, "This was written before the posterior and the evidence were there, which follow."),
+        (
+            {"because": "time", "effective": 1234.0, "wanted": 4000.0},
+            "The time limit left out the posterior and the evidence. 1234 of 4000 effective samples were there.",
+        ),
+        ({"because": "time"}, "The time limit left out the posterior and the evidence. With more time, the same"),
+        ({"because": "It did not converge."}, "Left out: the posterior and the evidence. It did not converge."),
+    ],
+)
+def test_what_is_still_to_come_is_told_at_the_top(pending: dict[str, Any], said: str, tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    results["pending"] = {"left_out": ["the posterior", "the evidence"], **pending}
+    write_json(tmp_path / "results.json", results)
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert f"<strong>Not all is here.</strong> {said}" in page
+    assert page.index(said) < page.index("<h2>")
+    assert "There is no posterior yet, see above." in page
+    assert "This run sampled no posterior." not in page
+
+
+def test_what_was_not_asked_for_is_not_missing(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    results["pending"] = {"left_out": ["the posterior"], "because": "asked"}
+    write_json(tmp_path / "results.json", results)
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert "Not all is here" not in page
+    assert "This run sampled no posterior." in page
+
+
+def test_a_loop_has_a_page_without_the_rest_of_a_run(tmp_path: Path) -> None:
+    synthetic_run.write_loop_run(tmp_path)
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert "This is the page of a closed loop" in page
+    assert "A loop samples no posterior." in page
+    assert "results.json" not in page
+    assert "The equation found in the motion" not in page
+
+
+def test_the_page_over_all_runs_leads_to_the_page_of_a_loop(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path / "whole")
+    for name in ("with_page", "without"):
+        (tmp_path / name).mkdir()
+        write_json(tmp_path / name / "loop.json", results["loop"])
+    (tmp_path / "with_page" / "report.html").write_text("page")
+    page = build_index(tmp_path).read_text(encoding="utf-8")
+    assert '<a href="with_page/report.html">with page</a>' in page
+    assert '<td class="t">without</td>' in page
 
 
 def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:
