@@ -243,6 +243,7 @@ def test_refusal_carries_the_numbers_and_progress_is_told(linear):
         assert all(np.isfinite(list(numbers.values())))
     assert "effective samples g" in str(caught.value)
     assert [p.steps for p in seen] == [120, 160, 250]
+    assert all(0 < p.seconds_left < np.inf for p in seen)
     assert seen[-1].effective == min(caught.value.ess.values())
 
 

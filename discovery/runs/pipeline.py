@@ -384,8 +384,7 @@ def add_posterior(found: Answer, *, tell: stages.Tell, seconds: float = math.inf
             _sample(found, done, tell, checkpoint)
     except TimeIsUp:
         done.because = "time"
-        if done.posterior is None and found.kept.get("posterior"):
-            # An earlier run had more time.
+        if _came_as_far(found.kept, done):
             return dict(found.kept)
     except ComputationError as failure:
         failed, done.because = failure, str(failure)
@@ -407,9 +406,16 @@ def _sample(found: Answer, done: Sampled, tell: stages.Tell, checkpoint: Path) -
     posterior = _draws(subject, seed, tell, checkpoint, heard)
     study = stages.studied(posterior, subject, found.dataset, seed=seed, tell=tell)
     done.posterior, done.study, done.left_out = posterior, study, _PARTS[1:]
-    _save(found, done, tell=tell)
+    if not _came_as_far(found.kept, done):
+        _save(found, done, tell=tell)
     done.weighed = stages.compared(subject, found.loop, seed=seed, tell=tell)
     done.left_out = ()
+
+
+def _came_as_far(kept: Mapping[str, Any], done: Sampled) -> bool:
+    """Return whether an earlier run came to the same answer and had the time for as much after it."""
+    left_out = (kept.get("pending") or {}).get("left_out", ())
+    return bool(kept.get("posterior")) and len(left_out) <= len(done.left_out)
 
 
 def _of_loop(dataset: Dataset, loop: LoopResult, missing: MissingForce | None) -> dict[str, Any]:
