@@ -497,6 +497,7 @@ def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
         assert effect["id"] in geometry | set(catalogue())
         assert set(effect) == {
             "id", "parameters", "evidence", "probability", "group_probability", "ambiguous_with",
+            "may_stand_for_unknown",
         }  # fmt: skip
         assert set(effect["evidence"]) in (set(), {"train", "held", "size", "against_error", "gain", "odds"})
         for parameter in effect["parameters"].values():
