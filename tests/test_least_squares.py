@@ -261,6 +261,20 @@ def test_a_parameter_without_influence_stays_where_it_is() -> None:
     assert found.x[1] == 7.0
 
 
+@pytest.mark.parametrize("unit", [1e-12, 1e-5, 1.0, 1e5, 1e12])
+@pytest.mark.parametrize("power", [1, 3])
+def test_the_unit_of_a_parameter_changes_no_minimum(unit: float, power: int) -> None:
+    t = np.linspace(0.0, 3.0, 40)
+    sizes = np.array([unit, unit**-power])
+
+    def residuals(x: FloatArray) -> FloatArray:
+        first, second = x / sizes[:, None]
+        return first * np.exp(-t[:, None] * second) - 2.0 * np.exp(-0.7 * t[:, None])
+
+    found = solve(residuals, sizes, scale=sizes)
+    np.testing.assert_allclose(found.x / sizes, [2.0, 0.7], rtol=1e-6)
+
+
 def test_identical_columns_do_not_break_the_linear_algebra() -> None:
     found = solve(lambda b: np.stack([b[0] + b[1] - 2.0, b[0] + b[1] - 2.2]) * 10, [0.5, 0.5])
     assert found.converged

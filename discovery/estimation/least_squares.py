@@ -221,7 +221,9 @@ def levenberg_marquardt(
         normal = jacobian.T @ jacobian
         diagonal = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
-        free &= diagonal > 1e-12 * diagonal.max(initial=1e-300)
+        # What each parameter does over its typical size: a derivative alone depends on the unit.
+        effect = diagonal * scale
+        free &= effect > 1e-12 * effect.max(initial=0.0)
         if not free.any():
             converged = True
             break
