@@ -290,6 +290,12 @@ def test_odd_rig_files_are_refused(
     assert "Traceback" not in said.err
 
 
+def test_a_byte_order_mark_is_no_part_of_a_rig_file(rig: Path) -> None:
+    known = read_rig(rig)
+    rig.write_bytes(b"\xef\xbb\xbf" + rig.read_bytes())
+    assert read_rig(rig).name == known.name
+
+
 @pytest.mark.parametrize(
     ("column", "size"),
     [("t", 1e300), ("t", 1e-200), ("t", 1e70), ("angle", 1e-200), ("angle", 1e150), ("angle", 1e307)],

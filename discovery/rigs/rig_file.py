@@ -70,7 +70,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
             f"The rig file {shown(path)} cannot be read: {reason(error)}. Give the path of a TOML file."
         ) from error
     try:
-        text = content.decode("utf-8")
+        text = content.decode("utf-8-sig")
         document = tomllib.loads(text)
     except RecursionError as error:
         raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
