@@ -75,6 +75,21 @@ def test_one_bad_reading_is_left_out_and_shifts_nothing(tmp_path, wrong):
     assert any("sample 500" in note and "left out" in note for note in recording.notes)
 
 
+@pytest.mark.parametrize("count", [2, 4, 40])
+@pytest.mark.parametrize("value", [np.radians(-9999), 1e4, np.radians(-3600)])
+def test_what_is_written_for_no_reading_is_no_full_turn(tmp_path, value, count):
+    angle = swing(0.3)
+    marked = angle.copy()
+    marked[500 : 500 + count] = value
+    marked[700] = value
+    recording = read(tmp_path, pendulum(), marked)
+    good = marked == angle
+    assert np.isnan(recording.output[~good, 0]).all()
+    np.testing.assert_array_equal(recording.output[good, 0], angle[good])
+    assert any("sample 500" in note for note in recording.notes)
+    assert not any("joined" in note for note in recording.notes)
+
+
 def test_readings_that_jump_often_are_kept(tmp_path):
     """Sampled four times a period, every turning point lies far from its neighbours, which agree."""
     angle = 2.5 * np.sin(0.5 * np.pi * np.arange(200) + 0.1)

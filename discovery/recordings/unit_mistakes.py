@@ -16,6 +16,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _FULL_TURN = 2.0 * np.pi
 _JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours that lie so near each other [rad]
+_LOST = 1.5 * _FULL_TURN  # a sensor that counts within a turn jumps by less
+_FEW = 0.1  # share of readings off the others up to which these are the recording
 _RARE = 0.01  # share of such readings up to which they are no motion
 _WHITE = 1.2  # median difference of neighbours over that from the median: 1.4 for white noise, little for a swing
 _SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
@@ -52,6 +54,15 @@ def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list
             f"{what}, first at sample {rows[0]} (counted from 0), more than {quoted(_JUMP, unit)} from the readings "
             f"before and after, which agree: no pendulum does that. {it} left out."
         )
+    off = _turns_away(angle)
+    if off.any() and off.mean() < _FEW:
+        rows = np.flatnonzero(off)
+        value = quoted(float(angle[rows[0]]), unit, 6)
+        angle = np.where(off, np.nan, angle)
+        notes.append(
+            f"{rows.size} {'reading' if rows.size == 1 else 'readings'}, first at sample {rows[0]} (counted from 0) "
+            f"with {value}, more than a turn from those before and after: no pendulum does that. Left out."
+        )
     good = np.isfinite(angle)
     joined = angle.copy()
     joined[good] = np.unwrap(angle[good])
@@ -66,6 +77,17 @@ def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list
     turns = float(np.round(np.median(joined[good]) / _FULL_TURN)) if good.any() else 0.0
     joined -= _FULL_TURN * turns
     return (joined if turns or places.size else angle), notes
+
+
+def _turns_away(angle: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return readings that lie off the others and are entered and left by more than the turn that a sensor may lose."""
+    good = np.flatnonzero(np.isfinite(angle))
+    found = np.zeros(angle.size, bool)
+    if good.size:
+        usual = float(np.median(angle[good]))
+        for part in np.split(good, np.flatnonzero(np.abs(np.diff(angle[good])) > _LOST) + 1):
+            found[part] = abs(float(np.median(angle[part])) - usual) > _LOST
+    return found
 
 
 def _alone(angle: FloatArray) -> npt.NDArray[np.bool_]:
