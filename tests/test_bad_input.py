@@ -322,3 +322,20 @@ def test_vectors_of_different_length(tmp_path):
 
     savemat(tmp_path / "o.mat", {"t": np.arange(100.0), "u": np.arange(99.0), "y": np.arange(100.0)})
     assert "differ in length ('t' 100, 'u' 99, 'y' 100)" in refused(tmp_path / "o.mat", OSCILLATOR)
+
+
+@pytest.mark.parametrize("cells", [pd.timedelta_range("0s", periods=600), pd.date_range("2020", periods=600)])
+def test_times_that_are_dates_or_durations_are_refused(tmp_path, cells):
+    swing().assign(time_s=cells[: len(swing())]).to_parquet(tmp_path / "r.parquet")
+    assert "'time_s' holds dates or durations" in refused(tmp_path / "r.parquet")
+
+
+@pytest.mark.parametrize("jump", [3600.0, 86400.0, 3e7])
+def test_a_clock_that_jumps_by_more_than_the_recording_is_refused(tmp_path, jump):
+    frame = swing()
+    frame.loc[300:, "time_s"] += jump
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    message = refused(tmp_path / "r.csv")
+    assert "column 'time_s', row 301 (line 302 of the file)" in message
+    assert "clock jumped" in message
+    assert "samples = [start, stop]" in message

@@ -103,7 +103,12 @@ class Table:
         column = self.columns[name]
         if np.iscomplexobj(column):
             raise InputError(f"{self.path}: the column {name!r} holds complex numbers. Give real ones.")
-        if column.dtype.kind in "OUSM":
+        if column.dtype.kind in "mM":
+            raise InputError(
+                f"{self.path}: the column {name!r} holds dates or durations. Write it as numbers in the unit that is "
+                "declared, such as seconds since the first row."
+            )
+        if column.dtype.kind in "OUS":
             values, bad = _parse(column)
             if bad is not None:
                 raise InputError(

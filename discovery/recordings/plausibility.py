@@ -61,7 +61,8 @@ def check_signals(
     Raises
     ------
     InputError
-        If times are missing or do not increase, the input has a gap, a sensor is dead or the record is too short.
+        If times are missing, do not increase or leave most out, the input has a gap, a sensor is dead or the record is
+        too short.
     """
     label = names.get("time", "")
     for signal, values in {"time": time, "input": inputs, **outputs}.items():
@@ -88,6 +89,13 @@ def check_signals(
             )
         now = quoted(float(time[row]), units["time"], 9)
         raise InputError(f"{table.path}, column {label!r}, {table.where(row)}: {now} is {fault}. {remedy}")
+    if outputs and time.size >= fewest and 2.0 * (longest := float(steps.max())) > time[-1] - time[0]:
+        row = int(np.argmax(steps)) + 1
+        raise InputError(
+            f"{table.path}, column {label!r}, {table.where(row)}: {quoted(longest, units['time'], 4)} pass before it, "
+            "more than the rest of the recording lasts, and nothing was read meanwhile. Correct the times if the clock "
+            "jumped; else name the parts in [records] of the rig file, each with samples = [start, stop]."
+        )
     if inputs is not None and np.isnan(inputs).any():
         row = int(np.argmax(np.isnan(inputs)))
         column = names.get("motor_angle", names.get("input", "input"))
