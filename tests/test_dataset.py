@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -240,4 +241,54 @@ def test_a_slow_passage_that_two_releases_share_in_coarse_steps_is_no_repetition
 def test_two_signals_of_one_column_are_refused(folder: Path) -> None:
     (folder / "rig.toml").write_text(RIG.replace('name = "y"', 'name = "t"'))
     with pytest.raises(InputError, match="time and output are both read from the column 't'"):
+        load_dataset(folder / "rig.toml", [folder / "one.csv"])
+
+
+def noisy(seed: int, n: int = 320) -> pd.DataFrame:
+    """Return a motion whose noise is well above its last digit."""
+    t = 0.02 * np.arange(n)
+    noise = 0.02 * np.random.default_rng(seed).standard_normal(n)
+    return pd.DataFrame({"t": t, "u": np.sin(t), "y": np.cos(3 * t) + noise})
+
+
+DISGUISES: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+    "a little noise": lambda f: f.assign(y=f.y + 2e-3 * np.random.default_rng(9).standard_normal(len(f))),
+    "rounded": lambda f: f.assign(y=f.y.round(2)),
+    "a part, later": lambda f: f[100:].assign(t=f.t[: len(f) - 100].to_numpy(), y=f.y[100:] + 1e-3),
+}
+
+
+@pytest.mark.parametrize("change", DISGUISES.values(), ids=DISGUISES)
+@pytest.mark.parametrize("role", ["train", "holdout"])
+def test_readings_that_were_disguised_are_still_the_same(
+    folder: Path, role: str, change: Callable[[pd.DataFrame], pd.DataFrame]
+) -> None:
+    noisy(1).to_csv(folder / "one.csv", index=False)
+    change(noisy(1)).to_csv(folder / "two.csv", index=False)
+    given = [folder / "one.csv"], [folder / "two.csv"]
+    train, holdout = given if role == "holdout" else ([*given[0], *given[1]], [])
+    with pytest.raises(InputError, match=r"two.csv, from sample \d+ on, repeats readings of .*one.csv"):
+        load_dataset(folder / "rig.toml", train, holdout)
+
+
+def test_the_same_manoeuvre_again_is_no_repetition(folder: Path) -> None:
+    for seed, name in ((1, "one.csv"), (2, "two.csv")):
+        noisy(seed).to_csv(folder / name, index=False)
+    assert len(load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "two.csv"]).holdout) == 1
+
+
+@pytest.mark.parametrize("parts", ["[0, 200] [120, 320]", "[0, 320] [200, 320]"])
+def test_training_parts_that_overlap_are_refused(folder: Path, parts: str) -> None:
+    one, other = (f"[{part.strip('[]')}]" for part in parts.split("] ["))
+    records = f'[records]\ntrain = [{{ file = "one.csv", samples = {one} }}, {{ file = "one.csv", samples = {other} }}]'
+    (folder / "records.toml").write_text(RIG + records)
+    with pytest.raises(InputError, match="would count twice"):
+        load_dataset(folder / "records.toml")
+
+
+@pytest.mark.parametrize("scale", [1.0, -2.5])
+def test_an_output_that_is_the_input_is_refused(folder: Path, scale: float) -> None:
+    frame = noisy(1)
+    frame.assign(u=scale * frame.y + 0.3).to_csv(folder / "one.csv", index=False)
+    with pytest.raises(InputError, match=r"one.csv: the output is a copy of the input, column 'u'"):
         load_dataset(folder / "rig.toml", [folder / "one.csv"])

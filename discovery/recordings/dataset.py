@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from discovery.declarations.units import quoted
 from discovery.foundation.errors import InputError
 from discovery.recordings.averaging import averaged_down
+from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.holdout_part import fitted_count
@@ -160,6 +162,13 @@ def _refuse_twins(found: dict[str, list[Recording]]) -> None:
                     "a fit that has seen them. Name each recording once."
                 )
             seen[key] = role
+    for one, other in combinations(found["train"], 2):
+        at = shared_samples(one, other)
+        if at is not None:
+            raise InputError(
+                f"{other.source}, from sample {at} on, repeats readings of {one.source}, which is fitted too: they "
+                "would count twice. Give parts that do not overlap."
+            )
     for r in found["train"]:
         for role in ("holdout", "test"):
             for other in found.get(role, ()):
@@ -188,8 +197,13 @@ def _refuse_unusable(role: str, experiment: Experiment) -> None:
                 f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {fewest} are "
                 "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
             )
+    given = experiment.rig.columns.input
+    if r.input is not None and given is not None and any(scaled_copy(r.input, c) for c in r.output.T):
+        raise InputError(
+            f"{r.source}: the output is a copy of the input, column {given.name!r}, noise and all: no system does "
+            "that. Write the column of each in [columns] of the rig file, or export the recording again."
+        )
     if not experiment.is_arm and r.input is not None and np.ptp(r.input) == 0:
-        given = experiment.rig.columns.input
         value = f"{r.input[0]:g}" if given is None else quoted(float(r.input[0]), given.unit, 6)
         raise InputError(
             f"{r.source}: the input is {value} throughout, so it drives nothing and its gain cannot be found. "

@@ -47,6 +47,13 @@ def estimate_noise(values: FloatArray) -> float:
     return min(_estimates(values), default=float("nan"))
 
 
+def white_noise(values: FloatArray) -> float | None:
+    """Return the noise of single readings; None where differences still hold the motion, or there are too few."""
+    estimates = _estimates(values)
+    settled = len(estimates) > 1 and estimates[-1] >= _SETTLED * estimates[-2] > 0.0
+    return min(estimates) if settled else None
+
+
 def _estimates(values: FloatArray) -> list[float]:
     """Estimates by the order of differences, from 2 on; none with fewer than 18 samples."""
     estimates: list[float] = []
