@@ -120,3 +120,10 @@ def test_a_coarse_encoder_that_comes_to_rest_says_nothing_of_that_part() -> None
     assert np.ptp(angle[-1000:]) == 0.0
     rows = _stretches(time, angle)
     assert all(0 < sd < 0.02 * frequency for _, frequency, sd in rows)
+
+
+def test_a_dense_noisy_recording_is_looked_at_in_few_stretches() -> None:
+    """Noise crosses the centre at every reading: what is looked at must not grow as the square of their number."""
+    t = np.arange(1_000_000) / 50_000.0
+    y = 0.9 * np.exp(-0.01 * t) * np.cos(3.4 * t) + 0.2 * np.random.default_rng(1).standard_normal(t.size)
+    assert angle_doubt(pendulum(unit="rad"), [(t, y)]) == ""

@@ -110,7 +110,7 @@ def load_dataset(
     found = {role: [_read(part, rig) for part in listed] for role, listed in parts.items()}
     _refuse_twins(found)
     _distinguish(found, parts)
-    found = {role: [averaged_down(r, rig) for r in listed] for role, listed in _doubted(rig, found).items()}
+    found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,

@@ -97,11 +97,10 @@ def _stretches(time: FloatArray, angle: FloatArray) -> list[tuple[float, float, 
     first = np.pi / float(np.median(np.diff(t[crossings])))
     edges = np.arange(t[0], t[-1], _PERIODS * 2.0 * np.pi / first)
     found = []
-    for start, stop in pairwise(edges):
-        inside = (t >= start) & (t < stop)
+    for start, stop in pairwise(np.searchsorted(t, edges).tolist()):
         # A coarse encoder may read one value at the end of a decay.
-        if inside.sum() >= 8 * _PERIODS and np.ptp(x[inside]) > 0:
-            row = _sine(t[inside], x[inside], first)
+        if stop - start >= 8 * _PERIODS and np.ptp(x[start:stop]) > 0:
+            row = _sine(t[start:stop], x[start:stop], first)
             # What noise makes of a stretch says nothing.
             found += [row] if 0.0 < row[2] < 0.02 * row[1] else []
     return found
