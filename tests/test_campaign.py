@@ -416,7 +416,7 @@ def test_recordings_of_a_rig_without_records_lie_beside_it(tmp_path):
 
 RECORDS = """
 [records]
-train = [{ file = "big.csv" }, { file = "small.csv" }, { file = "big.csv", samples = [0, 100] }]
+train = [{ file = "big.csv", samples = [100, 300] }, { file = "small.csv" }, { file = "big.csv", samples = [0, 100] }]
 holdout = [{ file = "mid.csv" }]
 """
 
@@ -652,7 +652,7 @@ def test_one_of_the_records_is_fitted_alone(tmp_path, looped):
         campaigns.close(case, case_seed(0, name))
         fitted.append([(e.recording.time.size, e.recording.output[0, 0]) for e in looped["dataset"].train])
         assert [e.recording.name for e in looped["dataset"].holdout] == ["mid"]
-    assert fitted == [[(300, 1.0)], [(300, 2.0)], [(100, 1.0)]]
+    assert fitted == [[(200, np.cos(6.0))], [(300, 2.0)], [(100, 1.0)]]
 
 
 def test_a_rig_without_recordings_says_what_it_needs(tmp_path):
