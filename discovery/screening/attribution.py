@@ -249,7 +249,10 @@ def _scored(
     starts = []
     for i in order[_distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)]:
         values = grid.values[i].copy()
-        values[grid.sizes] = solution[i] * sizes[i]
+        # At the bound where it vanishes an effect would never leave, though a larger one may be right: it begins as
+        # declared.
+        if solution[i].any():
+            values[grid.sizes] = solution[i] * sizes[i]
         starts.append(Start(values, grid.sizes, responses, grid.rows[i], sizes[i]))
     return Candidate(name, float(gain[order[0]]), tuple(starts), bases[0].T.astype(float), shapes)
 
