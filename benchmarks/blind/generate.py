@@ -32,6 +32,7 @@ from discovery_datasets.disturbances import Disturbance
 from discovery_datasets.hidden import FAMILIES, Hidden
 from discovery_datasets.instrument import record, write_csv
 from discovery_datasets.quick import readings
+from discovery_datasets.quick_effects import BaseBacklash
 
 from benchmarks.blind.memory import limit_memory
 from discovery.runs.spread import Outcome, spread
@@ -103,6 +104,12 @@ def settle(draw: CaseDraw, rig: ArmRig, hidden: Hidden, target: float, clean: fl
     return strength
 
 
+def accepted(hidden: Hidden, effect: Disturbance, rig: ArmRig, noise: float) -> list[str]:
+    """Return the right names of an effect: a play that moves the tip by less than the noise is its contact's spring."""
+    unseen = isinstance(effect, BaseBacklash) and effect.half_width * rig.length < noise
+    return [*hidden.accepted, *(["base_compliance"] if unseen else [])]
+
+
 def case_name(seed: int, index: int, world: str = "exact") -> str:
     """Name of a case."""
     return f"{'case' if world == 'exact' else world}_{seed:03d}_{index:04d}"
@@ -148,7 +155,7 @@ def write_case(out: Path, seed: int, index: int) -> dict[str, Any]:
             {
                 "id": h.id,
                 "family": family[h.id],
-                "accepted": list(h.accepted),
+                "accepted": accepted(h, e, rig, draw.noise),
                 "strength": s,
                 "parameters": asdict(e),
                 "unabsorbed_over_noise": u,
