@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from pathlib import Path
+from inspect import getsource
 from types import ModuleType
 from typing import Any
 
@@ -85,9 +85,10 @@ def _switches(effect_ids: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 def _load(source: str) -> ModuleType:
     """Return the module of generated source, whose compiled code is kept on disk; its text itself is not."""
-    from discovery.simulation.kernel import vectormath
+    from discovery.simulation.kernel import straight_line, vectormath
 
-    stamp = f"{source}{Path(vectormath.__file__).read_text(encoding='utf-8')}{compiler_versions()}"
+    used = (getsource(module) for module in (straight_line, vectormath))
+    stamp = f"{source}{''.join(used)}{compiler_versions()}"
     key = hashlib.sha256(stamp.encode()).hexdigest()
     name = f"{_GENERATED}{key[:20]}"
     if name in sys.modules:

@@ -5,13 +5,13 @@ It serves where everything always runs; the general text goes through memory bet
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from discovery.simulation.runge_kutta import Method
 
 __all__ = ["fused_reading", "fused_step"]
 
-_HEAD = '@njit(fastmath=_FAST, error_model="numpy", forceinline=True)\n'
+_HEAD = "@_inner\n"
 
 
 def _sum(coefficients: Sequence[float], names: Sequence[str]) -> str:
@@ -21,7 +21,7 @@ def _sum(coefficients: Sequence[float], names: Sequence[str]) -> str:
 
 def fused_step(
     method: Method,
-    lanes: int,
+    over_lanes: Callable[[Sequence[str]], Sequence[str]],
     loads: Mapping[str, int],
     states: Sequence[str],
     body: Sequence[str],
@@ -33,8 +33,8 @@ def fused_step(
     ----------
     method : Method
         Stages and weights.
-    lanes : int
-        Parameter sets in one block.
+    over_lanes : callable
+        Returns the lines of a loop over the lanes, of its body.
     loads : mapping of str to int
         Row of every number that does not change during a step.
     states : sequence of str
@@ -47,7 +47,6 @@ def fused_step(
     at = [method.times.index(c) for c in (*method.nodes, 1.0)]
     lines = [f"_r_{k}_{n} = drive[{n}, {k}]" for n in sorted({*at[1:]}) for k in range(3)]
     lines += [f"_t_{n} = t + {method.times[n]!r} * h" for n in sorted({*at[1:]})]
-    lines += [f"for i in range({lanes}):"]
     inner = [f"{name} = w[{row} + i]" for name, row in loads.items()]
     for k, state in enumerate(states):
         y, slope = (rows[label][state] for label in "SK")
@@ -60,7 +59,7 @@ def fused_step(
         inner += [f"t = _t_{at[j]}", *body, *(f"_k_{j}_{k} = slope_{k}" for k in range(len(states)))]
     for k, state in enumerate(states):
         inner += [f"w[{rows['S'][state]} + i] = {state}", f"w[{rows['K'][state]} + i] = slope_{k}"]
-    lines += [f"    {line}" for line in inner]
+    lines += over_lanes(inner)
     return (
         f"{_HEAD}def _advance(w, on, t, h, restart, drive):\n"
         f'    """Take one step of order {method.order}, from states S with slopes K, kept as Y and F, to the next."""\n'
@@ -74,7 +73,7 @@ def fused_step(
 
 
 def fused_reading(
-    lanes: int,
+    over_lanes: Callable[[Sequence[str]], Sequence[str]],
     loads: Mapping[str, int],
     coordinates: Sequence[tuple[str, str]],
     sampled: Sequence[str],
@@ -85,8 +84,8 @@ def fused_reading(
 
     Parameters
     ----------
-    lanes : int
-        Parameter sets in one block.
+    over_lanes : callable
+        Returns the lines of a loop over the lanes, of its body.
     loads : mapping of str to int
         Row of every number that does not change.
     coordinates : sequence of (str, str)
@@ -119,8 +118,7 @@ def fused_reading(
     weights = ["b0, b1, b2, b3, b4, b5 = _hermite(f, h)", "g0, g1, g2, g3 = _cubic(f, h)"]
 
     def function(head: str, said: str, before: Sequence[str], lines: Sequence[str]) -> str:
-        loop = [f"for i in range({lanes}):", *(f"    {line}" for line in lines)]
-        text = [f'"""{said}"""', "_rolled()", *before, *loop, "_barrier()"]
+        text = [f'"""{said}"""', "_rolled()", *before, *over_lanes(lines), "_barrier()"]
         return f"{_HEAD}def {head}:\n" + "".join(f"    {line}\n" for line in text)
 
     return (

@@ -13,6 +13,7 @@ from discovery.equations.program import RECORDED, Program
 from discovery.simulation.kernel.fused import fused_reading, fused_step
 from discovery.simulation.kernel.islands import Loop, Plan, plan
 from discovery.simulation.kernel.owned_terms import NOBODY, Effects, Piece, Splitter, cost
+from discovery.simulation.kernel.straight_line import received
 from discovery.simulation.kernel.text import computed
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
@@ -34,6 +35,7 @@ class _Writer:
         self.lanes = lanes
         self.size = 0
         self.guards: dict[Effects, int] = {frozenset({e}): k for k, e in enumerate(effects)}
+        self.bodies: list[str] = []
 
     def rows(self, names: Sequence[str]) -> dict[str, int]:
         """Reserve a row for each name and return where it begins."""
@@ -46,6 +48,13 @@ class _Writer:
         if not effects:
             return "True" if effects is None else "False"
         return f"on[{self.guards.setdefault(effects, len(self.guards))}]"
+
+    def over_lanes(self, body: Sequence[str]) -> list[str]:
+        """Return the lines of a loop over the lanes; its body is translated apart, see `straight_line`."""
+        name, given = f"_body_{len(self.bodies)}", "".join(f"{name}, " for name in received(body))
+        text = "\n".join(body)
+        self.bodies.append(f'{name} = _straight_line("""\n{text}\n""", globals())\n')
+        return [f"for i in range({self.lanes}):", f"    {name}(w, i, ({given}))"]
 
     def loops(self, loops: Sequence[Loop], places: Mapping[str, int]) -> list[str]:
         """Return the text of loops; `places` holds the rows of what comes in and goes out."""
@@ -62,8 +71,7 @@ class _Writer:
             if loop.effects is not None:
                 lines.append(f"{indent}if {self.condition(loop.effects)}:")
                 indent *= 2
-            lines.append(f"{indent}for i in range({self.lanes}):")
-            lines += [f"{indent}    {line}" for line in _body(loop, places)]
+            lines += [f"{indent}{line}" for line in self.over_lanes(_body(loop, places))]
             lines.append("    _barrier()")
         return lines or ["    pass"]
 
@@ -203,13 +211,18 @@ def kernel_source(
     advance, reading = _STAGES.read_text(encoding="utf-8"), _READING.read_text(encoding="utf-8")
     if step is not None:
         loads, body, _ = computed(step)
-        advance = fused_step(method, lanes, {n: rows[n] for n in loads if n in rows}, states, body, places)
+        advance = fused_step(method, write.over_lanes, {n: rows[n] for n in loads if n in rows}, states, body, places)
     if read is not None:
         loads, body, _ = computed(read)
         q = list(zip(states[:n_q], states[n_q:], strict=False))
         own = {n: rows[n] for n in loads if n in rows}
-        reading = fused_reading(lanes, own, q, [states[k] for k in sampled], body, places)
-    text = _TEMPLATE.read_text(encoding="utf-8").replace("@ADVANCE@\n", advance).replace("@READ@\n", reading)
+        reading = fused_reading(write.over_lanes, own, q, [states[k] for k in sampled], body, places)
+    text = (
+        _TEMPLATE.read_text(encoding="utf-8")
+        .replace("@BODIES@\n", "\n".join(write.bodies))
+        .replace("@ADVANCE@\n", advance)
+        .replace("@READ@\n", reading)
+    )
     text = re.sub(r"( +)for i in @MOVING@:\n((?:\1    .*\n)+)", sweep, text)
     text = re.sub(r"( +)for k in @CHANNELS@:\n((?:\1    .*\n)+)", each, text)
     for key, value in {
