@@ -1,7 +1,13 @@
 """Settings of all tests: random examples are the same in every run, so that a failure can be repeated."""
 
+import os
+
 import pytest
 from hypothesis import settings
+
+# Workers share the machine: threads of linear algebra, which wait by spinning, would only take each other's time.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")

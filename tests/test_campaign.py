@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import synthetic_run
+from campaign_work import CASES, drawn, troubled, where
 from click.testing import CliRunner
 
 from discovery.cli import campaign_cases, campaigns
@@ -39,27 +40,6 @@ def cluster():
         LocalCluster(2, threads_per_worker=1, dashboard_address=":0") as local,
     ):
         yield local.scheduler_address
-
-
-def drawn(case, seed):
-    return {"case": case, "value": np.random.default_rng(seed).standard_normal()}
-
-
-def troubled(case, seed):
-    """Raise, die, hang or return what no file can hold, as the case says."""
-    if case == "raise":
-        raise ArithmeticError("no such luck")
-    if case == "die":
-        os._exit(3)
-    if case == "slow":
-        for _ in range(3000):
-            time.sleep(0.01)
-    if case == "odd":
-        return {"value": {1, 2}}
-    return drawn(case, seed)
-
-
-CASES = [(f"case_{i}", i) for i in range(12)]
 
 
 def values(outcomes):
@@ -123,10 +103,6 @@ def test_no_scheduler_at_an_address_is_told(monkeypatch):
         list(spread(drawn, CASES))
 
 
-def where(case, _seed):
-    return {"process": os.getpid()}
-
-
 def test_workers_of_a_scheduler_are_used(cluster, monkeypatch):
     monkeypatch.setenv(SCHEDULER, cluster)
     found = {o.result["process"] for o in spread(where, CASES, workers=1)}
@@ -144,26 +120,11 @@ def test_what_raises_dies_or_hangs_on_this_machine_takes_no_other_with_it():
     assert "pickle" in outcomes["unsent"].error
 
 
-def listening(case, _seed):
-    """Return the ports of the whole machine on which this process or the one that gave the case listens."""
-    tables = [Path(f"/proc/net/{name}") for name in ("tcp", "tcp6")]
-    rows = [row.split() for table in tables if table.exists() for row in table.read_text().splitlines()[1:]]
-    inodes = {row[9] for row in rows if row[3] == "0A"}
-    owned = set()
-    for process in (os.getpid(), os.getppid()):
-        for link in Path(f"/proc/{process}/fd").glob("*"):
-            try:
-                owned.add(os.readlink(link).removeprefix("socket:[").removesuffix("]"))
-            except OSError:
-                continue
-    return {"ports": sorted(inodes & owned), "process": os.getpid(), "threads": os.environ["DISCOVERY_THREADS"]}
-
-
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="this system does not tell who listens")
 def test_nothing_listens_on_any_port():
     code = """
 import sys
-from test_campaign import CASES, listening
+from campaign_work import CASES, listening
 from discovery.runs.spread import spread
 if __name__ == "__main__":
     found = [o.result for o in spread(listening, CASES, workers=2)]
@@ -200,7 +161,7 @@ def test_processes_end_with_what_started_them(signalled, tmp_path):
     code = f"""
 import sys, time
 from pathlib import Path
-from test_campaign import sleeping
+from campaign_work import sleeping
 from discovery.runs.spread import spread
 if __name__ == "__main__":
     stream = spread(sleeping, [("quick", 0), ("a", {str(tmp_path)!r}), ("b", {str(tmp_path)!r})], workers=2)
@@ -222,14 +183,6 @@ if __name__ == "__main__":
     while any(map(alive, workers)) and time.monotonic() < end:
         time.sleep(0.05)
     assert not any(map(alive, workers))
-
-
-def sleeping(case, _seed):
-    """Sleep, and leave a file named by the process in the folder that is the case."""
-    if case:
-        (Path(case) / str(os.getpid())).touch()
-        time.sleep(600)
-    return {}
 
 
 def alive(process):

@@ -8,7 +8,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -398,6 +398,15 @@ def test_an_interrupted_command_says_what_the_next_one_does(
     assert words in said.err
 
 
+@pytest.fixture
+def _interruptible() -> Iterator[None]:
+    """Let processes hear an interruption that are started where it is ignored, as in the background of a script."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_interruptible")
 def test_an_interruption_does_not_wait_for_the_compiler(film: Film, tmp_path: Path) -> None:
     cache, out = tmp_path / "cache", tmp_path / "of" / "this"
     command = [sys.executable, "-m", "discovery", "loop", film.rig, "--train", film.train, "--out", out]
@@ -661,6 +670,7 @@ def test_posterior(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert len(Posterior.from_netcdf(tmp_path / "posterior.nc").flat()["alpha"]) >= 4000
 
 
+@pytest.mark.slow
 def test_posterior_under_the_noise_of_largest_evidence(
     case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

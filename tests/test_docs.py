@@ -65,6 +65,7 @@ def test_the_new_effect_fulfils_the_contract(package: Path) -> None:
     assert int(passed[1]) > 10
 
 
+@pytest.mark.slow
 def test_the_posterior_page_runs(tmp_path: Path) -> None:
     (code,) = BLOCK.findall((DOCS / "POSTERIOR.md").read_text(encoding="utf-8"))
     (tmp_path / "datasets").symlink_to(ROOT / "datasets")

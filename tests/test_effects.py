@@ -16,7 +16,7 @@ from discovery.declarations.symbols import delta, delta_dot, omega, rho, t, thet
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.foundation.errors import InputError
-from discovery.mechanics import get_base
+from discovery.mechanics import base_names, get_base
 from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS
 from discovery.mechanics.upgrades import UPGRADES, Upgrade
 from discovery.runs.loop import UPGRADES as LOOP_UPGRADES
@@ -40,8 +40,24 @@ VOCABULARY = {
 EXACT = UPGRADES["elastica_geometry"].base
 
 
+#: One of each kind of mechanics; the other bases are these with other shapes, or read as other instruments read.
+KINDS = (
+    *("constant_radius", "reduced", "elastica"),
+    *("oscillator", "base_excited", "servo", "inverse_dynamics", "falling_body"),
+)
+
+
 class TestCatalogue(EffectContract):
-    """The contract over everything registered, on every base."""
+    """The contract over everything registered, on a base of each kind."""
+
+    bases = KINDS
+
+
+@pytest.mark.slow
+class TestCatalogueOnOtherBases(EffectContract):
+    """The same on every other base."""
+
+    bases = tuple(name for name in base_names() if name not in KINDS)
 
 
 def test_the_promised_effects_are_there() -> None:

@@ -108,11 +108,13 @@ def integrated(fitted):
         units.coordinate / units.time,
     ]
     design, output = responses() * spread, fitted.problem.bench.experiments[0].recording.output[:, 0]
+    # Along its axes the covariance is that of the responses plus that of the noise.
+    spreads, axes = np.linalg.eigh(design @ design.T)
+    along = axes.T @ output
 
     def log_density(log_factor):
-        covariance = (NOISE * math.exp(log_factor)) ** 2 * np.eye(output.size) + design @ design.T
-        given = stats.multivariate_normal(np.zeros(output.size), covariance).logpdf(output)
-        return given + float(NOISE_PRIOR.log_density(log_factor))
+        sd = np.sqrt(np.maximum(spreads, 0.0) + (NOISE * math.exp(log_factor)) ** 2)
+        return stats.norm(0.0, sd).logpdf(along).sum() + float(NOISE_PRIOR.log_density(log_factor))
 
     grid = np.linspace(-0.4, 0.4, 161)
     values = np.array([log_density(v) for v in grid])

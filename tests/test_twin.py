@@ -158,6 +158,7 @@ def test_the_rest_before_the_move_is_at_rest():
     np.testing.assert_array_equal(tip(motion), np.ones(11))
 
 
+@pytest.mark.slow
 def test_the_largest_manoeuvre_is_converged_to_a_hundredth_of_a_millimetre():
     time = sample_times()
     motion = simulate(PAPER_RIG, MANOEUVRES["holdout_beyond"], time)

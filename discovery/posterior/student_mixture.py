@@ -10,6 +10,8 @@ import numpy as np
 from numpy.random import RandomState
 from numpy.typing import NDArray
 
+from discovery.foundation.workers import single_algebra
+
 __all__ = ["StudentMixture"]
 
 FloatArray = NDArray[np.float64]
@@ -61,7 +63,7 @@ class StudentMixture:
         different = len(np.unique(points[:, 0]))
         most = int(np.clip(different // (_POINTS_A_DIMENSION * d), *_COMPONENTS))
         fit = BayesianGaussianMixture(n_components=most, max_iter=100, random_state=seed)
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), single_algebra():
             # An unfinished fit is a good proposal all the same.
             warnings.simplefilter("ignore", ConvergenceWarning)
             fit.fit(np.linalg.solve(factor, (points - centre).T).T)

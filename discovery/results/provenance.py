@@ -13,13 +13,16 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write, shown
-from discovery.recordings.dataset import Dataset
+
+if TYPE_CHECKING:
+    # Processes that import this may never read a recording.
+    from discovery.recordings.dataset import Dataset
 
 __all__ = ["plain", "provenance", "read_json", "restored", "surroundings", "write_json"]
 
