@@ -31,7 +31,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/report.html)
 
-.PHONY: help reproduce measured test test-long lint bench calibration blind datasets docs lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration blind faults datasets docs lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -128,6 +128,9 @@ blind: $(READY) ## Generate blind cases with sealed truth, run the loop and its 
 	$(BIN)/python -m benchmarks.blind.generate reports/blind_rough --world rough --cases $(CASES) --seed $(SEED) --workers $(WORKERS)
 	$(BIN)/python -m benchmarks.blind.run reports/blind_rough --workers $(WORKERS) --holdout
 	$(BIN)/python -m benchmarks.blind.score reports/blind_rough
+
+faults: $(READY) ## Try the corpus of bad input and faults; the table is written to reports/faults (half an hour)
+	$(BIN)/python -m benchmarks.faults reports/faults --workers $(WORKERS)
 
 datasets: $(READY) ## Simulate the twin's recordings again
 	$(BIN)/python -m discovery_datasets.generate datasets

@@ -154,7 +154,8 @@ def si_factor(unit: str, expected: str | None = None) -> float:
     factor, base = _base(unit)
     if expected is not None and base != _base(expected)[1]:
         raise InputError(
-            f"The unit {unit!r} cannot be converted to {expected!r}: it measures another kind of quantity."
+            f"The unit {unit!r} cannot be converted to {expected!r}: it measures another kind of quantity. "
+            f"Write a unit like {expected!r}."
         )
     return factor
 

@@ -144,7 +144,8 @@ def picked_rows(
     if not 0 <= samples[0] < samples[1] <= rows.size:
         raise InputError(
             f"{table.path} has {rows.size} samples{' of this kind' if where else ''}, so "
-            f"[{samples[0]}, {samples[1]}] is not a part of it."
+            f"[{samples[0]}, {samples[1]}] is not a part of it. Give the first sample, counted from 0, "
+            f"and the one after the last, at most {rows.size}."
         )
     return rows[slice(*samples)]
 
