@@ -35,7 +35,6 @@ def _quick() -> set[str]:
 IN_TEST = _quick()
 
 
-@pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize(
     "name", [name if name in IN_TEST else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
 )
@@ -64,7 +63,6 @@ def _edited(file: str, edits: list[tuple[int, int, bytes]], folder: Path) -> lis
     return ["fit", "rig.toml", "--out", "out"]
 
 
-@pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("file", ["rig.toml", "high.csv"])
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(edits=EDITS)
@@ -78,7 +76,6 @@ def test_bytes_changed_anywhere_are_refused_or_read(
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("file", ["rig.toml", "high.csv"])
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(edits=EDITS)

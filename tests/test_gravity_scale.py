@@ -52,7 +52,7 @@ def test_an_angle_in_its_unit_is_not_doubted(name, unit):
 @pytest.mark.parametrize("name", ["one large", "small to large", "drag", "dry friction"])
 @pytest.mark.parametrize(
     ("true", "declared", "factor"),
-    [("rad", "deg", DEGREE), ("deg", "mrad", 1e-3 / DEGREE), ("rad", "mrad", 1e-3)],
+    [("rad", "deg", DEGREE), ("deg", "mrad", 1e-3 / DEGREE), ("rad", "mrad", 1e-3), ("turn", "rad", 0.5 / np.pi)],
 )
 def test_an_angle_in_another_unit_is_doubted(name, true, declared, factor):
     motions = [(t, factor * y) for t, y in MOTIONS[name]]

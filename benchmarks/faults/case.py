@@ -12,6 +12,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 from benchmarks.faults.base import DRAG, write
 
@@ -150,7 +151,9 @@ def run(case: Case, folder: Path) -> Outcome:
         arguments = case.prepare(folder) or ["loop", "rig.toml", "--out", "out"]
         out, err = io.StringIO(), io.StringIO()
         status = 0
-        with redirect_stdout(out), redirect_stderr(err):
+        with redirect_stdout(out), redirect_stderr(err), catch_warnings():
+            # A warning of Python says nothing to a user.
+            simplefilter("error")
             try:
                 main(arguments)
             except SystemExit as leaving:

@@ -191,6 +191,26 @@ COPIES: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
 }
 
 
+def _unit(unit: str, factor: float, folder: Path) -> None:
+    """Declare another unit than that of the readings, and no noise, which would give it away."""
+    text = (folder / "rig.toml").read_text(encoding="utf-8")
+    (folder / "rig.toml").write_text(text.replace('unit = "deg", noise = 0.2', f'unit = "{unit}"'), encoding="utf-8")
+    for file in ("high.csv", "low.csv", "middle.csv"):
+        _scaled("angle_deg", factor)(pd.read_csv(folder / file)).to_csv(folder / file, index=False)
+
+
+#: Unit that is declared, and the factor from degrees to the readings. One that is no unit is not tried: readings of half
+#: the scale are those of a pendulum with a softening spring.
+UNITS = {
+    "radians as degrees": ("deg", np.pi / 180),
+    "degrees as mrad": ("mrad", 1.0),
+    "degrees as radians": ("rad", 1.0),
+    "mrad as degrees": ("deg", np.pi / 0.18),
+    "turns as radians": ("rad", 1 / 360),
+    "gon as degrees": ("deg", 10 / 9),
+}
+
+
 def _parquet(folder: Path) -> list[str]:
     table = film(60.0, 60)
     table["t_s"] = pd.to_timedelta(table["t_s"], unit="s")
@@ -215,6 +235,9 @@ def recordings() -> Iterator[Case]:
     yield from _others()
     for name, change in COPIES.items():
         yield Case("hold-out that is training", name, partial(_held, change), ("middle",))
+    for name, (unit, factor) in UNITS.items():
+        yield Case("unit", name, partial(_unit, unit, factor))
+    yield Case("unit", "another but right", partial(_unit, "rad", np.pi / 180))
     yield Case("format", "durations in Parquet", _parquet, ("high.parquet",))
     for name in ("Infinity", "NaN", "null", "a b", "%s{0}"):
         yield Case("name", name, partial(_named, name))

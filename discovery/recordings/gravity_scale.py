@@ -21,7 +21,7 @@ __all__ = ["angle_doubt", "fall_doubt"]
 FloatArray = npt.NDArray[np.float64]
 Motion = tuple[FloatArray, FloatArray]
 
-_ANGLES = ("rad", "deg", "mrad")
+_ANGLES = ("turn", "rad", "deg", "mrad")
 _LENGTHS = ("m", "ft", "inch", "cm", "mm")
 #: Periods in one stretch whose amplitude and frequency are measured, and stretches that are needed.
 _PERIODS, _FEWEST = 2.0, 4

@@ -96,7 +96,7 @@ def _alone(angle: FloatArray) -> npt.NDArray[np.bool_]:
     jump = np.diff(angle)
     turned = np.abs(np.remainder(jump + np.pi, _FULL_TURN) - np.pi)
     there, back = jump[:-1], jump[1:]
-    away = (np.abs(there) > _JUMP) & (np.abs(back) > _JUMP) & (there * back < 0)
+    away = (np.abs(there) > _JUMP) & (np.abs(back) > _JUMP) & (np.sign(there) != np.sign(back))
     found[1:-1] = away & (np.maximum(turned[:-1], turned[1:]) > 0.5 * _JUMP) & (np.abs(angle[2:] - angle[:-2]) < _NEAR)
     return found
 

@@ -37,7 +37,9 @@ def _panel(axes: Axes, trajectory: Trajectory, channel: int, start: float, stop:
 def _distances(axes: Axes, trajectory: Trajectory) -> None:
     """Draw the largest distance to the measurement in every stretch of time, on a logarithmic axis."""
     found = {model: trajectory.distance(model) for model in trajectory.models}
-    scale = scale_for(trajectory.units[0], min(float(np.nanmax(d)) for d in found.values()))
+    # A motion that blew up has no distance.
+    least = min((float(np.nanmax(d)) for d in found.values() if np.isfinite(d).any()), default=1.0)
+    scale = scale_for(trajectory.units[0], least)
     edges = np.unique(np.linspace(0, trajectory.time.size, _STRETCHES + 1).astype(int))[:-1]
     for model, distance in found.items():
         largest = np.fmax.reduceat(distance, edges) * scale.factor
