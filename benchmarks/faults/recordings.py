@@ -199,8 +199,8 @@ def _unit(unit: str, factor: float, folder: Path) -> None:
         _scaled("angle_deg", factor)(pd.read_csv(folder / file)).to_csv(folder / file, index=False)
 
 
-#: Unit that is declared, and the factor from degrees to the readings. One that is no unit is not tried: readings of half
-#: the scale are those of a pendulum with a softening spring.
+#: Unit that is declared, and the factor from degrees to the readings. A factor that is no unit is not tried: readings
+#: of half the scale are those of a pendulum with a softening spring.
 UNITS = {
     "radians as degrees": ("deg", np.pi / 180),
     "degrees as mrad": ("mrad", 1.0),
