@@ -57,6 +57,7 @@ def run(package: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_the_new_effect_fulfils_the_contract(package: Path) -> None:
     result = run(package, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "test_cubic_damping.py")
     assert result.returncode == 0, result.stdout

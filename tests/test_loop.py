@@ -128,7 +128,10 @@ def test_the_residual_of_the_clean_twin_is_noise() -> None:
 # Hidden effects.
 
 
-@pytest.mark.parametrize("name", HIDDEN)
+# The late camera is also the example of the README, which is tried there.
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "arm_delay" else name for name in HIDDEN]
+)
 def test_a_hidden_effect_is_named_and_nothing_is_invented(name: str) -> None:
     result = closed(name)
     assert [e for e in result.added if e not in GEOMETRY] == [HIDDEN[name]]
