@@ -21,14 +21,16 @@ __all__ = ["COMMANDS"]
     show_default=True,
     help="The declared model refitted, or the final one.",
 )
-@click.option("--format", "formats", default="sympy,latex,numpy,json", show_default=True, help="Which files to write.")
+@click.option(
+    "--format", "formats", default="sympy,latex,numpy,json,c", show_default=True, help="Which files to write."
+)
 def export(folder: Path, out: Path, what: str, formats: str) -> None:
-    """Write the model of a finished run or loop as sympy, LaTeX, a numpy file and JSON."""
+    """Write the model of a finished run or loop as sympy, LaTeX, a numpy file, JSON and C."""
     from discovery.export import FORMATS, export_model, read_fitted
 
     found = read_fitted(folder, what)
     chosen = [f.strip() for f in formats.split(",") if f.strip()]
-    files = (FORMATS[name][0] for name in chosen if name in FORMATS)
+    files = (file for name in chosen if name in FORMATS for file in FORMATS[name].files)
     for path in export_model(found, results_folder(out, *files), chosen):
         click.echo(f"{path}")
 

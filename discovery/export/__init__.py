@@ -1,10 +1,11 @@
-"""A discovered model to take along: as sympy, LaTeX, a Python file that needs numpy alone, and JSON.
+"""A discovered model to take along: as sympy, LaTeX, a Python file that needs numpy alone, C, and JSON.
 
 Here belongs what writes a model or reads it again. What fits or shows one does not.
 """
 
 from __future__ import annotations
 
+from discovery.export.c_source import to_c
 from discovery.export.files import FORMATS, export_model, read_fitted
 from discovery.export.fitted import FittedModel
 from discovery.export.json_file import from_json, to_json
@@ -20,6 +21,7 @@ __all__ = [
     "export_model",
     "from_json",
     "read_fitted",
+    "to_c",
     "to_json",
     "to_latex",
     "to_numpy",

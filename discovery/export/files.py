@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from discovery.export.c_source import to_c
 from discovery.export.fitted import FittedModel
 from discovery.export.json_file import to_json
 from discovery.export.latex import to_latex
@@ -16,14 +17,37 @@ from discovery.foundation.io import atomic_write
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
 
-__all__ = ["FORMATS", "export_model", "read_fitted"]
+__all__ = ["FORMATS", "Format", "export_model", "read_fitted"]
 
-#: File and writer of each format.
-FORMATS: dict[str, tuple[str, Callable[[FittedModel], str]]] = {
-    "sympy": ("model_sympy.py", to_sympy_file),
-    "latex": ("model.tex", to_latex),
-    "numpy": ("model.py", to_numpy),
-    "json": ("model.json", to_json),
+
+@dataclass(frozen=True)
+class Format:
+    """What a format consists of.
+
+    Parameters
+    ----------
+    files : tuple of str
+        Names of its files.
+    write : callable
+        Returns the content of each file for a model.
+    """
+
+    files: tuple[str, ...]
+    write: Callable[[FittedModel], tuple[str | bytes, ...]]
+
+    @classmethod
+    def of(cls, file: str, write: Callable[[FittedModel], str | bytes]) -> Format:
+        """Return a format of one file."""
+        return cls((file,), lambda found: (write(found),))
+
+
+#: Every format by its name.
+FORMATS: dict[str, Format] = {
+    "sympy": Format.of("model_sympy.py", to_sympy_file),
+    "latex": Format.of("model.tex", to_latex),
+    "numpy": Format.of("model.py", to_numpy),
+    "json": Format.of("model.json", to_json),
+    "c": Format(("model.h", "model.c"), to_c),
 }
 
 
@@ -75,7 +99,7 @@ def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(F
     out : Path
         Folder, made if need be.
     formats : sequence of str
-        Of "sympy", "latex", "numpy", "json".
+        Of "sympy", "latex", "numpy", "json", "c".
 
     Returns
     -------
@@ -92,9 +116,10 @@ def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(F
     if unknown:
         raise InputError(f"There is no format {', '.join(unknown)}; there are {', '.join(FORMATS)}.")
     # All texts before the first file: a model that one format refuses leaves nothing behind.
-    texts = [(out / FORMATS[f][0], FORMATS[f][1](found)) for f in dict.fromkeys(formats)]
+    chosen = [FORMATS[f] for f in dict.fromkeys(formats)]
+    contents = [(out / name, c) for f in chosen for name, c in zip(f.files, f.write(found), strict=True)]
     out.mkdir(parents=True, exist_ok=True)
-    for path, text in texts:
+    for path, content in contents:
         with atomic_write(path) as temporary:
-            Path(temporary).write_text(text, encoding="utf-8")
-    return [path for path, _ in texts]
+            Path(temporary).write_bytes(content.encode() if isinstance(content, str) else content)
+    return [path for path, _ in contents]
