@@ -30,10 +30,8 @@ class CModel:
 
     def __init__(self, header: str, source: str, folder: Path) -> None:
         self.library = compiled(header, source, folder)
-        numbers = {
-            word: value for _, word, value in (x.split()[:3] for x in header.splitlines() if x.startswith("#define MODEL_")
-            and len(x.split()) == 3)
-        }  # fmt: skip
+        words = [line.split() for line in header.splitlines()]
+        numbers = {w[1]: w[2] for w in words if len(w) == 3 and w[0] == "#define"}
         self.states, self.inputs, self.readings, self.history = (
             int(numbers[f"MODEL_{word}"]) for word in ("STATES", "INPUTS", "READINGS", "HISTORY")
         )

@@ -72,7 +72,7 @@ def test_slopes_are_those_of_the_program(base: str, whole) -> None:
 @pytest.mark.parametrize("base", BASES)
 def test_the_simulator_is_the_numpy_files(base: str, whole) -> None:
     """With all effects, those with memory, a late and drifting instrument and friction included."""
-    model, values, found = whole(base)
+    model, _, found = whole(base)
     time = TIME[::3]
     status, got = found.simulate(time, inputs(model, time), 0.2, -0.3, STEP)
     assert status == 0

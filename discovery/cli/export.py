@@ -22,10 +22,10 @@ __all__ = ["COMMANDS"]
     help="The declared model refitted, or the final one.",
 )
 @click.option(
-    "--format", "formats", default="sympy,latex,numpy,json,c", show_default=True, help="Which files to write."
+    "--format", "formats", default="sympy,latex,numpy,json,c,fmu", show_default=True, help="Which files to write."
 )
 def export(folder: Path, out: Path, what: str, formats: str) -> None:
-    """Write the model of a finished run or loop as sympy, LaTeX, a numpy file, JSON and C."""
+    """Write the model of a finished run or loop as sympy, LaTeX, a numpy file, JSON, C and an FMU."""
     from discovery.export import FORMATS, export_model, read_fitted
 
     found = read_fitted(folder, what)

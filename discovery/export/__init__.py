@@ -1,4 +1,4 @@
-"""A discovered model to take along: as sympy, LaTeX, a Python file that needs numpy alone, C, and JSON.
+"""A discovered model to take along: as sympy, LaTeX, a Python file that needs numpy alone, C, an FMU, and JSON.
 
 Here belongs what writes a model or reads it again. What fits or shows one does not.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from discovery.export.c_source import to_c
 from discovery.export.files import FORMATS, export_model, read_fitted
 from discovery.export.fitted import FittedModel
+from discovery.export.fmu import to_fmu
 from discovery.export.json_file import from_json, to_json
 from discovery.export.latex import to_latex
 from discovery.export.source import to_numpy
@@ -22,6 +23,7 @@ __all__ = [
     "from_json",
     "read_fitted",
     "to_c",
+    "to_fmu",
     "to_json",
     "to_latex",
     "to_numpy",

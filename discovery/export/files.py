@@ -8,6 +8,7 @@ from pathlib import Path
 
 from discovery.export.c_source import to_c
 from discovery.export.fitted import FittedModel
+from discovery.export.fmu import to_fmu
 from discovery.export.json_file import to_json
 from discovery.export.latex import to_latex
 from discovery.export.source import to_numpy
@@ -48,6 +49,7 @@ FORMATS: dict[str, Format] = {
     "numpy": Format.of("model.py", to_numpy),
     "json": Format.of("model.json", to_json),
     "c": Format(("model.h", "model.c"), to_c),
+    "fmu": Format.of("model.fmu", to_fmu),
 }
 
 
@@ -99,7 +101,7 @@ def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(F
     out : Path
         Folder, made if need be.
     formats : sequence of str
-        Of "sympy", "latex", "numpy", "json", "c".
+        Of "sympy", "latex", "numpy", "json", "c", "fmu".
 
     Returns
     -------
