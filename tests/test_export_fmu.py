@@ -66,7 +66,7 @@ def test_the_description_is_valid(base: str, tmp_path: Path) -> None:
 def test_a_held_out_recording_is_followed(tau: float, tmp_path: Path) -> None:
     """25 s in steps of a millisecond, shorter at kinks: within 1e-6 of the kernel, relative to the largest reading.
 
-    Sharp friction makes both solvers wrong by 3e-6 at integration steps of a millisecond, which differ; so they are shorter.
+    At integration steps of a millisecond, which differ, sharp friction makes both solvers wrong by 3e-6.
     """
     experiment, model, values = held_out(tau)
     assert experiment.drive is not None
@@ -95,9 +95,9 @@ def test_the_simulators_own_loop_runs_it(tmp_path: Path) -> None:
     motor = np.array([1.5 * time**2, 3.0 * time, np.full_like(time, 3.0)])
     expected = module(to_numpy(model, values))["simulate"](time, *motor, deflection=0.1, step=STEP)
     table = np.rec.fromarrays([time, *motor], names=["time", "theta_m", "theta_m_dot", "theta_m_ddot"])
+    path = written(FittedModel(model, values, step=STEP), tmp_path)
     found = fmpy.simulate_fmu(
-        str(written(FittedModel(model, values, step=STEP), tmp_path)), stop_time=1.0, output_interval=0.002, input=table,
-        step_size=0.002, start_values={"deflection_0": 0.1}, output=["tip_x", "tip_y"],
+        str(path), stop_time=1.0, output_interval=0.002, input=table, step_size=0.002, start_values={"deflection_0": 0.1}, output=["tip_x", "tip_y"],
     )  # fmt: skip
     np.testing.assert_allclose([found["tip_x"], found["tip_y"]], expected, rtol=0, atol=1e-9)
 

@@ -144,6 +144,42 @@ def _functions(program: SymbolicModel) -> dict[str, str]:
     }  # fmt: skip
 
 
+def _words(found: FittedModel, program: SymbolicModel) -> Mapping[str, str]:
+    """Return what input and readings are called."""
+    base = found.model.mechanics
+    if base.input_moves:
+        return ARM_WORDS if base.system == ARM else MOVED_WORDS
+    heard = {x for _, e in (*program.drive, *program.assignments) for x in e.free_symbols}
+    return OSCILLATOR_WORDS if sp.Symbol("u", real=True) in heard else FREE_WORDS
+
+
+def _fields(found: FittedModel, name: str) -> dict[str, str]:
+    """Return what replaces the fields of the templates, names excepted."""
+    program, step, moves = program_of(found.model), integration_step(found), found.model.mechanics.input_moves
+    words, functions = _words(found, program), _functions(program)
+    return {
+        "POWER": POWER if any("power(" in body for body in functions.values()) else "",
+        "INPUT_AT": INPUT_AT[moves],
+        "INPUT_NODE": INPUT_NODE[moves],
+        "STATES": ", ".join(y.name for y in program.states),
+        "N_STATES": str(len(program.states)),
+        "INPUTS": words["INPUTS"],
+        "N_INPUTS": str(len(program.recorded)),
+        "INPUT_ROWS": words["INPUTS"],
+        "READINGS": words["READING_WORDS"],
+        "N_READINGS": str(len(program.reading)),
+        "JUMPS": words["JUMPS"],
+        "STEP": repr(step),
+        "HISTORY": str(_history(found, program, step)),
+        "PLACES": _places(found, name),
+        "VALUES": _values(found),
+        # C has no array of no elements.
+        "AT_LEAST": "" if found.model.parameters else " + 1",
+        "N": str(program.n_coordinates),
+        **functions,
+    }
+
+
 def to_c(
     source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None, name: str = "model"
 ) -> tuple[str, str]:
@@ -174,37 +210,9 @@ def to_c(
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InputError(f"{name!r} is no name in C; take small letters, digits and underscores, a letter first.")
     found = fitted_model(source, values)
-    base, program, step = found.model.mechanics, program_of(found.model), integration_step(found)
-    arm, moves = base.system == ARM, base.input_moves
-    words = ARM_WORDS if arm else MOVED_WORDS if moves else OSCILLATOR_WORDS
-    heard = {x for _, e in (*program.drive, *program.assignments) for x in e.free_symbols}
-    words = words if moves or sp.Symbol("u", real=True) in heard else FREE_WORDS
-    functions = _functions(program)
-    fields = {
-        "POWER": POWER if any("power(" in body for body in functions.values()) else "",
-        "INPUT_AT": INPUT_AT[moves],
-        "INPUT_NODE": INPUT_NODE[moves],
-        "STATES": ", ".join(y.name for y in program.states),
-        "N_STATES": str(len(program.states)),
-        "INPUTS": words["INPUTS"],
-        "N_INPUTS": str(len(program.recorded)),
-        "INPUT_ROWS": words["INPUTS"],
-        "READINGS": words["READING_WORDS"],
-        "N_READINGS": str(len(program.reading)),
-        "JUMPS": words["JUMPS"],
-        "STEP": repr(step),
-        "HISTORY": str(_history(found, program, step)),
-        "PLACES": _places(found, name),
-        "VALUES": _values(found),
-        # C has no array of no elements.
-        "AT_LEAST": "" if found.model.parameters else " + 1",
-        "N": str(program.n_coordinates),
-        **functions,
-        "NAME_UPPER": name.upper(),
-        "NAME": name,
-        # Last: names from the rig file are no fields.
-        "HEAD": _head(found),
-    }
+    fields = {**_fields(found, name), "NAME_UPPER": name.upper(), "NAME": name}
+    # Last: names from the rig file are no fields.
+    fields["HEAD"] = _head(found)
     return _filled(_HEADER, fields), _filled(_SOURCE, fields)
 
 

@@ -126,7 +126,7 @@ def _description(found: FittedModel, guid: str) -> bytes:
     root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName="model", guid=guid, description=about)
     able = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"}
     able |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
-    files = ET.SubElement(ET.SubElement(root, "CoSimulation", modelIdentifier="model", **able), "SourceFiles")
+    files = ET.SubElement(ET.SubElement(root, "CoSimulation", {"modelIdentifier": "model", **able}), "SourceFiles")
     for name in _FILES:
         ET.SubElement(files, "File", name=name)
     variables = list(_variables(found))
@@ -138,7 +138,7 @@ def _description(found: FittedModel, guid: str) -> bytes:
     real = ("start", "unit")
     for k, variable in enumerate(variables):
         scalar = {a: v for a, v in variable.items() if a not in real}
-        element = ET.SubElement(listed, "ScalarVariable", valueReference=str(k), **scalar)
+        element = ET.SubElement(listed, "ScalarVariable", {"valueReference": str(k), **scalar})
         ET.SubElement(element, "Real", {a: variable[a] for a in real if a in variable})
     structure = ET.SubElement(root, "ModelStructure")
     for words in ("Outputs", "InitialUnknowns"):
