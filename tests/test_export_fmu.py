@@ -97,7 +97,8 @@ def test_the_simulators_own_loop_runs_it(tmp_path: Path) -> None:
     table = np.rec.fromarrays([time, *motor], names=["time", "theta_m", "theta_m_dot", "theta_m_ddot"])
     path = written(FittedModel(model, values, step=STEP), tmp_path)
     found = fmpy.simulate_fmu(
-        str(path), stop_time=1.0, output_interval=0.002, input=table, step_size=0.002, start_values={"deflection_0": 0.1}, output=["tip_x", "tip_y"],
+        str(path), stop_time=1.0, output_interval=0.002, input=table, step_size=0.002,
+        start_values={"deflection_0": 0.1}, output=["tip_x", "tip_y"],
     )  # fmt: skip
     np.testing.assert_allclose([found["tip_x"], found["tip_y"]], expected, rtol=0, atol=1e-9)
 

@@ -6,11 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.equations.model import Model
 from discovery.export.c_source import to_c
 from discovery.export.fitted import FittedModel
 from discovery.export.fmu import to_fmu
 from discovery.export.json_file import to_json
 from discovery.export.latex import to_latex
+from discovery.export.linear import LinearModel
+from discovery.export.linear_file import linear_to_json, linear_to_python
 from discovery.export.source import to_numpy
 from discovery.export.sympy_file import to_sympy_file
 from discovery.foundation.errors import InputError
@@ -18,7 +24,7 @@ from discovery.foundation.io import atomic_write
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
 
-__all__ = ["FORMATS", "Format", "export_model", "read_fitted"]
+__all__ = ["FORMATS", "Format", "export_linear", "export_model", "read_draws", "read_fitted"]
 
 
 @dataclass(frozen=True)
@@ -120,8 +126,53 @@ def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(F
     # All texts before the first file: a model that one format refuses leaves nothing behind.
     chosen = [FORMATS[f] for f in dict.fromkeys(formats)]
     contents = [(out / name, c) for f in chosen for name, c in zip(f.files, f.write(found), strict=True)]
+    return _written(contents, out)
+
+
+def _written(contents: Sequence[tuple[Path, str | bytes]], out: Path) -> list[Path]:
     out.mkdir(parents=True, exist_ok=True)
     for path, content in contents:
         with atomic_write(path) as temporary:
             Path(temporary).write_bytes(content.encode() if isinstance(content, str) else content)
     return [path for path, _ in contents]
+
+
+def read_draws(folder: Path, model: Model) -> dict[str, NDArray[np.float64]] | None:
+    """Return the draws of the posterior in a folder by parameter; None where there is none of this very model.
+
+    Parameters
+    ----------
+    folder : Path
+        Of a run.
+    model : Model
+        What was fitted.
+    """
+    path = folder / "posterior.nc"
+    if not path.is_file():
+        return None
+    from discovery.posterior.draws import Posterior
+
+    found = Posterior.from_netcdf(path)
+    if (found.model.base, found.model.effects) != (model.base, model.effects):
+        return None
+    return {n: found.draws[..., k].ravel() for k, n in enumerate(found.names)}
+
+
+def export_linear(linear: LinearModel, source: FittedModel, out: Path) -> list[Path]:
+    """Write a linear model as Python and JSON.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        The matrices.
+    source : FittedModel
+        Where they come from.
+    out : Path
+        Folder, made if need be.
+
+    Returns
+    -------
+    list of Path
+    """
+    texts = [(out / "linear.py", linear_to_python(linear, source)), (out / "linear.json", linear_to_json(linear))]
+    return _written(texts, out)

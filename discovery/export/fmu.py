@@ -114,8 +114,8 @@ def _variables(found: FittedModel) -> Iterable[dict[str, str]]:
     for name in inputs:
         yield {"name": name, "causality": "input", "variability": "continuous", "start": "0.0"}
     for name in ("tip_x", "tip_y") if arm else ("output",):
-        unit = {"unit": "m"} if arm else {}
-        yield {"name": name, "causality": "output", "variability": "continuous", "initial": "calculated", **unit}
+        read = {"name": name, "causality": "output", "variability": "continuous", "initial": "calculated"}
+        yield {**read, "unit": "m"} if arm else read
 
 
 def _description(found: FittedModel, guid: str) -> bytes:
