@@ -63,4 +63,23 @@ def linearise(folder: Path, out: Path, what: str, sample_time: float | None, **p
         click.echo(f"{path}")
 
 
-COMMANDS: tuple[click.Command, ...] = (export, linearise)
+@click.command("feed-forward")
+@click.argument("folder", type=PATH)
+@options("out")
+@_WHAT
+@click.option("--rate", "largest_rate", type=float, required=True, help="Largest rate of the table [q/s].")
+@click.option("--position", "largest_position", type=float, required=True, help="Largest position of the table [q].")
+def feed_forward(folder: Path, out: Path, what: str, largest_rate: float, largest_position: float) -> None:
+    """Write what a drive must be told for a wanted motion, friction included, as CSV and C tables."""
+    from discovery.export import export_feed_forward, read_fitted
+    from discovery.export import feed_forward as tables
+
+    source = read_fitted(folder, what)
+    found = tables(source, largest_rate=largest_rate, largest_position=largest_position)
+    for warning in found.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    for path in export_feed_forward(found, source, results_folder(out, "feed_forward.csv", "feed_forward.h")):
+        click.echo(f"{path}")
+
+
+COMMANDS: tuple[click.Command, ...] = (export, linearise, feed_forward)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from discovery.export.c_source import to_c
 from discovery.export.discrete import discretise
-from discovery.export.files import FORMATS, export_linear, export_model, read_draws, read_fitted
+from discovery.export.feed_forward import FeedForward, feed_forward
+from discovery.export.files import FORMATS, export_feed_forward, export_linear, export_model, read_draws, read_fitted
 from discovery.export.fitted import FittedModel
 from discovery.export.fmu import to_fmu
 from discovery.export.json_file import from_json, to_json
@@ -20,12 +21,15 @@ from discovery.export.sympy_file import to_sympy_file
 
 __all__ = [
     "FORMATS",
+    "FeedForward",
     "FittedModel",
     "LinearModel",
     "SymbolicModel",
     "discretise",
+    "export_feed_forward",
     "export_linear",
     "export_model",
+    "feed_forward",
     "from_json",
     "linear_to_json",
     "linear_to_python",

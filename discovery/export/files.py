@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.export.c_source import to_c
+from discovery.export.feed_forward import FeedForward, feed_forward_c, feed_forward_csv
 from discovery.export.fitted import FittedModel
 from discovery.export.fmu import to_fmu
 from discovery.export.json_file import to_json
@@ -24,7 +25,7 @@ from discovery.foundation.io import atomic_write
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
 
-__all__ = ["FORMATS", "Format", "export_linear", "export_model", "read_draws", "read_fitted"]
+__all__ = ["FORMATS", "Format", "export_feed_forward", "export_linear", "export_model", "read_draws", "read_fitted"]
 
 
 @dataclass(frozen=True)
@@ -175,4 +176,13 @@ def export_linear(linear: LinearModel, source: FittedModel, out: Path) -> list[P
     list of Path
     """
     texts = [(out / "linear.py", linear_to_python(linear, source)), (out / "linear.json", linear_to_json(linear))]
+    return _written(texts, out)
+
+
+def export_feed_forward(found: FeedForward, source: FittedModel, out: Path) -> list[Path]:
+    """Write the tables of a feed-forward as CSV and as a C header; arguments as of `export_linear`."""
+    texts = [
+        (out / "feed_forward.csv", feed_forward_csv(found)),
+        (out / "feed_forward.h", feed_forward_c(found, source)),
+    ]
     return _written(texts, out)
