@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from discovery.export.fitted import FittedModel
@@ -10,7 +11,7 @@ __all__ = ["comment", "docstring", "origin"]
 
 
 def origin(found: FittedModel) -> list[str]:
-    """Return lines that say where the numbers come from: version, rig file, recordings, hashes.
+    """Return lines that say where the numbers come from, version, rig file, recordings, hashes, and what they weigh.
 
     Parameters
     ----------
@@ -25,6 +26,9 @@ def origin(found: FittedModel) -> list[str]:
     if "rig" in p:
         lines.append(f"Rig: {p['rig']['name']} (sha256 {p['rig']['sha256'][:16]}).")
     lines += [f"Fitted to {d['source']} (sha256 {d['sha256'][:16]})." for d in p.get("data", ())]
+    for name, (value, sd, unit) in found.physical.items():
+        spread = f" +- {sd:.2g}" if math.isfinite(sd) and sd else ""
+        lines.append(f"In physical units: {name} = {value:.6g}{spread} {unit}.")
     return [_one_line(line) for line in lines]
 
 
