@@ -31,7 +31,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/report.html)
 
-.PHONY: help reproduce measured test test-long lint bench calibration blind faults datasets docs lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults datasets docs lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -113,6 +113,16 @@ bench: $(READY) ## Measure speed and recovery beside peers; the figures are writ
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r benchmarks/requirements.lock || \
 		echo "the peers could not be installed; those that are missing are left out with their reason"
 	@for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python "$$b" "reports/bench/$$(basename "$$b" .py).json" || exit 1; done
+
+closed-loop: reports/arm_delay/report.html $(READY) ## Control the twin by the declared and by the discovered model; docs/CLOSED_LOOP.md
+	$(BIN)/python -m benchmarks.closed_loop reports reports/closed_loop docs/CLOSED_LOOP.md
+
+# The file is written when the service has answered: a fault found fails, a service out of reach does not.
+audit: ## Look the pinned dependencies up in the list of known vulnerabilities (needs the network)
+	@mkdir -p build && rm -f build/audit.json
+	@{ $(PYTHON) -m venv --clear build/audit && build/audit/bin/python -m pip install --quiet --disable-pip-version-check pip-audit && \
+		build/audit/bin/pip-audit -r requirements.lock --require-hashes --disable-pip --timeout 10 --progress-spinner off \
+		-f json -o build/audit.json; } || { [ ! -s build/audit.json ] && echo "skipped: the service of vulnerabilities cannot be reached"; }
 
 calibration: $(READY) ## Calibrate the posteriors: ranks of truths, coverage over manoeuvres (half an hour)
 	$(BIN)/python -m benchmarks.calibration.run reports/calibration --workers $(WORKERS) --seed $(SEED)

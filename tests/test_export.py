@@ -714,7 +714,7 @@ def test_a_folder_is_exported_in_every_format(tmp_path: Path) -> None:
     assert (
         {p.name for p in export_model(found, out)}
         == {p.name for p in out.iterdir()}
-        == {f for f, _ in FORMATS.values()}
+        == {f for kind in FORMATS.values() for f in kind.files}
     )
     assert from_json((out / "model.json").read_text()) == found
     assert found.provenance["git_revision"] == "abc123"

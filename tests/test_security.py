@@ -6,8 +6,10 @@ import ast
 import json
 import pickle
 import re
+import shutil
 import subprocess
 import sys
+import zipfile
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -105,6 +107,23 @@ def test_hostile_names_are_shown_and_do_nothing(
         tree = ast.parse((out / file).read_text())
         assert not [n for n in ast.walk(tree) if isinstance(n, ast.Import) and {a.name for a in n.names} & {"os"}]
         subprocess.run([sys.executable, out / file], check=True, cwd=out)
+    if shutil.which("gcc"):
+        syntax = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "model.c"]
+        subprocess.run(syntax, check=True, cwd=out)
+    with zipfile.ZipFile(out / "model.fmu") as archive:
+        description = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        assert all(re.fullmatch(r"[\w./]+", member) and ".." not in member for member in archive.namelist())
+    tags = {
+        "fmiModelDescription",
+        "CoSimulation",
+        "SourceFiles",
+        "File",
+        "UnitDefinitions",
+        "Unit",
+        "DefaultExperiment",
+    }
+    tags |= {"ModelVariables", "ScalarVariable", "Real", "ModelStructure", "Outputs", "InitialUnknowns", "Unknown"}
+    assert {element.tag for element in description.iter()} <= tags
     latex = [line for line in (out / "model.tex").read_text().splitlines() if not line.startswith("%")]
     assert "secret" not in "".join(latex)
     assert not [*tmp_path.rglob("*pwned")]

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.equations.model import Model
+from discovery.export.c_source import to_c
+from discovery.export.feed_forward import FeedForward, feed_forward_c, feed_forward_csv
 from discovery.export.fitted import FittedModel
+from discovery.export.fmu import to_fmu
 from discovery.export.json_file import to_json
 from discovery.export.latex import to_latex
+from discovery.export.linear import LinearModel
+from discovery.export.linear_file import linear_to_json, linear_to_python
 from discovery.export.source import to_numpy
 from discovery.export.sympy_file import to_sympy_file
 from discovery.foundation.errors import InputError
@@ -16,14 +25,38 @@ from discovery.foundation.io import atomic_write
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
 
-__all__ = ["FORMATS", "export_model", "read_fitted"]
+__all__ = ["FORMATS", "Format", "export_feed_forward", "export_linear", "export_model", "read_draws", "read_fitted"]
 
-#: File and writer of each format.
-FORMATS: dict[str, tuple[str, Callable[[FittedModel], str]]] = {
-    "sympy": ("model_sympy.py", to_sympy_file),
-    "latex": ("model.tex", to_latex),
-    "numpy": ("model.py", to_numpy),
-    "json": ("model.json", to_json),
+
+@dataclass(frozen=True)
+class Format:
+    """What a format consists of.
+
+    Parameters
+    ----------
+    files : tuple of str
+        Names of its files.
+    write : callable
+        Returns the content of each file for a model.
+    """
+
+    files: tuple[str, ...]
+    write: Callable[[FittedModel], tuple[str | bytes, ...]]
+
+    @classmethod
+    def of(cls, file: str, write: Callable[[FittedModel], str | bytes]) -> Format:
+        """Return a format of one file."""
+        return cls((file,), lambda found: (write(found),))
+
+
+#: Every format by its name.
+FORMATS: dict[str, Format] = {
+    "sympy": Format.of("model_sympy.py", to_sympy_file),
+    "latex": Format.of("model.tex", to_latex),
+    "numpy": Format.of("model.py", to_numpy),
+    "json": Format.of("model.json", to_json),
+    "c": Format(("model.h", "model.c"), to_c),
+    "fmu": Format.of("model.fmu", to_fmu),
 }
 
 
@@ -75,7 +108,7 @@ def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(F
     out : Path
         Folder, made if need be.
     formats : sequence of str
-        Of "sympy", "latex", "numpy", "json".
+        Of "sympy", "latex", "numpy", "json", "c", "fmu".
 
     Returns
     -------
@@ -92,9 +125,64 @@ def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(F
     if unknown:
         raise InputError(f"There is no format {', '.join(unknown)}; there are {', '.join(FORMATS)}.")
     # All texts before the first file: a model that one format refuses leaves nothing behind.
-    texts = [(out / FORMATS[f][0], FORMATS[f][1](found)) for f in dict.fromkeys(formats)]
+    chosen = [FORMATS[f] for f in dict.fromkeys(formats)]
+    contents = [(out / name, c) for f in chosen for name, c in zip(f.files, f.write(found), strict=True)]
+    return _written(contents, out)
+
+
+def _written(contents: Sequence[tuple[Path, str | bytes]], out: Path) -> list[Path]:
     out.mkdir(parents=True, exist_ok=True)
-    for path, text in texts:
+    for path, content in contents:
         with atomic_write(path) as temporary:
-            Path(temporary).write_text(text, encoding="utf-8")
-    return [path for path, _ in texts]
+            Path(temporary).write_bytes(content.encode() if isinstance(content, str) else content)
+    return [path for path, _ in contents]
+
+
+def read_draws(folder: Path, model: Model) -> dict[str, NDArray[np.float64]] | None:
+    """Return the draws of the posterior in a folder by parameter; None where there is none of this very model.
+
+    Parameters
+    ----------
+    folder : Path
+        Of a run.
+    model : Model
+        What was fitted.
+    """
+    path = folder / "posterior.nc"
+    if not path.is_file():
+        return None
+    from discovery.posterior.draws import Posterior
+
+    found = Posterior.from_netcdf(path)
+    if (found.model.base, found.model.effects) != (model.base, model.effects):
+        return None
+    return {n: found.draws[..., k].ravel() for k, n in enumerate(found.names)}
+
+
+def export_linear(linear: LinearModel, source: FittedModel, out: Path) -> list[Path]:
+    """Write a linear model as Python and JSON.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        The matrices.
+    source : FittedModel
+        Where they come from.
+    out : Path
+        Folder, made if need be.
+
+    Returns
+    -------
+    list of Path
+    """
+    texts = [(out / "linear.py", linear_to_python(linear, source)), (out / "linear.json", linear_to_json(linear))]
+    return _written(texts, out)
+
+
+def export_feed_forward(found: FeedForward, source: FittedModel, out: Path) -> list[Path]:
+    """Write the tables of a feed-forward as CSV and as a C header; arguments as of `export_linear`."""
+    texts = [
+        (out / "feed_forward.csv", feed_forward_csv(found)),
+        (out / "feed_forward.h", feed_forward_c(found, source)),
+    ]
+    return _written(texts, out)

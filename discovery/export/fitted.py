@@ -56,6 +56,9 @@ class FittedModel:
         Integration step of the fit, the shortest where they differ [s].
     provenance : mapping
         Where the numbers come from: version, rig file and recordings with their hashes.
+    physical : mapping of str to (float, float, str)
+        What is known in kilograms and newtons: value, standard deviation, unit, see
+        `discovery.export.physical.physical_parameters`.
 
     Raises
     ------
@@ -71,6 +74,7 @@ class FittedModel:
     initial: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     step: float = math.nan
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    physical: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         # Plain numbers, whatever kind of float was given: they are written with `repr`.
@@ -89,6 +93,7 @@ class FittedModel:
     @classmethod
     def from_fit(cls, fit: Fit) -> FittedModel:
         """Return what a fit found, the parameters that it held included."""
+        from discovery.export.physical import physical_parameters
         from discovery.results.provenance import surroundings
 
         bench = fit.problem.bench
@@ -97,9 +102,10 @@ class FittedModel:
         recordings = [e.recording for e in bench.experiments]
         rig = bench.experiments[0].rig
         fitted = fit.problem.names
+        values = {n: everything[n] for n in fit.model.parameters}
         return cls(
             model=fit.model.free_parameter(*fitted),
-            values={n: everything[n] for n in fit.model.parameters},
+            values=values,
             fitted=fitted,
             covariance=fit.covariance,
             reasons=dict(fit.reasons),
@@ -113,6 +119,7 @@ class FittedModel:
                 "rig": {"name": rig.name, "sha256": rig.sha256},
                 "data": [{"name": r.name, "source": Path(r.source).name, "sha256": r.sha256} for r in recordings],
             },
+            physical=physical_parameters(fit.model, values, fitted, fit.covariance, bench.experiments[0]),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -142,6 +149,7 @@ class FittedModel:
             "initial": {n: [float(v) for v in state] for n, state in self.initial.items()},
             "step_s": _null(self.step),
             "provenance": dict(self.provenance),
+            "physical": {n: {"value": v, "sd": _null(sd), "unit": u} for n, (v, sd, u) in self.physical.items()},
         }
 
     @classmethod
@@ -158,6 +166,11 @@ class FittedModel:
             initial={n: (float(a), float(b)) for n, (a, b) in description["initial"].items()},
             step=_number(description["step_s"]),
             provenance=dict(description["provenance"]),
+            # An earlier version did not write it.
+            physical={
+                n: (_number(p["value"]), _number(p["sd"]), str(p["unit"]))
+                for n, p in description.get("physical", {}).items()
+            },
         )
 
 
@@ -215,4 +228,5 @@ def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] 
         known = {n: v for n, v in model.known.items() if n in model.parameters}
         return FittedModel(model, {**known, **given})
     found = source if isinstance(source, FittedModel) else FittedModel.from_fit(source)
-    return replace(found, values={**found.values, **given}) if given else found
+    # What is known in kilograms is of the numbers that are replaced.
+    return replace(found, values={**found.values, **given}, physical={}) if given else found

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+
 from discovery.export.fitted import FittedModel
 
-__all__ = ["docstring", "origin"]
+__all__ = ["comment", "docstring", "origin"]
 
 
 def origin(found: FittedModel) -> list[str]:
-    """Return lines that say where the numbers come from: version, rig file, recordings, hashes.
+    """Return lines that say where the numbers come from, version, rig file, recordings, hashes, and what they weigh.
 
     Parameters
     ----------
@@ -23,8 +26,27 @@ def origin(found: FittedModel) -> list[str]:
     if "rig" in p:
         lines.append(f"Rig: {p['rig']['name']} (sha256 {p['rig']['sha256'][:16]}).")
     lines += [f"Fitted to {d['source']} (sha256 {d['sha256'][:16]})." for d in p.get("data", ())]
-    # A name may hold line ends, which would leave a comment, and characters that no source may hold.
-    return [" ".join("".join(c if c.isprintable() else " " for c in line).split()) for line in lines]
+    for name, (value, sd, unit) in found.physical.items():
+        spread = f" +- {sd:.2g}" if math.isfinite(sd) and sd else ""
+        lines.append(f"In physical units: {name} = {value:.6g}{spread} {unit}.")
+    return [_one_line(line) for line in lines]
+
+
+def _one_line(text: str) -> str:
+    """Return text without line ends, which would leave a comment, and characters that no source may hold."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def comment(lines: Iterable[str]) -> str:
+    """Return lines as those of a comment in C; none can end it, begin another or continue on the next line.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        Plain text.
+    """
+    plain = (_one_line(line).replace("*/", "* /").replace("/*", "/ *").rstrip("\\") for line in lines)
+    return "\n".join(f" * {line}".rstrip() for line in plain)
 
 
 def docstring(*paragraphs: str) -> str:

@@ -36,7 +36,7 @@ from discovery.export.symbolic import Assignments, SymbolicModel, equation_text,
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["to_numpy"]
+__all__ = ["integration_step", "to_numpy"]
 
 _TEMPLATE = Path(__file__).with_name("model_template.txt")
 _STACKED = "np.array(np.broadcast_arrays({}))"
@@ -105,7 +105,7 @@ def _parameters(found: FittedModel) -> str:
     return "\n".join(lines)
 
 
-def _step(found: FittedModel) -> float:
+def integration_step(found: FittedModel) -> float:
     """Return the step of the fit, else one that resolves the highest frequency."""
     if math.isfinite(found.step):
         return found.step
@@ -157,7 +157,7 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     fields = {
         "TITLE": f"Equations of motion: base {found.model.base} with {', '.join(found.model.effects) or 'no effects'}.",
         "PARAMETERS": _parameters(found),
-        "STEP": repr(_step(found)),
+        "STEP": repr(integration_step(found)),
         "STATES": ", ".join(y.name for y in program.states),
         "N_STATES": str(len(program.states)),
         "N_READING": str(len(program.reading)),

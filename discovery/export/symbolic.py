@@ -26,6 +26,7 @@ __all__ = [
     "SymbolicModel",
     "closed_form",
     "equation_text",
+    "needed",
     "program_of",
     "received",
     "substituted",
@@ -96,7 +97,7 @@ def closed_form(model: Model) -> EquationTerms | None:
         return None
 
 
-def _needed(assignments: Sequence[tuple[sp.Symbol, sp.Expr]], results: Iterable[sp.Expr]) -> Assignments:
+def needed(assignments: Sequence[tuple[sp.Symbol, sp.Expr]], results: Iterable[sp.Expr]) -> Assignments:
     """Return the assignments on which the results depend."""
     wanted = set().union(*[e.free_symbols for e in results])
     kept = []
@@ -133,7 +134,7 @@ def program_of(model: Model) -> SymbolicModel:
         states=program.states,
         n_coordinates=program.n_coordinates,
         drive=program.drive,
-        assignments=_needed(program.derivative, results),
+        assignments=needed(program.derivative, results),
         slopes=program.slopes,
         reading=program.reading,
         lateness=sp.sympify(program.lateness),

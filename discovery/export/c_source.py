@@ -1,0 +1,223 @@
+"""A model as C that allocates nothing: slopes, reading, initial state, a step of fixed length, and a simulator."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import sympy as sp
+from sympy.printing.c import C99CodePrinter
+
+from discovery.declarations.effect import ARM
+from discovery.equations.model import Model
+from discovery.export.c_text import INPUT_AT, INPUT_NODE, POWER
+from discovery.export.fitted import FittedModel, fitted_model, reader_unit
+from discovery.export.header import comment, origin
+from discovery.export.source import integration_step
+from discovery.export.source_text import ARM_WORDS, FREE_WORDS, MOVED_WORDS, OSCILLATOR_WORDS
+from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, needed, program_of
+from discovery.foundation.errors import InputError
+
+if TYPE_CHECKING:
+    from discovery.estimation.fit import Fit
+
+__all__ = ["to_c"]
+
+_HEADER, _SOURCE = (Path(__file__).with_name(f"c_{part}.txt") for part in ("header", "source"))
+#: Span of time over which the largest lateness is looked for [s].
+_SPAN = 100.0
+
+
+class _Printer(C99CodePrinter):
+    """Prints sympy as C; powers become products and roots, as in the kernel."""
+
+    def __init__(self) -> None:
+        super().__init__({"precision": 17})
+
+    def _print_Pow(self, expr):
+        base, exponent = expr.as_base_exp()
+        if exponent.is_Rational and exponent.q in (1, 2, 4) and 0 < abs(exponent.p) <= 12:
+            factor = self._print(base)
+            for _ in range(exponent.q // 2):
+                factor = f"sqrt({factor})"
+            # A function: an expression written out again for each factor would double at every level.
+            product = f"power({factor}, {abs(exponent.p)})" if abs(exponent.p) > 1 else f"({factor})"
+            return product if exponent > 0 else f"(1.0/{product})"
+        return f"pow({self._print(base)}, {self._print(exponent)})"
+
+    def _print_Integer(self, expr):
+        return f"{int(expr)}.0"
+
+    def _print_Rational(self, expr):
+        return repr(float(expr))
+
+    def _print_Pi(self, expr):
+        return repr(math.pi)
+
+
+_printed = _Printer().doprint
+
+
+def _body(
+    program: SymbolicModel,
+    results: Sequence[sp.Expr],
+    into: str,
+    *,
+    arrays: Mapping[str, Sequence[sp.Symbol]],
+    assignments: Assignments = (),
+    unused: Iterable[str] = (),
+) -> str:
+    """Return the body of a function that computes results from arrays."""
+    used = {x for e in (*results, *(e for _, e in assignments)) for x in e.free_symbols}
+    lines = [
+        f"const double {symbol.name} = {array}[{k}];"
+        for array, symbols in {**arrays, "parameters_": program.parameters}.items()
+        for k, symbol in enumerate(symbols)
+        if symbol in used
+    ]
+    lines += [f"const double {a.name} = {_printed(e)};" for a, e in assignments]
+    lines += [f"(void){name};" for name in (*arrays, "parameters_", *unused)]
+    if into == "return":
+        return _indented([*lines, f"return {_printed(results[0])};"])
+    return _indented([*lines, *(f"{into}[{k}] = {_printed(e)};" for k, e in enumerate(results))])
+
+
+def _indented(lines: Iterable[str]) -> str:
+    return "\n".join(f"    {line}" for line in lines)
+
+
+def _history(found: FittedModel, program: SymbolicModel, step: float) -> int:
+    """Return twice as many steps as the oldest state that is read lies behind, and two."""
+    names = [sp.Symbol("t", real=True), *program.parameters]
+    late = sp.lambdify(names, program.lateness, "math")
+    numbers = [found.values[p.name] for p in program.parameters]
+    oldest = max(float(late(_SPAN * k / 1000, *numbers)) for k in range(1001))
+    return 2 + 2 * math.ceil(max(oldest, 0.0) / step)
+
+
+def _head(found: FittedModel) -> str:
+    """Return the comment at the top of both files."""
+    effects = [f"{e.id()}: {e.title()}." for e in found.model.terms]
+    title = f"Equations of motion: base {found.model.base} with {', '.join(found.model.effects) or 'no effects'}."
+    starts = [f"{n}: deflection {d:.9g}, rate {r:.9g}" for n, (d, r) in found.initial.items()]
+    starts = ["", "Initial states of the recordings:", *starts] if starts else []
+    return comment([title, "", *effects, "", *equation_text(found.model), *starts, "", *origin(found)])
+
+
+def _places(found: FittedModel, name: str) -> str:
+    system = found.model.mechanics.system
+    rows = []
+    for parameter, declared in found.model.parameters.items():
+        about = comment([f"{reader_unit(declared.unit, system)}: {declared.meaning}"]).removeprefix(" * ")
+        rows.append(f"{name.upper()}_{parameter}, /* {about} */")
+    return _indented(rows)
+
+
+def _values(found: FittedModel) -> str:
+    rows = []
+    for parameter in found.model.parameters:
+        sd = found.sd.get(parameter, math.nan)
+        spread = f" +- {sd:.2g}" if math.isfinite(sd) else ""
+        rows.append(f"{found.values[parameter]!r}, /* {parameter}{spread} */")
+    return _indented(rows or ["0.0"])
+
+
+def _functions(program: SymbolicModel) -> dict[str, str]:
+    """Return the bodies of the functions that the model defines."""
+    states = {"state_": program.states, "input_": program.recorded}
+    received = needed(program.drive, program.reading)
+    return {
+        "DERIVATIVE": _body(
+            program, program.slopes, "slope_", arrays=states, unused=["t"],
+            assignments=needed((*program.drive, *program.assignments), program.slopes),
+        ),
+        "READING": _body(
+            program, program.reading, "reading_", arrays=states, assignments=received, unused=["t"]
+        ),
+        "LATENESS": _body(program, [program.lateness], "return", arrays={}, unused=["t"]),
+        "INITIAL": _body(
+            program, program.initial, "state_", arrays={"input_": program.recorded}, unused=["deflection", "rate"]
+        ),
+    }  # fmt: skip
+
+
+def _words(found: FittedModel, program: SymbolicModel) -> Mapping[str, str]:
+    """Return what input and readings are called."""
+    base = found.model.mechanics
+    if base.input_moves:
+        return ARM_WORDS if base.system == ARM else MOVED_WORDS
+    heard = {x for _, e in (*program.drive, *program.assignments) for x in e.free_symbols}
+    return OSCILLATOR_WORDS if sp.Symbol("u", real=True) in heard else FREE_WORDS
+
+
+def _fields(found: FittedModel, name: str) -> dict[str, str]:
+    """Return what replaces the fields of the templates, names excepted."""
+    program, step, moves = program_of(found.model), integration_step(found), found.model.mechanics.input_moves
+    words, functions = _words(found, program), _functions(program)
+    return {
+        "POWER": POWER if any("power(" in body for body in functions.values()) else "",
+        "INPUT_AT": INPUT_AT[moves],
+        "INPUT_NODE": INPUT_NODE[moves],
+        "STATES": ", ".join(y.name for y in program.states),
+        "N_STATES": str(len(program.states)),
+        "INPUTS": words["INPUTS"],
+        "N_INPUTS": str(len(program.recorded)),
+        "INPUT_ROWS": words["INPUTS"],
+        "READINGS": words["READING_WORDS"],
+        "N_READINGS": str(len(program.reading)),
+        "JUMPS": words["JUMPS"],
+        "STEP": repr(step),
+        "HISTORY": str(_history(found, program, step)),
+        "PLACES": _places(found, name),
+        "VALUES": _values(found),
+        # C has no array of no elements.
+        "AT_LEAST": "" if found.model.parameters else " + 1",
+        "N": str(program.n_coordinates),
+        **functions,
+    }
+
+
+def to_c(
+    source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None, name: str = "model"
+) -> tuple[str, str]:
+    """Return a model as C99, a header and a source that need the mathematical library alone and allocate nothing.
+
+    They declare the parameters, ``derivative``, ``reading``, ``lateness``, ``initial_state``, and for a motion
+    ``start``, ``step`` (the kernel's Runge-Kutta step), ``read`` (the instrument, also a late one) and ``simulate``.
+
+    Parameters
+    ----------
+    source : FittedModel, Fit or Model
+        What to export.
+    values : mapping of str to float, optional
+        Numbers that replace those of `source` [SI, radians].
+    name : str
+        Name of the header, and what all names begin with.
+
+    Returns
+    -------
+    tuple of str
+        Text of ``NAME.h`` and of ``NAME.c``.
+
+    Raises
+    ------
+    InputError
+        If a parameter has no value, or the name is none in C.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise InputError(f"{name!r} is no name in C; take small letters, digits and underscores, a letter first.")
+    found = fitted_model(source, values)
+    fields = {**_fields(found, name), "NAME_UPPER": name.upper(), "NAME": name}
+    # Last: names from the rig file are no fields.
+    fields["HEAD"] = _head(found)
+    return _filled(_HEADER, fields), _filled(_SOURCE, fields)
+
+
+def _filled(template: Path, fields: Mapping[str, str]) -> str:
+    text = template.read_text(encoding="utf-8")
+    for key, value in fields.items():
+        text = text.replace(f"@{key}@", value)
+    return text

@@ -1,0 +1,266 @@
+"""What a drive must be told for a wanted motion: inertia, and tables of friction over rate and force over position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from discovery.equations.model import Model
+from discovery.equations.program import RECORDED, build_program
+from discovery.export.fitted import FittedModel, fitted_model
+from discovery.export.header import comment, origin
+from discovery.export.symbolic import program_of
+from discovery.foundation.errors import InputError
+from discovery.simulation.kernel.compile import numpy_derivative
+
+if TYPE_CHECKING:
+    from discovery.estimation.fit import Fit
+
+__all__ = ["FeedForward", "feed_forward", "feed_forward_c", "feed_forward_csv"]
+
+FloatArray = NDArray[np.float64]
+#: Entries on either side of zero, and the least of them as a part of the largest.
+_ENTRIES, _LEAST = 100, 1e-5
+#: Part of the largest command below which what depends on rate and position together is passed over.
+_APART = 0.01
+#: Command c of a motion (position, rate, acceleration) at some parameters.
+_Command = Callable[[FloatArray, FloatArray, FloatArray, Mapping[str, float]], FloatArray]
+
+
+@dataclass(frozen=True)
+class FeedForward:
+    """The command of a wanted motion: offset + inertia * acceleration + friction(rate) + spring(position).
+
+    Parameters
+    ----------
+    offset, inertia : float
+        Command at rest, and per acceleration of the coordinate, in the unit of the input (of a recorded force:
+        of that force).
+    rate, friction, friction_sd : ndarray, shape (k,)
+        Rates [q/s], the command against friction there, and its standard deviation (NaN without a covariance).
+    position, spring, spring_sd : ndarray, shape (k,)
+        Positions [q], and the same of what holds the body.
+    warnings : tuple of str
+        What the tables leave out.
+    """
+
+    offset: float
+    inertia: float
+    rate: FloatArray
+    friction: FloatArray
+    friction_sd: FloatArray
+    position: FloatArray
+    spring: FloatArray
+    spring_sd: FloatArray
+    warnings: tuple[str, ...] = ()
+
+
+def _command(model: Model) -> _Command:
+    """Return the command of a motion, with memory at rest.
+
+    Raises
+    ------
+    InputError
+        If nothing pushes the body by a command.
+    """
+    program, base = program_of(model), model.mechanics
+    names = [sp.Symbol("t", real=True), *RECORDED, *program.states, *program.parameters]
+    if base.prescribed:
+        read = sp.lambdify(names, program.reading[0].xreplace(dict(program.drive)))
+        memory = [0.0] * len(program.states)
+
+        def recorded(q: FloatArray, v: FloatArray, a: FloatArray, values: Mapping[str, float]) -> FloatArray:
+            row = [values[p.name] for p in program.parameters]
+            return np.asarray(np.broadcast_to(read(0.0, q, v, a, *memory, *row), q.shape), float)
+
+        return recorded
+    if base.name not in {"oscillator", "accelerometer", "servo"}:
+        raise InputError(f"A feed-forward needs a body that a command pushes; {base.name!r} has none.")
+    slopes = numpy_derivative(build_program(model.base, model.effects))
+
+    def needed(q: FloatArray, v: FloatArray, a: FloatArray, values: Mapping[str, float]) -> FloatArray:
+        row = [values[p.name] for p in program.parameters]
+        # The reference at which the controller of a servo asks for nothing.
+        idle = q + v / values["k_p"] if base.name == "servo" else 0.0 * q
+        state = [q, v, *[0.0 * q] * (len(program.states) - 2)]
+        return np.asarray((a - slopes(0.0, (idle, 0.0 * q, 0.0 * q), state, row)[1]) / values["g"], float)
+
+    return needed
+
+
+def _entries(largest: float) -> FloatArray:
+    """Return values from minus to plus the largest, dense at zero where friction turns."""
+    half = np.geomspace(_LEAST * largest, largest, _ENTRIES)
+    return np.concatenate([-half[::-1], [0.0], half])
+
+
+def _deviation(law: Callable[[Mapping[str, float]], FloatArray], found: FittedModel) -> FloatArray:
+    """Return the standard deviation of a law from the covariance of the fit."""
+    places = [k for k, n in enumerate(found.fitted) if n in found.values and np.isfinite(found.covariance[k, k])]
+    if not places:
+        return np.full_like(law(found.values), np.nan)
+    slopes = []
+    for k in places:
+        name, step = found.fitted[k], 0.1 * float(np.sqrt(found.covariance[k, k])) or 1e-300
+        ends = [law({**found.values, name: found.values[name] + s * step}) for s in (1, -1)]
+        slopes.append((ends[0] - ends[1]) / (2.0 * step))
+    own = np.array(slopes)
+    variance = np.einsum("ik,ij,jk->k", own, found.covariance[np.ix_(places, places)], own)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _warnings(model: Model, apart: float) -> tuple[str, ...]:
+    said = []
+    kept = [e.id() for e in model.terms if e.kind in ("memory", "mode")]
+    if kept:
+        said.append(f"{', '.join(kept)} depends on the motion before; the tables leave it out.")
+    if apart > _APART:
+        said.append(f"Up to {apart:.0%} of the command depends on rate and position together; the tables leave it out.")
+    return tuple(said)
+
+
+def feed_forward(
+    source: FittedModel | Fit | Model,
+    values: Mapping[str, float] | None = None,
+    *,
+    largest_rate: float,
+    largest_position: float,
+) -> FeedForward:
+    """Return what a drive or an oscillator must be told for a wanted motion.
+
+    Parameters
+    ----------
+    source : FittedModel, Fit or Model
+        The model: a body that a command pushes (`oscillator`, `accelerometer`, `servo`), or a recorded force.
+    values : mapping of str to float, optional
+        Numbers that replace those of `source`.
+    largest_rate, largest_position : float
+        Ends of the tables [q/s], [q], positive.
+
+    Raises
+    ------
+    InputError
+        If nothing pushes the body by a command, the command does not move it, no friction is named, or an end of a
+        table is not positive.
+    """
+    found = fitted_model(source, values)
+    if not (0 < largest_rate < np.inf and 0 < largest_position < np.inf):
+        raise InputError("The tables need a largest rate and a largest position, both positive.")
+    command = _command(found.model)
+    if found.values.get("g", 1.0) == 0.0:
+        raise InputError("The command does not move the body: its gain g is zero.")
+    rate, position = _entries(largest_rate), _entries(largest_position)
+    zero = np.zeros(1)
+
+    def friction(given: Mapping[str, float]) -> FloatArray:
+        still = 0.0 * rate
+        return command(still, rate, still, given) - command(zero, zero, zero, given)
+
+    def spring(given: Mapping[str, float]) -> FloatArray:
+        still = 0.0 * position
+        return command(position, still, still, given) - command(zero, zero, zero, given)
+
+    table, held = friction(found.values), spring(found.values)
+    if not np.any(table):
+        raise InputError("The model names no friction, so there is nothing to compensate.")
+    offset = float(command(zero, zero, zero, found.values)[0])
+    corner = command(position[[0, -1, 0, -1]], rate[[0, 0, -1, -1]], np.zeros(4), found.values)
+    together = held[[0, -1, 0, -1]] + table[[0, 0, -1, -1]] + offset
+    apart = float(np.abs(corner - together).max() / np.abs(corner).max(initial=1e-300))
+    return FeedForward(
+        offset,
+        float(command(zero, zero, zero + 1.0, found.values)[0]) - offset,
+        rate,
+        table,
+        _deviation(friction, found),
+        position,
+        held,
+        _deviation(spring, found),
+        _warnings(found.model, apart),
+    )
+
+
+def feed_forward_csv(found: FeedForward) -> str:
+    """Return both tables as CSV: what is looked up, its value, the command and its standard deviation."""
+    rows = ["over,value,command,command_sd", f"acceleration,1.0,{found.inertia!r},", f"rest,0.0,{found.offset!r},"]
+    for over, at, command, sd in (
+        ("rate", found.rate, found.friction, found.friction_sd),
+        ("position", found.position, found.spring, found.spring_sd),
+    ):
+        table = zip(at.tolist(), command.tolist(), sd.tolist(), strict=True)
+        rows += [f"{over},{x!r},{c!r},{'' if np.isnan(s) else repr(s)}" for x, c, s in table]
+    return "\n".join(rows) + "\n"
+
+
+def feed_forward_c(found: FeedForward, source: FittedModel) -> str:
+    """Return both tables as a C header, with a function that looks them up.
+
+    Parameters
+    ----------
+    found : FeedForward
+        The tables.
+    source : FittedModel
+        Where they come from.
+    """
+    head = comment(
+        [
+            f"Feed-forward: base {source.model.base} with {', '.join(source.model.effects) or 'no effects'}.",
+            *[f"Warning: {w}" for w in found.warnings],
+            "",
+            *origin(source),
+            "",
+            "SI units, radians; straight between entries, held beyond them.",
+        ]
+    )
+    arrays = {"rate": found.rate, "friction": found.friction, "position": found.position, "spring": found.spring}
+    tables = "\n".join(
+        f"static const double feed_forward_{name}[{a.size}] = {{\n    {', '.join(map(repr, a.tolist()))}\n}};"
+        for name, a in arrays.items()
+    )
+    text = _HEADER.replace("@SIZE@", str(found.rate.size)).replace("@OFFSET@", repr(found.offset))
+    return text.replace("@INERTIA@", repr(found.inertia)).replace("@TABLES@", tables).replace("@HEAD@", head)
+
+
+_HEADER = """/*
+@HEAD@
+ */
+#ifndef FEED_FORWARD_H
+#define FEED_FORWARD_H
+
+@TABLES@
+
+static double feed_forward_between(const double *at, const double *command, double x)
+{
+    int low = 0, high = @SIZE@ - 1;
+    if (!(x > at[low])) {
+        return command[low];
+    }
+    if (x >= at[high]) {
+        return command[high];
+    }
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        if (at[middle] > x) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    return command[low] + (x - at[low]) / (at[high] - at[low]) * (command[high] - command[low]);
+}
+
+/* Command of a wanted motion. */
+static double feed_forward(double position, double rate, double acceleration)
+{
+    return @OFFSET@ + @INERTIA@ * acceleration
+        + feed_forward_between(feed_forward_rate, feed_forward_friction, rate)
+        + feed_forward_between(feed_forward_position, feed_forward_spring, position);
+}
+
+#endif
+"""

@@ -1,0 +1,79 @@
+"""Parameters in kilograms and newtons."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_export import with_stiffness
+
+from discovery.export import FittedModel, from_json, to_c, to_json, to_latex, to_numpy, to_sympy_file
+from discovery.export.physical import physical_parameters
+from discovery.rigs.rig import Quantity, Rig
+
+
+def stand_in(rig: Any, coordinate: str, output: str = "m") -> Any:
+    """Return what is asked of an experiment."""
+    return SimpleNamespace(rig=rig, coordinate_unit=coordinate, recording=SimpleNamespace(units=(output,)))
+
+
+def pushed(unit: str) -> Any:
+    return SimpleNamespace(columns=SimpleNamespace(input=SimpleNamespace(unit=unit)))
+
+
+def test_an_arm_weighs_what_its_rig_says() -> None:
+    """The dry friction that the twin of `arm_coulomb` hides is 0.6 mN at the tip, at a metre: 0.6 mN m."""
+    model = with_stiffness("constant_radius", "viscous_damping", "coulomb_friction", "radius_law")
+    values = {"length": 1.0, "alpha": 8.1, "xi": 0.0458, "f_c": 0.01285, "v_c": 1e-3, "gamma": 0.44}
+    rig = Rig("arm", length=Quantity(1.0, 1e-3), tip_mass=Quantity(0.04376, 2e-4), beam_mass=Quantity(0.01245, 1e-4))
+    found = physical_parameters(model, values, ("alpha",), np.array([[0.1**2]]), stand_in(rig, "rad"))
+    inertia = 0.04376 + 33 / 140 * 0.01245
+    assert found.keys() == {"inertia", "alpha", "xi", "f_c"}
+    relative = np.sqrt((2e-4**2 + (33 / 140 * 1e-4) ** 2) / inertia**2 + 4e-6)
+    np.testing.assert_allclose(found["inertia"][:2], [inertia, inertia * relative])
+    np.testing.assert_allclose(found["alpha"][:2], inertia * 8.1 * np.array([1.0, np.hypot(0.1 / 8.1, relative)]))
+    assert found["f_c"][0] == pytest.approx(0.6e-3, rel=1e-2)
+    assert [found[n][2] for n in ("inertia", "alpha", "xi", "f_c")] == ["kg m^2", "N m", "N m s", "N m"]
+    nothing = Rig("arm", length=Quantity(1.0, 1e-3))
+    assert physical_parameters(model, values, (), np.empty((0, 0)), stand_in(nothing, "rad")) == {}
+
+
+def test_a_force_tells_the_mass_of_an_oscillator() -> None:
+    """Newtons in, metres out: m = 1/g, k = alpha/g, c = xi/g, k_3 = beta/g; correlated errors are followed."""
+    model = with_stiffness("oscillator", "viscous_damping", "cubic_stiffness")
+    values = {"g": 0.5, "alpha": 100.0, "xi": 0.2, "beta": 300.0}
+    # The stiffness is known better than either of its parts.
+    covariance = np.array([[0.01**2, 1.99 * 0.01], [1.99 * 0.01, 2.0**2]])
+    found = physical_parameters(model, values, ("g", "alpha"), covariance, stand_in(pushed("N"), "m"))
+    assert {n: (v, u) for n, (v, _, u) in found.items()} == {
+        "inertia": (2.0, "kg"), "alpha": (200.0, "N m^-1"), "xi": (0.4, "N m^-1 s"), "beta": (600.0, "N m^-3"),
+    }  # fmt: skip
+    assert found["inertia"][1] == pytest.approx(2.0 * 0.02)
+    assert found["alpha"][1] == pytest.approx(200 * np.sqrt(0.02**2 + 0.02**2 - 2 * 1.99 * 0.01 / 50))
+    assert physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("V"), "m")) == {}
+    turning = physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("N m"), "rad"))
+    assert turning["inertia"] == (2.0, 0.0, "kg m^2")
+    assert turning["alpha"][2] == "N m"
+
+
+def test_an_inverse_rig_reads_the_force() -> None:
+    model = with_stiffness("inverse_dynamics", "coulomb_friction").without(["linear_stiffness"])
+    values = {"m": 95.0, "m_0": 100.0, "f_c": 0.2, "v_c": 1e-3}
+    found = physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("m"), "m", "N"))
+    assert found == {"inertia": (95.0, 0.0, "kg"), "f_c": (pytest.approx(20.0), 0.0, "N")}
+
+
+def test_every_export_says_them() -> None:
+    model = with_stiffness("oscillator")
+    physical = {"alpha": (200.0, 1.5, "N m^-1"), "inertia": (2.0, float("nan"), "kg")}
+    found = FittedModel(model, {"alpha": 100.0, "g": 0.5}, physical=physical)
+    for text in (*to_c(found), to_numpy(found), to_sympy_file(found), to_latex(found)):
+        assert "In physical units: alpha = 200 +- 1.5 N m^-1." in text
+        assert "inertia = 2 kg." in text
+    again = from_json(to_json(found)).physical
+    assert again["alpha"] == physical["alpha"]
+    assert np.isnan(again["inertia"][1])
+    # Of other numbers nothing is known in kilograms.
+    assert "physical units" not in to_numpy(found, {"alpha": 90.0})
