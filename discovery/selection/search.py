@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
 from discovery.screening.refits import Refit, relaxed
@@ -90,7 +90,7 @@ class Search:
     def _simplify(self) -> None:
         """Let a law take the place of one that contains it where the difference is not accepted."""
         for effect in self.best.added:
-            near = catalogue()[effect].reduces_to
+            near = get_effect(effect).reduces_to
             for simpler in (c for c in self.instead_of(effect) if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
                 if code != "accepted":
