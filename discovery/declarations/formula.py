@@ -154,7 +154,7 @@ class _Reader:
         try:
             exponent, _ = _Reader({}).read(right)
         except InputError:
-            exponent = sp.nan
+            exponent = sp.oo
         if not exponent.is_number or not abs(exponent) <= _HIGHEST:
             raise InputError(f"The exponent {ast.unparse(right)!r} must be a number of at most {_HIGHEST}. Correct it.")
         power = Fraction(float(exponent)).limit_denominator(12)

@@ -43,7 +43,9 @@ class NaturalUnits:
             return 1.0
         q, time, weight = self.coordinate, self.time, 1.0
         if parameter.place:
-            q, time, weight = next(size for name, *size in self.places if name == parameter.place)
+            q, own, weight = next(size for name, *size in self.places if name == parameter.place)
+            # Forces are of the size of those there; speeds and ages are those of the motion.
+            time = own if parameter.forced else time
         unit = natural_scale(parameter.unit, time=time, coordinate=q, length=self.length)
         unit *= weight if parameter.forced else 1.0
         # What links a force to an acceleration scales with the size of the recorded force.

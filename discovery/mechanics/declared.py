@@ -49,7 +49,8 @@ class DeclaredBase(Base):
         return 2 if found & {*accelerations, s.alpha_m} else 1 if found & {*rates, s.omega_m} else 0
 
     @cached_property
-    def _guess(self) -> dict[sp.Symbol, float]:
+    def guess(self) -> dict[sp.Symbol, float]:
+        """Every constant as declared or guessed."""
         return {sp.Symbol(n, real=True): c.value for n, c in self.declaration.constants.items()}
 
     def _at_rest(self, expression: sp.Expr) -> sp.Expr:
@@ -57,13 +58,17 @@ class DeclaredBase(Base):
         q, rates, _ = coordinates_of(type(self).n_coordinates)
         return expression.subs(dict.fromkeys((*q, *rates, *INPUT, s.u), 0))
 
+    def stiffness(self) -> NDArray:
+        """Return the stiffness matrix at rest, at the constants as declared and guessed, shape (n, n)."""
+        return self._numbers(self._stiffness())
+
     def _stiffness(self) -> sp.Matrix:
         q, _, _ = coordinates_of(type(self).n_coordinates)
         return self._at_rest(sp.hessian(self.equations.potential, q))
 
     def _numbers(self, expression: sp.Expr) -> NDArray:
         """Return an expression at rest, at the declared and guessed constants."""
-        return np.array(sp.Matrix(self._at_rest(expression)).xreplace(self._guess).tolist(), float)
+        return np.array(sp.Matrix(self._at_rest(expression)).xreplace(self.guess).tolist(), float)
 
     def mechanics(self, rod=STRAIGHT) -> Mechanics:
         """Return the mathematics: d/dt dT/dq' - dT/dq + dV/dq + dD/dq' = forces."""
@@ -147,7 +152,7 @@ class DeclaredBase(Base):
         }
 
     def _is_tied(self, place: str) -> bool:
-        stiffness, way = self._numbers(self._stiffness()), self._way(place)
+        stiffness, way = self.stiffness(), self._way(place)
         answer = np.linalg.lstsq(stiffness, way, rcond=_LOOSE)[0]
         return bool(np.allclose(stiffness @ answer, way, rtol=1e-6, atol=1e-6 * np.abs(way).max()))
 
@@ -223,7 +228,7 @@ class DeclaredBase(Base):
                                         for a in moving]]))[0]  # fmt: skip
         if not way.any():
             return np.zeros(n)
-        stiffness = self._numbers(self._stiffness())
+        stiffness = self.stiffness()
         # A little of the inertia decides where no spring does: the body moves as a whole.
         small = 1e-9 * max(np.abs(stiffness).max() / np.abs(self.inertia).max(), 1e-12)
         shape = np.linalg.solve(stiffness + small * self.inertia, way)

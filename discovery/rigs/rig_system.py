@@ -34,9 +34,13 @@ _INTERNAL = re.compile(
 _NEEDED = ("coordinates", "kinetic", "output", "places")
 
 
+def ready_made() -> dict[str, SystemDeclaration]:
+    """Return the ready-made systems by name, for Python; a rig file names one under ``like``."""
+    return {n: _declaration(n, table, lambda key, why: InputError(f"{key}: {why}")) for n, table in _tables().items()}
+
+
 @cache
-def ready_made() -> Mapping[str, SystemTable]:
-    """Return the ready-made systems by name."""
+def _tables() -> Mapping[str, SystemTable]:
     folder = resources.files("discovery.rigs").joinpath("systems")
     files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return {
@@ -71,18 +75,7 @@ def system_of(path: Path, text: str, table: RigTable) -> SystemDeclaration | Non
         for word in getattr(whole, name) or {}:
             if (why := _unfit(word, name)) is not None:
                 raise refuse(f"{name}.{word}" if name != "input" else "input", why)
-    declaration = SystemDeclaration(
-        name=table.name,
-        coordinates={n: _unit(u, f"coordinates.{n}", refuse) for n, u in (whole.coordinates or {}).items()},
-        constants={n: _constant(c, f"constants.{n}", refuse) for n, c in whole.constants.items()},
-        kinetic=whole.kinetic or "0",
-        potential=whole.potential or "0",
-        dissipation=whole.dissipation or "0",
-        forces=whole.forces or {},
-        input=next(((n, _unit(u, "input", refuse)) for n, u in (whole.input or {}).items()), None),
-        output=whole.output or "",
-        places=whole.places or {},
-    )
+    declaration = _declaration(table.name, whole, refuse)
     try:
         base = system_base(declaration)
     except InputError as error:
@@ -114,10 +107,26 @@ def read_columns(path: Path, text: str, table: RigTable, declaration: SystemDecl
 _Refuse = Callable[[str, str], InputError]
 
 
+def _declaration(name: str, whole: SystemTable, refuse: _Refuse) -> SystemDeclaration:
+    """Return what a complete table declares, in SI units."""
+    return SystemDeclaration(
+        name=name,
+        coordinates={n: _unit(u, f"coordinates.{n}", refuse) for n, u in (whole.coordinates or {}).items()},
+        constants={n: _constant(c, f"constants.{n}", refuse) for n, c in whole.constants.items()},
+        kinetic=whole.kinetic or "0",
+        potential=whole.potential or "0",
+        dissipation=whole.dissipation or "0",
+        forces=whole.forces or {},
+        input=next(((n, _unit(u, "input", refuse)) for n, u in (whole.input or {}).items()), None),
+        output=whole.output or "",
+        places=whole.places or {},
+    )
+
+
 def _whole(given: SystemTable, refuse: _Refuse) -> SystemTable:
     """Return a table with what it takes from a ready-made system; refuse one that lacks something."""
     if given.like is not None:
-        known = ready_made()
+        known = _tables()
         if given.like not in known:
             hint = suggestion(given.like, known)
             raise refuse("like", f"there is no ready-made system {given.like!r}.{hint} There are {', '.join(known)}.")
@@ -126,7 +135,7 @@ def _whole(given: SystemTable, refuse: _Refuse) -> SystemTable:
         given = base.model_copy(update={**stated, "constants": {**base.constants, **given.constants}})
     for name in _NEEDED:
         if getattr(given, name) is None:
-            made = ", ".join(ready_made())
+            made = ", ".join(_tables())
             raise refuse("", f"it lacks the key {name!r}. Add it, or take a ready-made system: like = one of {made}.")
     return given
 
