@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from discovery.declarations.formula import Quantity, read_formula
+from discovery.equations.model import Model
 from discovery.equations.program import build_program
+from discovery.estimation.predict import equilibrium
+from discovery.estimation.problem import NaturalUnits
 from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import system_base
 from discovery.rigs.rig_file import read_rig
@@ -51,7 +54,10 @@ def test_motor_with_its_back_voltage() -> None:
     )
 
 
-NAMES = {"mass": Quantity((), "kg")}
+@pytest.mark.parametrize("system", list(ready_made()))
+def test_a_prediction_begins_at_rest(system: str) -> None:
+    model = Model(system_base(ready_made()[system]).name, ())
+    assert equilibrium(model, {}, NaturalUnits(time=1.0, coordinate=1.0, length=1.0), [0.0]) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 from worked_page import work_through
 
+from discovery.cli import main
 from discovery.declarations.formula import FUNCTIONS
 from discovery.rigs.rig_system import ready_made
 from discovery.rigs.system_table import SystemTable
@@ -36,6 +39,16 @@ def test_the_friction_is_found_where_it_is(folder: Path) -> None:
         assert abs(fitted[name]["value"] - true) < 4 * fitted[name]["sd"] + 0.01 * true
     assert found["errors"]["after"]["holdout"]["rms"] < 1.06 * 2e-4
     assert not (folder / "wrong").exists()
+
+
+def test_the_model_is_taken_along(folder: Path) -> None:
+    main(["export", str(folder / "first"), "--out", str(folder / "model")])
+    exported = runpy.run_path(str(folder / "model" / "model.py"))
+    time, torque, load = np.loadtxt(folder / "two.csv", delimiter=",", skiprows=1).T
+    assert np.sqrt(np.mean((1e3 * np.ravel(exported["simulate"](time, torque, 0.0, 0.0)) - load) ** 2)) < 0.5
+    written = (folder / "model" / "model.tex").read_text(encoding="utf-8")
+    assert r"\mathrm{shaft} = - \mathrm{load} + \mathrm{motor}" in written
+    assert "\\mathrm{q}" not in written
 
 
 def test_the_page_of_a_run_has_its_equations(folder: Path) -> None:

@@ -115,7 +115,10 @@ def dimension(unit: str) -> dict[str, Fraction]:
 
 
 #: Units of mechanics by what they measure, the shortest first.
-_WORDS = ("1", "m", "s", "kg", "N", "N m", "N s", "N m s", "N / m", "N s / m", "m / s", "m / s^2", "kg m^2", "kg m")
+_WORDS = (
+    *("1", "m", "s", "kg", "N", "N m", "N s", "N m s", "N m^-1", "N s m^-1", "m s^-1", "m s^-2", "kg m^2", "kg m"),
+    *("A", "V", "ohm", "N m A^-1", "N A^-1"),
+)
 
 
 def named_unit(exponents: Mapping[str, Fraction]) -> str:

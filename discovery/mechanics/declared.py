@@ -214,7 +214,7 @@ class DeclaredBase(Base):
         Where rates are read the first number is one, and where accelerations are, both are of the output's position.
         """
         way = self._shape[:, None]
-        d, v = np.asarray(deflection, float)[None], np.asarray(rate, float)[None]
+        d, v = np.asarray(deflection)[None], np.asarray(rate)[None]
         if self.order == 1:
             return 0.0 * way * d, way * d
         return way * d, way * v

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from discovery.declarations.effect import ARM, Mode, Sensor
 from discovery.declarations.registry import get_effect
-from discovery.declarations.system import SystemDeclaration
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
 from discovery.report.declared_formulas import declared_formulas, placed_formula
@@ -220,7 +219,7 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     told: list[Effect] = []
     scalar = get_base(model["base"]).system != ARM or model["base"] == "constant_radius"
     if "system" in model:
-        found = [Formula(*line) for line in declared_formulas(SystemDeclaration.from_dict(model["system"]))]
+        found = [Formula(*line) for line in declared_formulas(model["base"])]
     elif get_base(model["base"]).system != ARM:
         found, told = _on_a_line(model)
     elif scalar:

@@ -15,7 +15,7 @@ from discovery.declarations import symbols
 from discovery.declarations.formula import reserved_words
 from discovery.declarations.registry import catalogue
 from discovery.declarations.system import Constant, SystemDeclaration
-from discovery.declarations.units import homogeneous, si_factor, si_symbol
+from discovery.declarations.units import dimension, homogeneous, named_unit, si_factor, si_symbol
 from discovery.foundation.errors import InputError, suggestion
 from discovery.mechanics.systems import system_base
 from discovery.rigs.rig import Columns
@@ -165,7 +165,7 @@ def _unit(unit: str, key: str, refuse: _Refuse) -> str:
 
 def _constant(given: ConstantTable, key: str, refuse: _Refuse) -> Constant:
     try:
-        factor, unit = si_factor(given.unit), si_symbol(given.unit)
+        factor, unit = si_factor(given.unit), named_unit(dimension(si_symbol(given.unit)))
     except InputError as error:
         raise refuse(key, str(error)) from error
     value = given.guess if given.value is None else given.value
