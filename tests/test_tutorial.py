@@ -2,66 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import doctest
 import html
-import io
 import json
 import re
-import shlex
-import subprocess
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from worked_page import agree, work_through
 
-from discovery.cli import main
 from discovery.declarations.registry import catalogue
 from discovery.rigs.kinds import KINDS
 from discovery.selection.verdict import VERDICTS
 
 PAGE = Path(__file__).parents[1] / "docs" / "YOUR_RECORDING.md"
 TEXT = PAGE.read_text(encoding="utf-8")
-NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")
-
-
-def agree(quoted: str, printed: str) -> bool:
-    """Whether texts are equal, numbers within a unit of the last digit quoted or a thousandth."""
-    if NUMBER.sub("#", quoted).split() != NUMBER.sub("#", printed).split():
-        return False
-    for want, got in zip(NUMBER.findall(quoted), NUMBER.findall(printed), strict=True):
-        unit = 0.0 if want.lstrip("-").isdigit() else 10.0 ** -len(want.partition(".")[2])
-        if abs(float(want) - float(got)) > max(1.01 * unit, 1e-3 * abs(float(want)) if unit else 0.0):
-            return False
-    return True
-
-
-class Checker(doctest.OutputChecker):
-    def check_output(self, want: str, got: str, optionflags: int) -> bool:
-        return agree(want, got)
-
-
-def run(command: str) -> str:
-    """Run a line of a console and return what it says: the result, or the error where that is all."""
-    program, *arguments = shlex.split(command)
-    if program != "discovery":
-        return subprocess.run(command, shell=True, check=True, capture_output=True, text=True).stdout
-    out, err, status = io.StringIO(), io.StringIO(), 0
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        try:
-            main(arguments)
-        except SystemExit as leaving:
-            status = int(leaving.code or 0)
-    assert status in (0, 2), err.getvalue()
-    return err.getvalue() if status else out.getvalue()
-
-
-def steps(block: str) -> Iterator[tuple[str, str]]:
-    """Yield the commands of a console block with what is quoted after them."""
-    for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
-        command, _, quoted = part.partition("\n")
-        yield command, quoted
 
 
 @pytest.fixture(scope="module")
@@ -70,24 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("tutorial")
     blocks = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
     assert {language for language, _ in blocks} == {"python", "toml", "console"}
-    session: dict[str, object] = {}
-    with contextlib.chdir(place):
-        for language, block in blocks:
-            name = re.match(r"# (\S+)\n", block)
-            if name:
-                Path(name[1]).write_text(block, encoding="utf-8")
-            if language == "console":
-                for command, quoted in steps(block):
-                    printed = run(command)
-                    assert agree(quoted, printed), f"$ {command}\n{printed}"
-            elif language == "python" and name:
-                exec(block, {})
-            elif language == "python":
-                test = doctest.DocTestParser().get_doctest(block, session, PAGE.name, None, 0)
-                shown = io.StringIO()
-                runner = doctest.DocTestRunner(Checker(), verbose=False)
-                assert not runner.run(test, out=shown.write, clear_globs=False).failed, shown.getvalue()
-                session = test.globs
+    work_through(TEXT, PAGE.name, place)
     return place
 
 

@@ -285,7 +285,7 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool) -> None:
     write_json(folder / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
     for label, found in fits.models.items():
         values = ", ".join(
-            f"{n} = {estimate_text(found.values[n], None if n in found.reasons else found.sd[n], parameter.unit)}"
+            f"{n} = {estimate_text(found.values[n], None if n in found.reasons else found.sd[n], parameter.value_unit)}"
             for n in found.problem.free
             for parameter in (found.model.parameters[n],)
         )

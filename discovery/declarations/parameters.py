@@ -134,6 +134,14 @@ class Parameter:
         True when the parameter needs a plane; a system that moves along one line leaves it at its default.
     latex : str
         Symbol in formulas; the attribute's own name when empty.
+    physical : bool
+        True for a constant of a declared system: bounds, prior, default and starts are in SI units.
+    place : str
+        Place of a declared system whose displacement q is.
+    forced : bool
+        True for an amplitude at such a place: its value is that of a force, `unit` that of a force over an inertia.
+    measured : str
+        SI unit of its values where they are not in `unit`.
     """
 
     unit: str
@@ -147,6 +155,15 @@ class Parameter:
     planar: bool = False
     latex: str = ""
     name: str = ""
+    physical: bool = False
+    place: str = ""
+    forced: bool = False
+    measured: str = ""
+
+    @property
+    def value_unit(self) -> str:
+        """Unit of its values: an SI unit, or one with q for that of the coordinate."""
+        return self.measured or self.unit
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)

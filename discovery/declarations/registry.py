@@ -12,6 +12,7 @@ from types import ModuleType
 
 from discovery.declarations.effect import Effect
 from discovery.declarations.external_force import ExternalForce
+from discovery.declarations.place import at_place, can_be_placed
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.foundation.errors import InputError
 
@@ -61,6 +62,9 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
         if effect_id == unlisted.id():
             return unlisted()
     known = {**catalogue(), **(besides or {})}
+    bare, _, place = effect_id.partition("_at_")
+    if place and bare in known and can_be_placed(known[bare]):
+        return at_place(known[bare], place)
     if effect_id not in known:
         near = difflib.get_close_matches(effect_id, known, n=3, cutoff=0.4)
         hint = f"Did you mean {', '.join(near)}?" if near else "`discovery effects` lists the catalogue."

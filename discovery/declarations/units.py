@@ -21,7 +21,17 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import pint
 
-__all__ = ["dimension", "homogeneous", "quoted", "si_factor", "si_symbol", "split_suffix", "suffix_unit", "to_si"]
+__all__ = [
+    "dimension",
+    "homogeneous",
+    "named_unit",
+    "quoted",
+    "si_factor",
+    "si_symbol",
+    "split_suffix",
+    "suffix_unit",
+    "to_si",
+]
 
 # Coherent SI units in base dimensions; the radian, a ratio of lengths, has none (SI brochure, 9th ed., table 4).
 _COHERENT: dict[str, dict[str, int]] = {
@@ -102,6 +112,28 @@ def dimension(unit: str) -> dict[str, Fraction]:
     {}
     """
     return dict(_exponents(unit))
+
+
+#: Units of mechanics by what they measure, the shortest first.
+_WORDS = (
+    *("1", "m", "s", "kg", "N", "N m", "N s", "N m s", "N m^-1", "N s m^-1", "m s^-1", "m s^-2", "kg m^2", "kg m"),
+    *("A", "V", "ohm", "N m A^-1", "N A^-1"),
+)
+
+
+def named_unit(exponents: Mapping[str, Fraction]) -> str:
+    """Return a unit of given base units in the words of mechanics: ``"N m"``, or powers of the base units.
+
+    Examples
+    --------
+    >>> named_unit(dimension("kg m^2 s^-2")), named_unit(dimension("N s^2 m^-2"))
+    ('N m', 'kg m^-1')
+    """
+    for word in _WORDS:
+        if dimension(word) == exponents:
+            return word
+    order = sorted(exponents.items(), key=lambda pair: (pair[1] < 0, pair[0]))
+    return " ".join(base if power == 1 else f"{base}^{power}" for base, power in order)
 
 
 def homogeneous(first: str, second: str) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -97,7 +97,7 @@ class Reconciliation:
 
 
 def _unit(effect: str, name: str) -> str:
-    return next(p.unit for p in catalogue()[effect].parameters() if p.name == name)
+    return next(p.unit for p in get_effect(effect).parameters() if p.name == name)
 
 
 def reconcile(
@@ -193,7 +193,7 @@ def _follow(fit: Fit, name: str, path: FloatArray, repaired: Sequence[Refit], lo
     before = {}
     for r in repaired:
         # Absent at the fitted value, with the shape that it has now.
-        shapes = {p.name for p in catalogue()[r.effect].parameters() if p.shape}
+        shapes = {p.name for p in get_effect(r.effect).parameters() if p.shape}
         before[r.effect] = np.array([fit.values.get(n, v if n in shapes else 0.0) for n, v in r.values.items()])
     for k in range(2, path.size):
         if not here:
@@ -234,7 +234,7 @@ def _finish(
         values = problem.named(minimum.x)
         with np.errstate(invalid="ignore"):
             spread = problem.named(np.sqrt(np.diag(covariance)))
-        own = {p.name for p in catalogue()[r.effect].parameters()}
+        own = {p.name for p in get_effect(r.effect).parameters()}
         parameters = {n: (v, float("nan") if n in reasons else spread[n]) for n, v in values.items() if n in own}
         z, chi2, total = (values[name] - mean) / sd, _data_chi2(problem, minimum), 2 * minimum.cost
         agrees = abs(z) <= _AGREES and chi2 <= limit

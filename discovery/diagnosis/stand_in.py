@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.diagnosis.contradiction import LIMIT
 from discovery.estimation.fit import Fit
 from discovery.rigs.rig_schema import QUANTITIES
@@ -90,10 +90,10 @@ class StandIn:
 def stand_in(fitted: Fit, effect: str) -> StandIn | None:
     """Return what an added effect may stand for; None where the rig file is surely right, or does not say."""
     experiment = fitted.problem.bench.experiments[0]
-    quantity = catalogue()[effect].stands_for if experiment.is_arm and effect in catalogue() else ""
+    quantity = get_effect(effect).stands_for if experiment.is_arm and effect in catalogue() else ""
     stated = getattr(experiment.rig, quantity) if quantity else None
     if stated is None or not stated.sd:
         return None
-    (parameter,) = catalogue()[effect].parameters()
+    (parameter,) = get_effect(effect).parameters()
     share, unit = fitted.values[parameter.name], QUANTITIES[quantity][0]
     return StandIn(effect, parameter.name, quantity, share, stated.value, stated.sd, unit)

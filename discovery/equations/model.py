@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,8 @@ from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
+from discovery.mechanics.places import check_place
+from discovery.mechanics.systems import declaration_of, know_system
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -52,6 +54,7 @@ class Model:
                 raise InputError(
                     f"Effect {effect_id!r} acts on {', '.join(sorted(effect.systems))}, not on {base.system}."
                 )
+            check_place(base, effect)
         twice = {e for e in self.effects if self.effects.count(e) > 1}
         if twice:
             raise InputError(f"Effect {', '.join(sorted(twice))} appears twice in the model; name each effect once.")
@@ -76,7 +79,9 @@ class Model:
                     raise InputError(
                         f"Two parts of the model have a parameter named {parameter.name!r}; use distinct names."
                     )
-                found[parameter.name] = parameter
+                where = self.mechanics.places().get(parameter.place)
+                unit = "" if where is None else where.unit_of(parameter)
+                found[parameter.name] = replace(parameter, measured=unit) if unit else parameter
         return found
 
     @cached_property
@@ -106,11 +111,14 @@ class Model:
 
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
-        return {"base": self.base, "effects": list(self.effects), "known": dict(self.known)}
+        system = declaration_of(self.base)
+        declared = {} if system is None else {"system": system.to_dict()}
+        return {"base": self.base, "effects": list(self.effects), "known": dict(self.known), **declared}
 
     @classmethod
     def from_dict(cls, description: Mapping[str, Any]) -> Model:
         """Return the model that `to_dict` described."""
+        know_system(description)
         return cls(description["base"], tuple(description["effects"]), dict(description["known"]))
 
     def equation(self) -> sp.Eq:

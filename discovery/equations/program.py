@@ -24,6 +24,7 @@ from discovery.declarations.effect import (
     Potential,
     Sensor,
 )
+from discovery.declarations.place import channels_of
 from discovery.declarations.registry import get_effect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import Base, get_base
@@ -146,7 +147,7 @@ def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
         return {}
     if isinstance(effect, Load) and effect.on is not None:
         return {effect.on: effect.expression()}
-    wanted = s.POSITION_CHANNELS if isinstance(effect, Potential) else s.RATE_CHANNELS
+    wanted = channels_of(effect)
     sign = 1 if isinstance(effect, Load) else -1
     expression = effect.expression()
     forces = {c: sign * sp.diff(expression, c) for c in wanted}
@@ -155,6 +156,8 @@ def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
 
 def strands(effect: Memory, mechanics: Mechanics) -> list[tuple[float, Strand]]:
     """Return what a memory effect acts on, with weights: components of the bending, or places of the rod."""
+    if effect.place:
+        return [(1, mechanics.places[effect.place])]
     return list(mechanics.fibres) if effect.local else [(1, strand) for strand in mechanics.bending]
 
 
@@ -232,10 +235,12 @@ def _as_read(base: Base, mode: sp.Symbol, slopes: Mapping[sp.Symbol, sp.Expr]) -
 
 
 def _told(reading: sp.Expr, accelerations: Sequence[sp.Expr], program: Assignments) -> sp.Expr:
-    """Return a reading of the acceleration in terms of the state."""
-    if s.acceleration not in reading.free_symbols:
+    """Return a reading of the accelerations in terms of the state."""
+    meant = {sp.Symbol(f"acceleration_{k}", real=True): a for k, a in enumerate(accelerations, start=1)}
+    meant[s.acceleration] = accelerations[0]
+    if not meant.keys() & reading.free_symbols:
         return reading
-    told = reading.xreplace({s.acceleration: accelerations[0]})
+    told = reading.xreplace(meant)
     for symbol, expression in reversed(program):
         told = told.xreplace({symbol: expression})
     return told

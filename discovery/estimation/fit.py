@@ -137,7 +137,7 @@ class Fit:
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready report row."""
         coordinate = self.problem.bench.experiments[0].coordinate_unit
-        units = {n: p.unit for n, p in self.model.parameters.items()}
+        units = {n: p.value_unit for n, p in self.model.parameters.items()}
         units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
         return {
             "model": self.model.free_parameter(*self.problem.free).to_dict(),
@@ -166,7 +166,7 @@ RETARDATION, RETARDATION_SD = 1.5e-4, 1e-4
 
 
 def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
-    """Return what the exact arm may move within its uncertainty: the rod's mass, and its slight internal damping.
+    """Return what may move within its uncertainty: stated constants, or the mass and slight damping of an exact arm.
 
     Returns
     -------
@@ -174,6 +174,8 @@ def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
         Fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
     """
     rig = experiment.rig
+    if rig.system is not None:
+        return {n: (c.value, c.sd) for n, c in rig.system.constants.items() if c.sd is not None}
     if not experiment.is_arm:
         return {}
     known = {"tau_r": (RETARDATION, RETARDATION_SD), "mu": (LIGHT_ROD, LIGHT_ROD)}

@@ -47,7 +47,8 @@ def equilibrium(
 ) -> float:
     """Return the deflection at which the model rests under a constant input.
 
-    Of several rest positions the one nearest to zero is returned.
+    Of several rest positions the one nearest to zero is returned. A declared system begins at rest where its
+    coordinates are zero: many have no place where they rest.
 
     Parameters
     ----------
@@ -67,6 +68,8 @@ def equilibrium(
     ComputationError
         If there is no rest position within the range of the model, or no restoring force at all.
     """
+    if model.mechanics.places():
+        return 0.0
     program, derivative, output = _statics(model.base, model.effects)
     moving = {
         p.name

@@ -15,6 +15,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.model_error import ModelError, innovations
+from discovery.mechanics.systems import system_base
 from discovery.recordings.experiment import Experiment, largest_deflection
 
 __all__ = ["LIGHT_ROD", "NaturalUnits", "Problem", "conventions", "known_values", "natural_units"]
@@ -33,10 +34,20 @@ class NaturalUnits:
     length: float
     #: Size of the input of an oscillator, in its unit.
     drive: float = 1.0
+    #: Of a declared system: name, coordinate, time and inertia of every place.
+    places: tuple[tuple[str, float, float, float], ...] = ()
 
     def scale(self, parameter: Parameter) -> float:
         """Return the size of one natural unit of a parameter, in the problem's units."""
-        unit = natural_scale(parameter.unit, time=self.time, coordinate=self.coordinate, length=self.length)
+        if parameter.physical:
+            return 1.0
+        q, time, weight = self.coordinate, self.time, 1.0
+        if parameter.place:
+            q, own, weight = next(size for name, *size in self.places if name == parameter.place)
+            # Forces are of the size of those there; speeds and ages are those of the motion.
+            time = own if parameter.forced else time
+        unit = natural_scale(parameter.unit, time=time, coordinate=q, length=self.length)
+        unit *= weight if parameter.forced else 1.0
         # What links a force to an acceleration scales with the size of the recorded force.
         inertia = parameter.name in ("m", "m_0")
         return unit / self.drive if parameter.name == "g" else unit * self.drive if inertia else unit
@@ -57,12 +68,26 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
     length = experiments[0].rig.length
     forces = [e.force for e in experiments if e.force is not None]
     time = 1.0 / float(np.median(frequencies))
+    drive = 1.0 if arm or not forces else float(max(np.nanmax(np.abs(u)) for u in forces))
     return NaturalUnits(
         time=time,
         coordinate=1.0 if arm else largest_deflection(experiments) * time ** (2 * experiments[0].reads_acceleration),
         length=length.value if length is not None else 1.0,
-        drive=1.0 if arm or not forces else float(max(np.nanmax(np.abs(u)) for u in forces)),
+        drive=drive,
+        places=_places(experiments, 1.0 / time, drive),
     )
+
+
+def _places(
+    experiments: Sequence[Experiment], frequency: float, drive: float
+) -> tuple[tuple[str, float, float, float], ...]:
+    """Return name, coordinate, time and inertia of every place of a declared system."""
+    system = experiments[0].rig.system
+    if system is None:
+        return ()
+    base = system_base(system)
+    sizes = base.sizes(frequency, drive, largest_deflection(experiments))
+    return tuple((name, *size, base.places()[name].inertia) for name, size in sizes.items())
 
 
 def _finite(experiment: Experiment) -> tuple[FloatArray, FloatArray]:
@@ -102,6 +127,8 @@ def known_values(experiment: Experiment) -> dict[str, float]:
     The reference inertia of a recorded force is the power of ten nearest to that force over the natural acceleration.
     """
     rig = experiment.rig
+    if rig.system is not None:
+        return {n: c.value for n, c in rig.system.constants.items() if not c.free and c.sd is None}
     if rig.kind != ARM:
         known: dict[str, float] = {} if experiment.recording.input is not None else {"g": 0.0}
         if rig.gravity is not None:

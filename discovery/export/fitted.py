@@ -133,7 +133,7 @@ class FittedModel:
                     "name": name,
                     "value": self.values[name],
                     "sd": _null(sd.get(name, math.nan)),
-                    "unit": reader_unit(parameter.unit, system),
+                    "unit": reader_unit(parameter.value_unit, system),
                     "meaning": parameter.meaning,
                     "fitted": name in self.fitted,
                 }

@@ -13,6 +13,7 @@ from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sens
 from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, radius_of
+from discovery.export.declared_latex import declared_latex
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import origin
 from discovery.export.latex_table import parameter_table, words_in_text
@@ -167,6 +168,8 @@ def latex_lines(model: Model) -> tuple[LatexLine, ...]:
     write = Writer(model)
     terms = closed_form(model)
     lines: list[LatexLine] = []
+    if model.mechanics.places():
+        return (LatexLine(*_LAGRANGE), *declared_latex(model))
     if terms is not None:
         lines += _equation(terms, write, model)
         if model.mechanics.system == ARM:

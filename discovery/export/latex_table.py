@@ -53,7 +53,7 @@ def parameter_table(found: FittedModel, write: Callable[[sp.Expr], str]) -> list
     """
     lines = [r"\begin{tabular}{llll}", r"parameter & value & unit & meaning \\ \hline"]
     for name, parameter in found.model.parameters.items():
-        unit = _unit(reader_unit(parameter.unit, found.model.mechanics.system))
+        unit = _unit(reader_unit(parameter.value_unit, found.model.mechanics.system))
         value = _number(found.values[name], found.sd.get(name, math.nan))
         letter = write(sp.Symbol(name, real=True))
         note = parameter.meaning + (

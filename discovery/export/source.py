@@ -100,7 +100,7 @@ def _parameters(found: FittedModel) -> str:
     for name, parameter in found.model.parameters.items():
         sd = found.sd.get(name, math.nan)
         spread = f" +- {sd:.2g}" if math.isfinite(sd) else ""
-        unit = reader_unit(parameter.unit, found.model.mechanics.system)
+        unit = reader_unit(parameter.value_unit, found.model.mechanics.system)
         lines.append(f'    "{name}": {found.values[name]!r},  # {unit}: {parameter.meaning}{spread}')
     return "\n".join(lines)
 

@@ -44,6 +44,10 @@ def get_base(name: str) -> Base:
     InputError
         For an unknown name.
     """
+    from discovery.mechanics.systems import declared_base
+
+    if (declared := declared_base(name)) is not None:
+        return declared
     bases = _bases()
     if name not in bases:
         raise InputError(f"There is no base called {name!r}; known are {', '.join(bases)}.")

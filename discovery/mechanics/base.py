@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM
 from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.units import dimension, named_unit
 from discovery.mechanics.rod import STRAIGHT, Rod
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ __all__ = [
     "Base",
     "Channel",
     "Mechanics",
+    "Place",
     "Strand",
     "lagrangian_mechanics",
 ]
@@ -81,6 +84,35 @@ class RodEnd:
 
 
 @dataclass(frozen=True)
+class Place:
+    """A displacement of a declared system at which effects act.
+
+    Parameters
+    ----------
+    unit : str
+        Its SI unit.
+    tied : bool
+        Whether springs answer a force there with a finite deflection.
+    inertia : float
+        Its reference inertia [J s^2 over the square of `unit`].
+    """
+
+    unit: str
+    tied: bool
+    inertia: float
+
+    def unit_of(self, parameter: Parameter) -> str:
+        """Return the SI unit of the values of a parameter of an effect at this place."""
+        found = {base: power for base, power in dimension(parameter.unit).items() if base != "q"}
+        powers = [(dimension(self.unit), dimension(parameter.unit).get("q", Fraction(0)) - 2 * parameter.forced)]
+        powers += [(dimension("J s^2"), Fraction(1))] if parameter.forced else []
+        for unit, power in powers:
+            for base, exponent in unit.items():
+                found[base] = found.get(base, Fraction(0)) + exponent * power
+        return named_unit({base: power for base, power in found.items() if power})
+
+
+@dataclass(frozen=True)
 class Mechanics:
     """The mathematics of a base, ready to be printed.
 
@@ -104,6 +136,8 @@ class Mechanics:
         The same for the curvature at the root over three; None where the root is no part of the base.
     end : RodEnd or None
         How the end gives way to a moment; None where only the shapes do.
+    places : mapping of str to (sympy.Expr, sympy.Expr, tuple of sympy.Expr)
+        Of a declared system: the displacement of each place, its rate and its Jacobian.
     """
 
     coordinates: tuple[sp.Symbol, ...]
@@ -116,6 +150,7 @@ class Mechanics:
     fibres: tuple[tuple[float, Strand], ...] = ()
     root: Strand | None = None
     end: RodEnd | None = None
+    places: Mapping[str, Strand] = field(default_factory=dict)
 
 
 class Base(ABC):
@@ -154,6 +189,10 @@ class Base(ABC):
     @abstractmethod
     def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
         """Return the mathematics."""
+
+    def places(self) -> Mapping[str, Place]:
+        """Return where effects act, by name; none where they act on the only coordinate there is."""
+        return {}
 
     def push(self) -> sp.Expr | None:
         """Return what the input alone does to the coordinate [s^-2 q]; None where no mode could be added to it."""

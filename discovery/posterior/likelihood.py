@@ -93,7 +93,7 @@ class LogPosterior:
         """Units of the sampled quantities, ``q`` written out."""
         problem = self.problem
         coordinate = problem.bench.experiments[0].coordinate_unit
-        physical = [_written(problem.model.parameters[n].unit, coordinate) for n in problem.free]
+        physical = [_written(problem.model.parameters[n].value_unit, coordinate) for n in problem.free]
         initial = [coordinate, f"{coordinate} s^-1"] * _released(problem)
         noise = [*(part.unit for part in self.instruments), *(p.unit for _, p in self._extra)]
         return (*physical, *initial, *noise)

@@ -30,7 +30,7 @@ def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     from discovery.equations.model import Model
 
     base = get_base(model["base"])
-    if base.system == ARM or undriven(model):
+    if base.system == ARM or base.places() or undriven(model):
         return {}
     free = equation_terms(Model(model["base"], tuple(model["effects"]))).drive.free_symbols
     if not free & set(MOVING_INPUT):

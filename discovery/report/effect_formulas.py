@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LETTERS",
+    "NEXT",
     "along_the_rod",
     "coordinate_name",
     "effect_formula",
@@ -26,7 +27,7 @@ __all__ = [
 
 #: Letters of the energies, and of the power of a load or a memory; a mode has none.
 LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
-_NEXT = '<mo>,</mo><mspace width="1em"/>'
+NEXT = '<mo>,</mo><mspace width="1em"/>'
 
 
 def coordinate_name(system: str) -> str:
@@ -81,11 +82,11 @@ def effect_formula(effect: Effect, system: str) -> str:
         if getattr(effect, "local", False) and system == "flexible_arm":
             body = along_the_rod(body)
         lines = [equal(symbol(letter), body), *(_states(effect, name) if effect.kind == "memory" else [])]
-        return row(_NEXT.join(lines))
+        return row(NEXT.join(lines))
     if effect.kind == "joint":
         assert declared is not None
         turn = equal(symbol("p"), expression(declared(), name))
-        return row(_NEXT.join([_turned(symbol("p")), turn, *_states(effect, name)]))
+        return row(NEXT.join([_turned(symbol("p")), turn, *_states(effect, name)]))
     if effect.kind == "shape":
         # Kappa_r is the curvature at the root.
         added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
@@ -162,4 +163,4 @@ def laws(effects: Sequence[Any], system: str) -> str:
     for effect in effects:
         read = effect.arm_reading(*read) if arm else (effect.oscillator_reading(*read),)
     names = ("x_read", "y_read") if arm else ("q_read",)
-    return row(_NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(names, read, strict=True)))
+    return row(NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(names, read, strict=True)))

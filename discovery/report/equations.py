@@ -10,6 +10,7 @@ from discovery.declarations.effect import ARM, Mode, Sensor
 from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
+from discovery.report.declared_formulas import declared_formulas, placed_formula
 from discovery.report.effect_formulas import (
     LETTERS,
     along_the_rod,
@@ -217,7 +218,9 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     """
     told: list[Effect] = []
     scalar = get_base(model["base"]).system != ARM or model["base"] == "constant_radius"
-    if get_base(model["base"]).system != ARM:
+    if "system" in model:
+        found = [Formula(*line) for line in declared_formulas(model["base"])]
+    elif get_base(model["base"]).system != ARM:
         found, told = _on_a_line(model)
     elif scalar:
         deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))
@@ -225,11 +228,13 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     else:
         found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
     effects = [e for e in map(get_effect, model["effects"]) if e not in told]
-    shown = [e for e in effects if not scalar or e.kind not in LETTERS or e.kind == "memory"]
+    shown = [e for e in effects if not scalar or "system" in model or e.kind not in LETTERS or e.kind == "memory"]
     return found + [Formula(". ".join(e.title() for e in group), _of(group, system)) for group in together(shown)]
 
 
 def _of(group: Sequence[Effect], system: str) -> str:
+    if group[0].place:
+        return placed_formula(group[0])
     return effect_formula(group[0], system) if len(group) == 1 else laws(group, system)
 
 

@@ -95,7 +95,8 @@ def _printer(coordinate: str):
 
     oscillator = coordinate == "q"
     moving = "q" if oscillator else "delta"
-    states = {
+    # A declared system has the names of its user.
+    states: dict[str, tuple[str, int]] = {} if not coordinate else {
         "theta": (coordinate, 0), "omega": (coordinate, 1), "q": ("q", 0), "delta": (moving, 0),
         "delta_dot": (moving, 1),
         "theta_m": ("theta_m", 0), "omega_m": ("theta_m", 1), "alpha_m": ("theta_m", 2), "bend": ("b", 0),
@@ -185,7 +186,8 @@ def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
     value : sympy.Expr
         The expression.
     coordinate : str
-        What the coordinate is called: ``theta_t`` of an arm, ``q`` of an oscillator.
+        What the coordinate is called: ``theta_t`` of an arm, ``q`` of an oscillator; empty where every symbol is
+        written as it is named.
     """
     import sympy as sp
 

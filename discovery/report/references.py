@@ -10,7 +10,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.report.declared_formulas import placed_formula
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.mathml import inline
 from discovery.report.results import Run
@@ -37,8 +38,9 @@ def effects_used(run: Run) -> list[EffectSource]:
     added = [e["id"] for e in run.loop["effects"]]
     for role, effects in (("declared", run.loop["declared"]), ("added", added)):
         for effect_id in effects:
-            known = catalogue().get(effect_id)
-            body = Markup(inline(effect_formula(known, system))) if known else Markup("")
+            known = get_effect(effect_id) if effect_id.partition("_at_")[0] in catalogue() else None
+            law = "" if known is None else placed_formula(known) if known.place else effect_formula(known, system)
+            body = Markup(inline(law)) if law else Markup("")
             cite = known.cite if known else GEOMETRY_SOURCES.get(effect_id, "")
             found.append(EffectSource(effect_name(effect_id), role, effect_title(effect_id), body, cite))
     return found

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.foundation.errors import InputError
+from discovery.mechanics.systems import know_system
 from discovery.recordings.angles import within_half_a_turn
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
@@ -112,7 +113,9 @@ class Run:
 
     @cached_property
     def loop(self) -> Mapping[str, Any]:
-        """The loop's result, as in ``loop.json``."""
+        """The loop's result, as in ``loop.json``; the systems that its models declare are known from here on."""
+        for found in self.results["loop"]["model"].values():
+            know_system(found["model"])
         return self.results["loop"]
 
     @property

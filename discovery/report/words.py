@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
 from discovery.report.numbers import Scale, scale_for, significant
@@ -65,9 +65,14 @@ _ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _LONG = re.compile(r"(?<![\w.])\d{5,}(?![\w.])")
 
 
+def _listed(effect_id: str) -> bool:
+    """Return whether a word is the id of an effect of the catalogue, at a place or without one."""
+    return effect_id.partition("_at_")[0] in catalogue()
+
+
 def prose(text: str) -> str:
     """Return a sentence of a result file with its symbols, effects and numbers as a reader writes them."""
-    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or m[0] in catalogue() else m[0], text)
+    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or _listed(m[0]) else m[0], text)
     text = _LONG.sub(lambda m: f"{int(m[0]):,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), text)
     for pattern, written in _WRITTEN:
         text = re.sub(pattern, written, text)
@@ -88,7 +93,7 @@ def effect_title(effect_id: str) -> str:
     """Return one sentence on what an effect is."""
     if effect_id in UPGRADES:
         return UPGRADES[effect_id].title()
-    return catalogue()[effect_id].title() if effect_id in catalogue() else effect_name(effect_id)
+    return get_effect(effect_id).title() if _listed(effect_id) else effect_name(effect_id)
 
 
 def held_group(errors: Mapping[str, Any]) -> str:

@@ -70,6 +70,7 @@ KINDS: Mapping[str, Kind] = {
             interpolation="motion",
         ),
         Kind("drive", "oscillator", ("viscous_damping",), True, "force", "position", may_be_bare=True),
+        Kind("system", "", (), None, "input", "output", may_be_bare=True),
         Kind("falling_body", "falling_body", (), False, "none", "height", "m", may_be_bare=True, fewest=20),
     )
 }

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from discovery.declarations.system import SystemDeclaration
 from discovery.declarations.units import si_symbol
+from discovery.mechanics.systems import declare
 from discovery.rigs.kinds import KINDS, LINEAR_MODEL, PAPER_MODEL
 
 __all__ = [
@@ -194,6 +196,8 @@ class Rig:
         Of a drive that was recorded in closed loop.
     view : ForceView or None
         Inverse dynamics in place of the motion.
+    system : SystemDeclaration or None
+        The equations of a system that the rig file declares itself.
     motor_angle_limit, motor_speed_limit, motor_acceleration_limit : float or None
         What the motor of an arm may do in a manoeuvre that is proposed: angle to either side of where the hub starts
         [rad], speed [rad/s], acceleration [rad/s^2]. None: what the recordings show.
@@ -219,6 +223,7 @@ class Rig:
     gravity: Quantity | None = None
     controller: Controller | None = None
     view: ForceView | None = None
+    system: SystemDeclaration | None = None
     motor_angle_limit: float | None = None
     motor_speed_limit: float | None = None
     motor_acceleration_limit: float | None = None
@@ -229,6 +234,8 @@ class Rig:
     @property
     def base(self) -> str:
         """Name of the mechanics of the bare system."""
+        if self.system is not None:
+            return declare(self.system)
         if self.view is not None:
             return "inverse_dynamics"
         if self.columns.output.reads == "acceleration":

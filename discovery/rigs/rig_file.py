@@ -22,6 +22,8 @@ from discovery.declarations.units import si_factor, split_suffix
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
 from discovery.mechanics import get_base
+from discovery.mechanics.places import check_place
+from discovery.mechanics.systems import declare
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import Quantity, RecordPart, Rig
 from discovery.rigs.rig_schema import (
@@ -35,6 +37,7 @@ from discovery.rigs.rig_schema import (
     line_of,
 )
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
+from discovery.rigs.rig_system import read_columns, system_of
 
 __all__ = ["read_rig"]
 
@@ -77,6 +80,8 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     except ValueError as error:  # no TOML, no text, or a number of thousands of digits
         raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
     rest, quantities, keys = _quantities(path, text, document)
+    if isinstance(rest.get("system"), dict):
+        rest.setdefault("kind", "system")
     try:
         table = RigTable.model_validate(rest)
     except ValidationError as error:
@@ -86,7 +91,8 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
     check_tables(path, text, table)
     _check_quantities(path, text, table, keys)
-    _check_effects(path, text, table)
+    system = system_of(path, text, table)
+    _check_effects(path, text, table, KINDS[table.kind].base if system is None else declare(system))
     values = {stem: quantity.value for stem, quantity in quantities.items()}
     if arm and values.get("position_noise", 0.0) > 0.1 * values["length"]:
         raise InputError(
@@ -102,12 +108,13 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         flexural_rigidity=quantities.get("flexural_rigidity"),
         position_noise=values.get("position_noise"),
         angle_noise=values.get("angle_noise"),
-        columns=columns_of(path, text, table),
+        columns=columns_of(path, text, table) if system is None else read_columns(path, text, table, system),
         declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
         records=_records(path, text, table.records),
         gravity=quantities.get("gravity", _GRAVITY if table.kind in ("pendulum", "falling_body") else None),
         controller=controller_of(path, text, table),
         view=view_of(path, text, table),
+        system=system,
         motor_angle_limit=values.get("motor_angle_limit"),
         motor_speed_limit=values.get("motor_speed_limit"),
         motor_acceleration_limit=values.get("motor_acceleration_limit"),
@@ -173,10 +180,10 @@ def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str,
         )
 
 
-def _check_effects(path: Path, text: str, table: RigTable) -> None:
+def _check_effects(path: Path, text: str, table: RigTable, base: str) -> None:
     named = table.model.effects if table.model else []
     where = f"The rig file {path}, line {line_of(text, ('model', 'effects'))}, key 'model.effects':"
-    system = get_base(KINDS[table.kind].base).system
+    system = get_base(base).system
     for effect in named:
         try:
             systems = get_effect(effect).systems
@@ -187,6 +194,10 @@ def _check_effects(path: Path, text: str, table: RigTable) -> None:
                 f"{where} {effect!r} acts on {' and '.join(sorted(systems))}, not on kind {table.kind!r}. Remove it; "
                 f"`discovery effects {effect}` shows what it is."
             )
+        try:
+            check_place(get_base(base), get_effect(effect))
+        except InputError as error:
+            raise InputError(f"{where} {error}") from error
         if named.count(effect) > 1:
             raise InputError(f"{where} {effect!r} is named twice. Name each effect once.")
 

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from discovery.foundation.errors import suggestion
+from discovery.rigs.system_table import ConstantTable, SystemTable
 
 __all__ = [
     "MEANT_FOR",
@@ -167,7 +168,10 @@ class RigTable(_Table):
     """The whole file, without the keys that carry a unit."""
 
     name: _Name
-    kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body"] = "flexible_arm"
+    kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system"] = (
+        "flexible_arm"
+    )
+    system: SystemTable | None = None
     columns: ColumnsTable | None = None
     controller: ControllerTable | None = None
     view: ViewTable | None = None
@@ -208,8 +212,16 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
         return f"The rig file {path}{where} lacks the key {name!r}. Add it.{more}"
     where = f"The rig file {path}, line {line_of(text, keys)}:"
     if detail["type"] == "extra_forbidden":
-        tables: dict[str, type[_Table]] = {"columns": ColumnsTable, "time": _Time, "input": _Input, "output": _Output}
+        tables: dict[str, type[BaseModel]] = {
+            "columns": ColumnsTable,
+            "time": _Time,
+            "input": _Input,
+            "output": _Output,
+        }
         tables |= {"model": _Model, "controller": ControllerTable, "view": ViewTable, "records": RecordsTable}
+        tables |= {"system": SystemTable}
+        if keys[:2] == ("system", "constants"):
+            tables |= {keys[-2]: ConstantTable}
         tables |= dict.fromkeys(("train", "holdout", "test"), _Part)
         parent = tables.get(keys[-2], QuantityTable) if len(keys) > 1 else RigTable
         known = list(parent.model_fields)

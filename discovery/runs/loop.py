@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 from discovery.diagnosis.contradiction import ContradictionReport, check_contradictions
 from discovery.diagnosis.separation import Separation, separate
 from discovery.diagnosis.stand_in import StandIn, stand_in
@@ -163,12 +163,12 @@ class LoopResult:
         if other:
             # No reading is surer than the ruler.
             sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
-        names = [p.name for p in catalogue()[effect].parameters()] if effect in catalogue() else []
+        names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
         parameters = {
             n: {
                 "value": values[n],
                 "sd": None if n in self.after.reasons else sd[n],
-                "unit": self.after.model.parameters[n].unit,
+                "unit": self.after.model.parameters[n].value_unit,
             }
             for n in names
             if n in values
@@ -240,7 +240,8 @@ def _closed(context: Context) -> LoopResult:
     """Return what the loop finds."""
     train = context.train
     context.tell("refitting the declared model")
-    before = fit(declared_model(train[0]), train, units=context.units)
+    stated = {} if train[0].is_arm else rig_uncertainty(train[0])
+    before = fit(declared_model(train[0]), train, units=context.units, gaussian=stated)
     search = Search(_start(before, context), context)
     search.run()
     found = {n.effect: n for n in named(search)}

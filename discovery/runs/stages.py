@@ -368,8 +368,9 @@ def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingF
     """Return the force that the final model lacks where it is not complete; None where it is."""
     if result.complete:
         return None
-    if not result.after.model.mechanics.reads_state:
-        tell("no missing force: it is reconstructed where the instrument reads the position")
+    mechanics = result.after.model.mechanics
+    if not mechanics.reads_state or mechanics.places():
+        tell("no missing force: it is reconstructed where the instrument reads the only coordinate there is")
         return None
     tell("reconstructing the missing force")
     try:

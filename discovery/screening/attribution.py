@@ -15,13 +15,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM, Effect, Mode
+from discovery.declarations.effect import ARM, OSCILLATOR, Effect, Mode
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.registry import catalogue
+from discovery.declarations.place import can_be_placed, placed
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.model import Model
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import NaturalUnits, Problem
 from discovery.foundation.workers import single_algebra
+from discovery.mechanics.base import Place
 from discovery.screening.bounded_gain import bounded_gains
 from discovery.screening.responses import Grid, Responses, plan, respond
 from discovery.screening.scalar_products import grams
@@ -141,6 +143,8 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         Unit of an oscillator's coordinate: laws of an angle ask for radians.
     """
     base = model.mechanics
+    if base.places():
+        return _at_places(model)
     return tuple(
         e
         for e, effect in catalogue().items()
@@ -151,6 +155,23 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         and (base.push() is not None or not isinstance(effect, Mode))
         and (base.anchored or not effect.anchored)
     )
+
+
+def _at_places(model: Model) -> tuple[str, ...]:
+    """Return the effects that a declared system could lack: forces at each of its places, and those of instruments."""
+    found = []
+    for e, effect in catalogue().items():
+        if effect.kind in ("drive", "sensor") and OSCILLATOR in effect.systems:
+            found.append(e)
+        elif can_be_placed(effect):
+            found += [placed(e, name) for name, place in model.mechanics.places().items() if _suits(effect, place)]
+    return tuple(e for e in found if e not in model.effects)
+
+
+def _suits(effect: Effect, place: Place) -> bool:
+    """Return whether an effect has a meaning at a place; one of a spring needs a spring, which is declared itself."""
+    angle = place.unit in ("rad", "1") or not effect.angular
+    return angle and (place.tied or not effect.anchored) and effect.id() != "linear_stiffness"
 
 
 def _sizes(parameter: Parameter) -> list[float]:
@@ -209,7 +230,7 @@ def screen(
         Highest score first.
     """
     bench, units, system = problem.bench, problem.units, model.mechanics.system
-    grids, settings = _planned(tuple(catalogue()[name] for name in names), system, units)
+    grids, settings = _planned(tuple(get_effect(name) for name in names), system, units)
     reference = minimum.residual[: bench.n_rows]
     known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
     left = reference if left is None else left[: bench.n_rows]

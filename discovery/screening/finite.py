@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.screening.attribution import grid_of
@@ -55,7 +55,7 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
     alphas = minimum.x[problem.names.index("alpha")] * _FACTORS
     points: list[_Point] = []
     for name in names:
-        effect = catalogue()[name]
+        effect = get_effect(name)
         grid = grid_of(effect, system, problem.units)
         if effect.kind in _KINDS and len(grid) <= 2 * _MOST_SHAPES:
             points += [(name, values) for values in grid]
@@ -92,9 +92,9 @@ def _costs(problem: Problem, minimum: Minimum, points: Sequence[_Point], alphas:
 def declared_starts(problem: Problem, names: Sequence[str], most: int) -> list[FarStart]:
     """Return starts at the declared finite values of effects, none of one with more than so many, all else as it is."""
     system = problem.model.mechanics.system
-    grids = {name: grid_of(catalogue()[name], system, problem.units) for name in names}
+    grids = {name: grid_of(get_effect(name), system, problem.units) for name in names}
     return [(n, _vector(n, values, system), {}) for n, grid in grids.items() if len(grid) <= most for values in grid]
 
 
 def _vector(name: str, values: Mapping[str, float], system: str) -> FloatArray:
-    return np.array([values[p.name] for p in catalogue()[name].fitted(system)])
+    return np.array([values[p.name] for p in get_effect(name).fitted(system)])

@@ -14,7 +14,7 @@ from scipy.linalg.blas import dgemm
 
 from discovery.declarations.effect import ARM, Effect, Expressed, Joint, Memory, Sensor
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 from discovery.estimation.bench import Bench
 from discovery.screening.ages import ages_of, ages_only, per_age
 
@@ -105,7 +105,7 @@ def plan(
     found: dict[str, Grid] = {}
     settings: list[dict[str, float]] = []
     for name, grid in grids.items():
-        effect = catalogue()[name]
+        effect = get_effect(name)
         fitted = effect.fitted(system)
         sizes = np.array([i for i, p in enumerate(fitted) if not p.shape], dtype=np.int64)
         rows = np.empty((len(grid), sizes.size), dtype=np.int64)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings
@@ -77,7 +77,7 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
 def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> float:
     """Return the form error of what a larger set adds."""
     values, problem = larger.refit.values, larger.refit.problem
-    added = [catalogue()[e] for e in larger.added if e not in smaller.added]
+    added = [get_effect(e) for e in larger.added if e not in smaller.added]
     pliable = any(e.imitates(values, problem.units.time, problem.bench.duration) for e in added)
     return settings.form_pliable if pliable else settings.form_of(larger.model)
 

@@ -7,9 +7,10 @@ from dataclasses import asdict
 
 import numpy as np
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
+from discovery.screening.contained import contained
 from discovery.screening.refits import Refit, relaxed
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -90,14 +91,20 @@ class Search:
     def _simplify(self) -> None:
         """Let a law take the place of one that contains it where the difference is not accepted."""
         for effect in self.best.added:
-            near = catalogue()[effect].reduces_to
-            for simpler in (c for c in self.instead_of(effect) if near.intersection(c.added)):
+            near = get_effect(effect).reduces_to
+            for simpler in (c for c in [*self._within(effect), *self.instead_of(effect)] if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
                 if code != "accepted":
                     (new,) = near.intersection(simpler.added)
                     self.decisions.append(Decision("exchange", (effect, new), True, code, _numbers(odds)))
                     self.best = simpler
                     break
+
+    def _within(self, effect: str) -> list[Contender]:
+        """Return the sets with a law that a member contains, from where that was fitted."""
+        rest = tuple(e for e in self.best.added if e != effect)
+        laws = sorted(get_effect(effect).reduces_to - {*rest})
+        return contenders(self.context, [((*rest, e), contained(self.best.refit, effect, e)) for e in laws])
 
     def _prune(self) -> None:
         """Take out, the least missed first, what is no larger than what the model error would do in its direction."""

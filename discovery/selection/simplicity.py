@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import get_effect
 
 __all__ = ["is_pliable", "simplicity"]
 
 
 def is_pliable(effect: str) -> bool:
     """Return whether the law of an effect is so pliable that it may imitate others."""
-    return catalogue()[effect].pliable
+    return get_effect(effect).pliable
 
 
 def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
@@ -25,7 +25,7 @@ def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
     system : str
         Kind of system, `discovery.declarations.effect.ARM` or `discovery.declarations.effect.OSCILLATOR`.
     """
-    declared = catalogue()[effect]
+    declared = get_effect(effect)
     return (
         declared.pliable,
         len(declared.fitted(system)),

@@ -1,0 +1,90 @@
+"""An effect at one place of a declared system."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import sympy as sp
+
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import OSCILLATOR, Dissipation, Effect, Load, Memory, Potential
+
+__all__ = ["INERTIA", "at_place", "can_be_placed", "local", "placed"]
+
+#: Reference inertia of a place: an effect gives its force over it.
+INERTIA = sp.Symbol("inertia", real=True)
+#: Between an effect and its place in an id.
+_AT = "_at_"
+
+
+def can_be_placed(effect: Effect) -> bool:
+    """Return whether an effect is a force at some place, not one of the whole system or of its instruments."""
+    return OSCILLATOR in effect.systems and effect.kind in ("potential", "dissipation", "load", "memory")
+
+
+def placed(effect_id: str, place: str) -> str:
+    """Return the id of an effect at a place."""
+    return f"{effect_id}{_AT}{place}"
+
+
+def local(symbol: sp.Symbol, place: str) -> sp.Symbol:
+    """Return the symbol of a channel, of the stiffness `alpha` or of `INERTIA` at a place."""
+    return sp.Symbol(f"{symbol.name}{_AT}{place}", real=True)
+
+
+@cache
+def at_place(effect: Effect, place: str) -> Effect:
+    """Return an effect at a place: its parameters are named after it, and its force is that of the effect there.
+
+    What the effect says is a force over the place's reference inertia; amplitudes are told with it, as forces in their
+    own unit.
+    """
+    kind = type(effect)
+    words: dict[str, Any] = {"__module__": kind.__module__, "__doc__": kind.__doc__, "place": place}
+    words["id"] = classmethod(lambda cls: placed(effect.id(), place))
+    words["title"] = classmethod(lambda cls: f"{effect.title()}, at {place.replace('_', ' ')}")
+    words["reduces_to"] = frozenset(placed(simpler, place) for simpler in effect.reduces_to)
+    weight = local(INERTIA, place)
+    own = {p.name: sp.Symbol(f"{p.name}_{place}", real=True) for p in kind.parameters()}
+    forced = _forced(effect)
+    meant = {s.rho: sp.Integer(1)}
+    meant |= {sp.Symbol(n, real=True): symbol / weight if n in forced else symbol for n, symbol in own.items()}
+    meant |= {c: local(c, place) for c in (*s.POSITION_CHANNELS, *s.RATE_CHANNELS, s.alpha)}
+    on = getattr(effect, "on", None)
+    if on is not None:
+        words["on"] = local(on, place)
+
+    def told(expression: sp.Expr) -> sp.Expr:
+        return sp.sympify(expression).xreplace(meant)
+
+    words["expression"] = lambda self: weight * told(effect.expression())  # type: ignore[attr-defined]
+    words["imitates"] = classmethod(lambda cls, values, *times: effect.imitates(
+        {**values, **{n: values[here.name] for n, here in own.items() if here.name in values}}, *times
+    ))  # fmt: skip
+    if isinstance(effect, Memory):
+        states = {z: sp.Symbol(f"{z.name}_{place}", real=True) for z in effect.states()}
+        meant |= states
+        words["states"] = lambda self: {states[z]: told(slope) for z, slope in effect.states().items()}
+    found = type(f"{kind.__name__}At{place.title()}", (kind,), words)
+    for p in kind.parameters():
+        # The attribute keeps its name, for the law of the effect; users see that of the place.
+        said = f"{p.meaning}, at {place.replace('_', ' ')}"
+        forces = p.name in forced
+        renamed = replace(p, latex="", place=place, name=own[p.name].name, meaning=said, forced=forces)
+        setattr(found, p.name, renamed)
+    return found()
+
+
+def _forced(effect: Effect) -> frozenset[str]:
+    """Return the amplitudes that give a force by themselves, not as a part of the stiffness that is there."""
+    law = effect.expression()  # type: ignore[attr-defined]
+    slopes = {p.name: sp.diff(law, sp.Symbol(p.name, real=True)) for p in effect.parameters() if not p.shape}
+    return frozenset(n for n, d in slopes.items() if d != 0 and not d.has(s.alpha, sp.Symbol(n, real=True)))
+
+
+def channels_of(effect: Potential | Dissipation | Load) -> tuple[sp.Symbol, ...]:
+    """Return the channels on which an effect may push, those of its place where it has one."""
+    wanted = s.POSITION_CHANNELS if isinstance(effect, Potential) else s.RATE_CHANNELS
+    return wanted if not effect.place else tuple(local(c, effect.place) for c in wanted)

@@ -1,0 +1,73 @@
+"""A system in its own equations, and the effects at its places, line by line in the names that its user gave."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import sympy as sp
+
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import Effect, Expressed, Memory
+from discovery.declarations.place import INERTIA, local
+from discovery.mechanics.declared import DeclaredBase
+from discovery.mechanics.declared_equations import INPUT, coordinates_of
+
+__all__ = ["DeclaredLine", "declared_lines", "placed_lines"]
+
+_DOTS = ("", "'", "''")
+_LETTERS = {"potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+
+
+class DeclaredLine(NamedTuple):
+    """One equation: words for it, its left-hand side, how often that is differentiated, and its right-hand side."""
+
+    words: str
+    name: str
+    dots: int
+    value: sp.Expr
+
+
+def declared_lines(base: DeclaredBase) -> list[DeclaredLine]:
+    """Return energies, forces, places and output of a system; x' is the rate of x."""
+    declaration, read = base.declaration, base.equations
+    own: dict[sp.Symbol, sp.Symbol] = {}
+    for dots, symbols in zip(_DOTS, coordinates_of(len(declaration.coordinates)), strict=True):
+        own |= {x: sp.Symbol(n + dots, real=True) for n, x in zip(declaration.coordinates, symbols, strict=True)}
+    if declaration.input is not None:
+        own |= {x: sp.Symbol(declaration.input[0] + dots, real=True) for x, dots in zip(INPUT, _DOTS, strict=True)}
+    lines = [
+        ("Kinetic energy", "T", read.kinetic),
+        ("Potential energy", "V", read.potential),
+        ("Dissipation function", "D", read.dissipation),
+        *(
+            (f"Generalised force on {_words(name)}", f"Q_{name}", force)
+            for name, force in zip(declaration.coordinates, read.forces, strict=True)
+        ),
+    ]
+    lines = [line for line in lines if line[2] != 0]
+    lines += [(f"Place {_words(name)}", name, value) for name, (value, _) in read.places.items()]
+    lines.append(("What is read", "y_read", read.output))
+    return [DeclaredLine(words, name, 0, value.xreplace(own)) for words, name, value in lines]
+
+
+def placed_lines(effect: Effect) -> list[DeclaredLine]:
+    """Return what an effect declares in the displacement of its place; k is the stiffness there.
+
+    An energy V, a dissipation D, a power P or a force F, and the rates of states of its own.
+    """
+    assert isinstance(effect, Expressed)
+    where, rate = (sp.Symbol(effect.place + dots, real=True) for dots in _DOTS[:2])
+    meant: dict[sp.Symbol, Any] = dict.fromkeys((s.theta, s.delta, s.x, s.x_g, s.slope), where)
+    meant |= dict.fromkeys((s.omega, s.delta_dot, s.v_x, s.slope_dot), rate) | {s.v2: rate**2, s.w2: rate**2}
+    meant |= dict.fromkeys((s.y, s.y_g, s.v_y), sp.Integer(0)) | {s.U: where**2 / 2, s.U_4: where**4 / 4}
+    meant |= {INERTIA: sp.Integer(1), s.alpha: sp.Symbol(f"k_{effect.place}", real=True)}
+    told = {local(c, effect.place): value for c, value in meant.items()} | {s.bend: where, s.bend_dot: rate}
+    letter = "F" if getattr(effect, "on", None) is not None else _LETTERS[effect.kind]
+    lines = [DeclaredLine(_words(effect.id()), letter, 0, effect.expression().xreplace(told))]
+    if isinstance(effect, Memory):
+        lines += [DeclaredLine("memory", z.name, 1, slope.xreplace(told)) for z, slope in effect.states().items()]
+    return lines
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,0 +1,250 @@
+"""A system that a user declares, as a base: Lagrange's equations from its energies."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import OSCILLATOR
+from discovery.declarations.parameters import Flat, Normal, Parameter
+from discovery.declarations.place import INERTIA, local
+from discovery.declarations.system import Constant, SystemDeclaration
+from discovery.mechanics.base import Base, Channel, Mechanics, Place, Strand
+from discovery.mechanics.declared_equations import INPUT, Equations, coordinates_of
+from discovery.mechanics.rod import STRAIGHT
+
+__all__ = ["DeclaredBase"]
+
+#: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
+_FARTHEST = 1e4
+#: A direction counts as free of springs where what they answer is smaller than so much of the stiffest.
+_LOOSE = 1e-9
+
+
+class DeclaredBase(Base):
+    """The bare mechanics of a declared system."""
+
+    system = OSCILLATOR
+    declaration: ClassVar[SystemDeclaration]
+    equations: ClassVar[Equations]
+    lanes = 16
+
+    @classmethod
+    def parameters(cls):
+        """Return the constants of the declaration; their values are in SI units."""
+        return tuple(_parameter(name, constant) for name, constant in cls.declaration.constants.items())
+
+    @cached_property
+    def order(self) -> int:
+        """Whether positions are read, rates, or accelerations: 0, 1, or 2."""
+        n = type(self).n_coordinates
+        found = self.equations.output.free_symbols
+        _, rates, accelerations = coordinates_of(n)
+        return 2 if found & {*accelerations, s.alpha_m} else 1 if found & {*rates, s.omega_m} else 0
+
+    @cached_property
+    def guess(self) -> dict[sp.Symbol, float]:
+        """Every constant as declared or guessed."""
+        return {sp.Symbol(n, real=True): c.value for n, c in self.declaration.constants.items()}
+
+    def _at_rest(self, expression: sp.Expr) -> sp.Expr:
+        """Return an expression where every coordinate, rate and input is zero."""
+        q, rates, _ = coordinates_of(type(self).n_coordinates)
+        return expression.subs(dict.fromkeys((*q, *rates, *INPUT, s.u), 0))
+
+    def stiffness(self) -> NDArray:
+        """Return the stiffness matrix at rest, at the constants as declared and guessed, shape (n, n)."""
+        return self._numbers(self._stiffness())
+
+    def _stiffness(self) -> sp.Matrix:
+        q, _, _ = coordinates_of(type(self).n_coordinates)
+        return self._at_rest(sp.hessian(self.equations.potential, q))
+
+    def _numbers(self, expression: sp.Expr) -> NDArray:
+        """Return an expression at rest, at the declared and guessed constants."""
+        return np.array(sp.Matrix(self._at_rest(expression)).xreplace(self.guess).tolist(), float)
+
+    def mechanics(self, rod=STRAIGHT) -> Mechanics:
+        """Return the mathematics: d/dt dT/dq' - dT/dq + dV/dq + dD/dq' = forces."""
+        e, n = self.equations, type(self).n_coordinates
+        q, rates, _ = coordinates_of(n)
+        pairs = [*zip(q, rates, strict=True), *pairwise(INPUT)]
+        momenta = [sp.diff(e.kinetic, rate) for rate in rates]
+        mass = tuple(tuple(sp.diff(p, rate) for rate in rates) for p in momenta)
+        force = [
+            e.forces[i]
+            - sp.Add(*[sp.diff(momenta[i], a) * b for a, b in pairs])
+            + sp.diff(e.kinetic - e.potential, q[i])
+            - sp.diff(e.dissipation, rates[i])
+            for i in range(n)
+        ]
+        channels: dict[sp.Symbol, Channel] = {}
+        assignments: list[tuple[sp.Symbol, sp.Expr]] = []
+        places: dict[str, Strand] = {}
+        for name, (expression, _) in e.places.items():
+            own, inertia, stiffness = self._place(expression)
+            channels |= {local(c, name): channel for c, channel in own.items()}
+            assignments += [(local(INERTIA, name), sp.Float(inertia)), (local(s.alpha, name), stiffness)]
+            places[name] = (own[s.delta].value, own[s.delta_dot].value, own[s.delta].jacobian)
+        # What is not named after a place acts at the first one: a force that stands for whatever is unknown.
+        first = next(iter(e.places))
+        weight = local(INERTIA, first)
+        for c in (*s.POSITION_CHANNELS, *s.RATE_CHANNELS):
+            found = channels[local(c, first)]
+            channels[c] = Channel(found.value, tuple(weight * j for j in found.jacobian), found.bias)
+        told = tuple(self._received(f) for f in force)
+        heard = {c: self._heard(channel) for c, channel in channels.items()}
+        return Mechanics(q, rates, tuple(assignments), heard, mass, told, tuple(places.values())[:1], places=places)
+
+    def _place(self, value: sp.Expr) -> tuple[dict[sp.Symbol, Channel], float, sp.Expr]:
+        """Return the channels of a place, its inertia as a force there feels it, and its stiffness over that."""
+        q, rates, _ = coordinates_of(type(self).n_coordinates)
+        jacobian = tuple(sp.diff(value, a) for a in q)
+        pairs = [*zip(q, rates, strict=True), *pairwise(INPUT)]
+
+        def change(expression: sp.Expr) -> sp.Expr:
+            return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
+
+        rate = change(value)
+        still = tuple(sp.Integer(0) for _ in q)
+        position, moving = Channel(value, jacobian), Channel(rate, jacobian, change(rate))
+        square = Channel(rate**2, tuple(2 * rate * j for j in jacobian))
+        found = dict.fromkeys((s.theta, s.delta, s.x, s.x_g, s.slope), position)
+        found |= dict.fromkeys((s.omega, s.delta_dot, s.v_x, s.slope_dot), moving)
+        found |= dict.fromkeys((s.y, s.y_g, s.v_y), Channel(sp.Integer(0), still))
+        found |= dict.fromkeys((s.v2, s.w2), square)
+        found[s.U] = Channel(value**2 / 2, tuple(value * j for j in jacobian))
+        found[s.U_4] = Channel(value**4 / 4, tuple(value**3 * j for j in jacobian))
+        way = self._numbers(sp.Matrix([jacobian]))[0]
+        shape = np.linalg.solve(self.inertia, way)
+        inertia = 1.0 / float(way @ shape)
+        shape *= inertia
+        stiffness = sp.Add(*[a * b * k for a, row in zip(shape, self._stiffness().tolist(), strict=True)
+                             for b, k in zip(shape, row, strict=True)])  # fmt: skip
+        return found, inertia, sp.sympify(stiffness) / inertia
+
+    @cached_property
+    def inertia(self) -> NDArray:
+        """Mass matrix at rest, shape (n, n)."""
+        _, rates, _ = coordinates_of(type(self).n_coordinates)
+        return self._numbers(sp.hessian(self.equations.kinetic, rates))
+
+    def _way(self, place: str) -> NDArray:
+        """Return the displacement of a place per coordinate, at rest."""
+        q, _, _ = coordinates_of(type(self).n_coordinates)
+        return self._numbers(sp.Matrix([[sp.diff(self.equations.places[place][0], a) for a in q]]))[0]
+
+    def places(self):
+        """Return the declared places."""
+        return self._places
+
+    @cached_property
+    def _places(self) -> dict[str, Place]:
+        return {
+            name: Place(unit, self._is_tied(name), self._place(law)[1])
+            for name, (law, unit) in self.equations.places.items()
+        }
+
+    def _is_tied(self, place: str) -> bool:
+        stiffness, way = self.stiffness(), self._way(place)
+        answer = np.linalg.lstsq(stiffness, way, rcond=_LOOSE)[0]
+        return bool(np.allclose(stiffness @ answer, way, rtol=1e-6, atol=1e-6 * np.abs(way).max()))
+
+    def sizes(self, frequency: float, drive: float, output: float) -> dict[str, tuple[float, float]]:
+        """Return how far each place moves, and in which time its forces would bring it there.
+
+        Parameters
+        ----------
+        frequency : float
+            Angular frequency of the motion [rad/s].
+        drive, output : float
+            Amplitudes of input and output, in SI units.
+
+        Returns
+        -------
+        dict of str to (float, float)
+            Displacement [unit of the place] and time [s] in the linear motion at that frequency with that output, at
+            the constants as declared and guessed: they say of which size a law at the place can be.
+        """
+        n, turn = type(self).n_coordinates, 1j * frequency
+        q, rates, accelerations = coordinates_of(n)
+        force = sp.Matrix(self.mechanics().force)
+        stiffness, loss = (-self._numbers(force.jacobian(a)) for a in (q, rates))
+        push = sum(self._numbers(force.diff(a))[:, 0] * turn**k for k, a in enumerate(INPUT))
+        push = push + self._numbers(force.diff(s.u))[:, 0]
+        yields = np.linalg.pinv(stiffness + loss * turn + self.inertia * turn**2)
+        motion = yields @ push if np.any(push) else self._shape + 0j
+        read = sum(
+            self._numbers(sp.Matrix([[sp.diff(self.equations.output, a) for a in own]]))[0] @ motion * turn**k
+            for k, own in enumerate((q, rates, accelerations))
+        )
+        scale = output / abs(read) if abs(read) > 0 else drive
+        found = {}
+        for name in self.equations.places:
+            way = self._way(name)
+            moved, weight = scale * abs(way @ motion), self.places()[name].inertia
+            if not moved > 0:
+                found[name] = output, 1.0 / frequency
+                continue
+            # What would hold the place still: a loss there cannot be much larger.
+            still = (max(scale, drive) if np.any(push) else scale) * abs(way @ motion) / abs(way @ yields @ way)
+            found[name] = float(moved), float(np.sqrt(weight * moved / max(still, weight * moved * frequency**2)))
+        return found
+
+    def _received(self, expression: sp.Expr) -> sp.Expr:
+        return expression if self.input_moves else expression.xreplace({s.theta_m: s.u})
+
+    def _heard(self, channel: Channel) -> Channel:
+        value, bias, *jacobian = map(self._received, map(sp.sympify, (channel.value, channel.bias, *channel.jacobian)))
+        return Channel(value, tuple(jacobian), bias)
+
+    def reading(self, closure, rod=STRAIGHT):
+        """Return the declared output."""
+        return (self._received(self.equations.output),)
+
+    def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
+        """Return coordinates and rates as a static force at the output would lead them, read as a deflection.
+
+        Where rates are read the first number is one, and where accelerations are, both are of the output's position.
+        """
+        way = self._shape[:, None]
+        d, v = np.asarray(deflection)[None], np.asarray(rate)[None]
+        if self.order == 1:
+            return 0.0 * way * d, way * d
+        return way * d, way * v
+
+    @cached_property
+    def _shape(self) -> NDArray:
+        """Displacement of the coordinates per unit of what is read, as the springs let a slow force do it."""
+        n = type(self).n_coordinates
+        moving = coordinates_of(n)[self.order]
+        way = self._numbers(sp.Matrix([[sp.diff(self.equations.output, a).subs(dict.fromkeys(moving, 0))
+                                        for a in moving]]))[0]  # fmt: skip
+        if not way.any():
+            return np.zeros(n)
+        stiffness = self.stiffness()
+        # A little of the inertia decides where no spring does: the body moves as a whole.
+        small = 1e-9 * max(np.abs(stiffness).max() / np.abs(self.inertia).max(), 1e-12)
+        shape = np.linalg.solve(stiffness + small * self.inertia, way)
+        return shape / (way @ shape)
+
+
+def _parameter(name: str, constant: Constant) -> Parameter:
+    size = abs(constant.value)
+    bounds = (-np.inf, np.inf)
+    prior: Flat | Normal = Flat(size)
+    if constant.free:
+        near, far = constant.value / _FARTHEST, constant.value * _FARTHEST
+        bounds = (min(near, far), max(near, far))
+    elif constant.sd is not None:
+        prior = Normal(constant.value, constant.sd)
+    return Parameter(
+        constant.unit, name.replace("_", " "), bounds, prior, default=constant.value, starts=(constant.value,),
+        fixed=not constant.free, physical=True, name=name,
+    )  # fmt: skip

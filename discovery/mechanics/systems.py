@@ -1,0 +1,75 @@
+"""The systems that were declared in this process, by the name of their base."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from discovery.declarations.system import SystemDeclaration
+from discovery.foundation.errors import InputError
+from discovery.mechanics.declared import DeclaredBase
+from discovery.mechanics.declared_equations import coordinates_of, is_moved_by_input, read_equations
+
+__all__ = ["declaration_of", "declare", "declared_base", "know_system", "system_base"]
+
+_DECLARED: dict[str, DeclaredBase] = {}
+
+
+def declare(declaration: SystemDeclaration) -> str:
+    """Make a system known, and return the name of its base, for `discovery.equations.model.Model`.
+
+    Raises
+    ------
+    InputError
+        Where a text of it cannot be read, units do not fit, or a coordinate has no inertia: with the key.
+    """
+    if declaration.identity not in _DECLARED:
+        equations = read_equations(declaration)
+        words = {
+            "__doc__": DeclaredBase.__doc__,
+            "name": declaration.identity,
+            "n_coordinates": len(declaration.coordinates),
+            "declaration": declaration,
+            "equations": equations,
+            "input_moves": is_moved_by_input(equations),
+        }
+        base = type("Declared", (DeclaredBase,), words)()
+        _check(base)
+        _DECLARED[declaration.identity] = base
+    return declaration.identity
+
+
+def system_base(declaration: SystemDeclaration) -> DeclaredBase:
+    """Return the base of a system, which is made known; errors as in `declare`."""
+    return _DECLARED[declare(declaration)]
+
+
+def declared_base(name: str) -> DeclaredBase | None:
+    """Return the base of a declared system; None where none of that name was declared."""
+    return _DECLARED.get(name)
+
+
+def declaration_of(base: str) -> SystemDeclaration | None:
+    """Return what was declared of a base; None of one that is built in."""
+    return _DECLARED[base].declaration if base in _DECLARED else None
+
+
+def know_system(description: Mapping[str, Any]) -> None:
+    """Make the system known that a model's description holds, if it holds one."""
+    if "system" in description:
+        declare(SystemDeclaration.from_dict(description["system"]))
+
+
+def _check(base: DeclaredBase) -> None:
+    """Refuse a system whose inertia is not that of bodies, or an output that never moves."""
+    mass = base.inertia
+    if not np.all(np.linalg.eigvalsh(mass) > 0):
+        names = ", ".join(base.declaration.coordinates)
+        raise InputError(
+            f"key 'kinetic': the energy of {names} is not positive for every motion. Give each coordinate an inertia."
+        )
+    q, rates, accelerations = coordinates_of(len(base.declaration.coordinates))
+    if not base.equations.output.free_symbols & {*q, *rates, *accelerations}:
+        raise InputError("key 'output': no coordinate stands in it. Write what the instrument reads of them.")

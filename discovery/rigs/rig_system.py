@@ -1,0 +1,189 @@
+"""A system in its own equations, from [system] of a rig file or from the ready-made ones beside this module."""
+
+from __future__ import annotations
+
+import keyword
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+from discovery.declarations import symbols
+from discovery.declarations.formula import reserved_words
+from discovery.declarations.registry import catalogue
+from discovery.declarations.system import Constant, SystemDeclaration
+from discovery.declarations.units import dimension, homogeneous, named_unit, si_factor, si_symbol
+from discovery.foundation.errors import InputError, suggestion
+from discovery.mechanics.systems import system_base
+from discovery.rigs.rig import Columns
+from discovery.rigs.rig_schema import RigTable, line_of
+from discovery.rigs.rig_signals import columns_of
+from discovery.rigs.system_table import ConstantTable, SystemTable
+
+__all__ = ["read_columns", "ready_made", "system_of"]
+
+_WORD = re.compile(r"[A-Za-z]\w*\Z", re.ASCII)
+#: Names in the text of compiled programs.
+_INTERNAL = re.compile(
+    r"(?:q|qd|qdd|[DFGHILNQ]|r|z|slope|part|reading|sum|hermite|cubic|acceleration|largest|age|drive|"
+    r"parameters|math|np|run)(?:_\w*)?\Z"
+)
+_NEEDED = ("coordinates", "kinetic", "output", "places")
+
+
+def ready_made() -> dict[str, SystemDeclaration]:
+    """Return the ready-made systems by name, for Python; a rig file names one under ``like``."""
+    return {n: _declaration(n, table, lambda key, why: InputError(f"{key}: {why}")) for n, table in _tables().items()}
+
+
+@cache
+def _tables() -> Mapping[str, SystemTable]:
+    folder = resources.files("discovery.rigs").joinpath("systems")
+    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return {
+        f.name.removesuffix(".toml"): SystemTable.model_validate(tomllib.loads(f.read_text(encoding="utf-8"))["system"])
+        for f in files
+    }
+
+
+def system_of(path: Path, text: str, table: RigTable) -> SystemDeclaration | None:
+    """Return the system that a rig file declares in its own equations; None where it names a kind.
+
+    Raises
+    ------
+    InputError
+        Naming file, line, key and remedy: for what is missing, a text that cannot be read, or units that do not fit.
+    """
+    given = table.system
+    if (given is None) != (table.kind != "system"):
+        raise InputError(
+            f"The rig file {path}: kind = 'system' and the table [system] belong together, and no other kind has one. "
+            "Remove the key kind, or the table."
+        )
+    if given is None:
+        return None
+
+    def refuse(key: str, why: str) -> InputError:
+        line = line_of(text, ("system", *key.split("."))) if key else line_of(text, ("system",))
+        return InputError(f"The rig file {path}, line {line}, {f'key {key!r}' if key else '[system]'}: {why}")
+
+    whole = _whole(given, refuse)
+    for name in ("coordinates", "constants", "places", "input"):
+        for word in getattr(whole, name) or {}:
+            if (why := _unfit(word, name)) is not None:
+                raise refuse(f"{name}.{word}" if name != "input" else "input", why)
+    declaration = _declaration(table.name, whole, refuse)
+    try:
+        base = system_base(declaration)
+    except InputError as error:
+        where = re.match(r"key '([\w.]+)': ", str(error))
+        raise refuse(where[1] if where else "", str(error)[where.end() if where else 0 :]) from error
+    _check_columns(table, declaration, base.equations.output_unit, refuse)
+    return declaration
+
+
+def read_columns(path: Path, text: str, table: RigTable, declaration: SystemDeclaration) -> Columns:
+    """Return the columns of a declared system, whose equations say what is read.
+
+    Raises
+    ------
+    InputError
+        As `discovery.rigs.rig_signals.columns_of`, and where derivatives of an input are needed that has none.
+    """
+    base, columns = system_base(declaration), columns_of(path, text, table)
+    if base.input_moves and columns.input is not None and columns.input.interpolation in ("linear", "hold"):
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'input'))}: the equations need derivatives of this "
+            'input, which it has none of between its samples. Set interpolation = "spline", or remove it.'
+        )
+    if base.order < 2:
+        return columns
+    return replace(columns, output=replace(columns.output, reads="acceleration"))
+
+
+_Refuse = Callable[[str, str], InputError]
+
+
+def _declaration(name: str, whole: SystemTable, refuse: _Refuse) -> SystemDeclaration:
+    """Return what a complete table declares, in SI units."""
+    return SystemDeclaration(
+        name=name,
+        coordinates={n: _unit(u, f"coordinates.{n}", refuse) for n, u in (whole.coordinates or {}).items()},
+        constants={n: _constant(c, f"constants.{n}", refuse) for n, c in whole.constants.items()},
+        kinetic=whole.kinetic or "0",
+        potential=whole.potential or "0",
+        dissipation=whole.dissipation or "0",
+        forces=whole.forces or {},
+        input=next(((n, _unit(u, "input", refuse)) for n, u in (whole.input or {}).items()), None),
+        output=whole.output or "",
+        places=whole.places or {},
+    )
+
+
+def _whole(given: SystemTable, refuse: _Refuse) -> SystemTable:
+    """Return a table with what it takes from a ready-made system; refuse one that lacks something."""
+    if given.like is not None:
+        known = _tables()
+        if given.like not in known:
+            hint = suggestion(given.like, known)
+            raise refuse("like", f"there is no ready-made system {given.like!r}.{hint} There are {', '.join(known)}.")
+        stated = given.model_dump(exclude_none=True, exclude={"like", "constants"})
+        base = known[given.like]
+        given = base.model_copy(update={**stated, "constants": {**base.constants, **given.constants}})
+    for name in _NEEDED:
+        if getattr(given, name) is None:
+            made = ", ".join(_tables())
+            raise refuse("", f"it lacks the key {name!r}. Add it, or take a ready-made system: like = one of {made}.")
+    return given
+
+
+def _unfit(word: str, table: str) -> str | None:
+    """Return why a word cannot be the name of something in a system; None where it can."""
+    if not _WORD.match(word) or keyword.iskeyword(word) or word in reserved_words() or "_at_" in word:
+        return f"{word!r} cannot be a name. Use letters, digits and underscores, as in 'phi_l', and no function's name."
+    if table != "constants":
+        return None
+    taken = {p.name for effect in catalogue().values() for p in effect.parameters()}
+    taken |= {symbol.name for symbol in vars(symbols).values() if hasattr(symbol, "name")}
+    if len(word) < 2 or word in taken or _INTERNAL.match(word):
+        return f"the name {word!r} is that of something else in a model. Write a longer one, such as '{word}_body'."
+    return None
+
+
+def _unit(unit: str, key: str, refuse: _Refuse) -> str:
+    """Return a unit of a coordinate or of the input, which must be an SI unit: the equations are in these."""
+    try:
+        if si_factor(unit) == 1.0:
+            return si_symbol(unit)
+    except InputError as error:
+        raise refuse(key, str(error)) from error
+    raise refuse(key, f"{unit!r} is no SI unit. Write {si_symbol(unit)!r}; the columns may be in any unit.")
+
+
+def _constant(given: ConstantTable, key: str, refuse: _Refuse) -> Constant:
+    try:
+        factor, unit = si_factor(given.unit), named_unit(dimension(si_symbol(given.unit)))
+    except InputError as error:
+        raise refuse(key, str(error)) from error
+    value = given.guess if given.value is None else given.value
+    assert value is not None  # the table demands one of them
+    return Constant(unit, value * factor, None if given.sd is None else given.sd * factor, given.guess is not None)
+
+
+def _check_columns(table: RigTable, declaration: SystemDeclaration, output: str, refuse: _Refuse) -> None:
+    """Refuse columns that hold something else than input and output of the system."""
+    columns = table.columns
+    if columns is None:
+        raise refuse("", "there is no table [columns]. Declare time, output, and the input if there is one.")
+    if (columns.input is None) != (declaration.input is None):
+        word = "lacks" if columns.input is None else "has"
+        raise refuse("input", f"[columns] {word} an input, unlike the system. Declare it in both, or in neither.")
+    pairs = [("output", columns.output.unit, output)]
+    if columns.input is not None and declaration.input is not None:
+        pairs.append(("input", columns.input.unit, declaration.input[1]))
+    for name, unit, wanted in pairs:
+        if not homogeneous(si_symbol(unit), wanted):
+            raise refuse(name, f"it is in {wanted}, and its column in {unit!r}. Correct the equation or the column.")

@@ -1,0 +1,169 @@
+"""Systems in their own equations: the law, the laws of known machines, and what a rig file may not say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discovery.declarations.formula import Quantity, read_formula
+from discovery.equations.model import Model
+from discovery.equations.program import build_program
+from discovery.estimation.predict import equilibrium
+from discovery.estimation.problem import NaturalUnits
+from discovery.foundation.errors import InputError
+from discovery.mechanics.systems import system_base
+from discovery.rigs.rig_file import read_rig
+from discovery.rigs.rig_system import ready_made
+from discovery.simulation.kernel.compile import numpy_derivative
+from discovery.testing.systems import SystemContract
+
+
+class TestReadyMade(SystemContract):
+    systems = ready_made()
+
+
+def accelerations(system: str, recorded: tuple[float, float, float], state: list[float]) -> list[float]:
+    base = system_base(ready_made()[system])
+    program = build_program(base.name, ())
+    values = {x.name: value for x, value in base.guess.items()}
+    slopes = numpy_derivative(program)(0.0, recorded, state, [values[p] for p in program.parameters])
+    return [float(a) for a in slopes[len(state) // 2 :]]
+
+
+def test_cart_pendulum_as_in_textbooks() -> None:
+    x, phi, v, w = 0.1, 0.7, 0.3, -1.1
+    m, big, length, j, g, c, d, force = 0.1, 0.5, 0.3, 0.01, 9.81, 0.5, 1e-3, 2.0
+    mass = [[big + m, m * length * np.cos(phi)], [m * length * np.cos(phi), j]]
+    rest = [force + m * length * np.sin(phi) * w**2 - c * v, -m * g * length * np.sin(phi) - d * w]
+    assert np.allclose(accelerations("cart_pendulum", (force, 0, 0), [x, phi, v, w]), np.linalg.solve(mass, rest))
+
+
+def test_pendulum_on_a_cart_feels_its_acceleration() -> None:
+    phi, w, shove = 0.4, 0.2, 3.0
+    m, length, j, g, d = 0.1, 0.3, 0.01, 9.81, 1e-3
+    expected = (-m * length * np.cos(phi) * shove - m * g * length * np.sin(phi) - d * w) / j
+    assert np.allclose(accelerations("pendulum_on_cart", (0.0, 5.0, shove), [phi, w]), [expected])
+
+
+def test_motor_with_its_back_voltage() -> None:
+    w, voltage = 3.0, 2.0
+    assert np.allclose(
+        accelerations("dc_motor", (voltage, 0, 0), [0.0, w]), [(0.05 * (voltage - 0.05 * w) - 1e-4 * w) / 1e-4]
+    )
+
+
+@pytest.mark.parametrize("system", list(ready_made()))
+def test_a_prediction_begins_at_rest(system: str) -> None:
+    model = Model(system_base(ready_made()[system]).name, ())
+    assert equilibrium(model, {}, NaturalUnits(time=1.0, coordinate=1.0, length=1.0), [0.0]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("__import__('os').system('true')", "may not stand in a formula"),
+        ("x.__class__", "may not stand in a formula"),
+        ("(lambda: 1)()", "may not stand in a formula"),
+        ("[1, 2]", "may not stand in a formula"),
+        ("'text'", "may not stand in a formula"),
+        ("True", "may not stand in a formula"),
+        ("1j", "may not stand in a formula"),
+        ("x if x else 1", "may not stand in a formula"),
+        ("open(x)", "is no function of a formula"),
+        ("eval(x)", "is no function of a formula"),
+        ("sin(x, x)", "takes 1 argument"),
+        ("sin(x)", "takes a number without a unit"),
+        ("x^x", "must be a number"),
+        ("9^9^9", "must be a number"),
+        ("9.0^8^8", "must be a number"),
+        ("exp(exp(exp(9)))", "cannot be computed"),
+        ("1e999", "too large"),
+        ("x/0", "divides by zero"),
+        ("x + k", "cannot be added"),
+        ("xx", "Did you mean 'x'"),
+        ("dot(x)", "may not stand here"),
+        ("dot(2*x)", "takes the name"),
+        ("x +", "is no formula"),
+        ("(" * 500 + "x" + ")" * 500, ""),
+        ("x" * 3000, "too long"),
+    ],
+)
+def test_refused(text: str, says: str) -> None:
+    import sympy as sp
+
+    names = {"x": Quantity((sp.Symbol("x"),), "m"), "k": Quantity((sp.Symbol("k"),), "N / m")}
+    if not says:
+        with pytest.raises(InputError):
+            read_formula(text, names, "kg")
+        return
+    with pytest.raises(InputError, match=says):
+        read_formula(text, names)
+
+
+RIG = """
+name = "drive"
+
+[system]
+coordinates = { phi = "rad" }
+input = { torque = "N m" }
+kinetic = "inertia*dot(phi)^2/2"
+dissipation = "loss*dot(phi)^2/2"
+forces = { phi = "torque" }
+output = "dot(phi)"
+places = { shaft = "phi" }
+
+[system.constants]
+inertia = { guess = 2.0, unit = "g m^2" }
+loss = { value = 1e-3, sd = 1e-4, unit = "N m s" }
+
+[columns]
+time = { name = "t" }
+input = { name = "u", unit = "mN m" }
+output = { name = "y", unit = "deg/s", noise = 0.1 }
+"""
+
+
+def rig_with(tmp_path: Path, old: str, new: str) -> Path:
+    assert old in RIG
+    path = tmp_path / "rig.toml"
+    path.write_text(RIG.replace(old, new, 1))
+    return path
+
+
+def test_a_rig_file_declares_a_system(tmp_path: Path) -> None:
+    rig = read_rig(rig_with(tmp_path, "drive", "drive"))
+    assert rig.kind == "system"
+    assert rig.system is not None
+    assert rig.system.constants["inertia"].value == pytest.approx(2e-3)
+    assert rig.system.constants["inertia"].free
+    assert rig.system.constants["loss"].sd == 1e-4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"inertia*dot(phi)^2/2"', '"inertia*dot(psi)^2/2"', r"line 7, key 'kinetic': 'psi' is not declared"),
+        ('"inertia*dot(phi)^2/2"', '"inertia*phi^2/2"', r"line 7, key 'kinetic': .* should be in J"),
+        ('"loss*dot(phi)^2/2"', '"loss*phi^2/2"', r"line 8, key 'dissipation': .* should be in W"),
+        ('"inertia*dot(phi)^2/2"', "\"__import__('os')\"", r"line 7, key 'kinetic': '__import__' is no function"),
+        ('{ phi = "torque" }', '{ psi = "torque" }', r"line 9, key 'forces': there is no coordinate 'psi'"),
+        ('{ phi = "torque" }', '{ phi = "loss" }', r"line 9, key 'forces.phi': .* should be in J"),
+        ("loss = {", "m = {", r"key 'constants.m': the name 'm' is that of something else"),
+        ("loss = {", "lambda = {", r"key 'constants.lambda': 'lambda' cannot be a name"),
+        ('sd = 1e-4, unit = "N m s"', 'sd = 1e-4, unit = "lightspeed"', r"key 'constants.loss'"),
+        ("value = 1e-3, sd", "value = 1e-3, guess = 1.0, sd", "either a value"),
+        ('places = { shaft = "phi" }', "", "lacks the key 'places'"),
+        ('output = "dot(phi)"', 'output = "phi"', r"key 'output': it is in 1, and its column in 'deg/s'"),
+        ('input = { torque = "N m" }', 'input = { torque = "N" }', r"key 'forces.phi'"),
+        ('[system]\n', '[system]\nlike = "dc_moter"\n', "Did you mean 'dc_motor'"),
+        ('name = "drive"', 'name = "drive"\nkind = "drive"', "belong together"),
+        ("[columns]", '[model]\neffects = ["coulomb_friction"]\n[columns]', "Write coulomb_friction_at_shaft"),
+        ("[columns]", '[model]\neffects = ["coulomb_friction_at_hub"]\n[columns]', "Its places are shaft"),
+        ("[columns]", '[model]\neffects = ["radius_law"]\n[columns]', "radius_law"),
+    ],
+)  # fmt: skip
+def test_refused_with_line_and_remedy(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        read_rig(rig_with(tmp_path, old, new))
