@@ -9,6 +9,7 @@ from discovery.report.figures import (
     amplitude,
     bands,
     chains,
+    comparison,
     corner_plot,
     correlation,
     distortion,
@@ -33,6 +34,7 @@ __all__ = ["SECTIONS", "draw_all"]
 Draw = Callable[[Run], Picture | list[Picture] | None]
 #: Which figures a section of the page shows.
 SECTIONS: dict[str, tuple[Draw, ...]] = {
+    "first": (comparison.draw,),
     "answer": (errors.draw,),
     "data": (motion.draw, motion.draw_deflections, phase.draw, distortion.draw),
     "equation": (inclusion.draw,),

@@ -56,7 +56,7 @@ def draw(run: Run) -> Picture | None:
         portrait = _portrait(shown, model, period) if model == "measured" or model in shown.models else None
         if portrait is not None:
             look = {**LINES[model], "linewidth": 0.8}
-            axes.plot(*portrait, **look, rasterized=portrait[0].size > 500)
+            axes.plot(*portrait, **look)
     unit, what = run.coordinate_unit, "deflection" if run.is_arm else run.output_name
     axes.set_xlabel(label(what, unit))
     axes.set_ylabel(label("its rate", f"{unit}/s"))
@@ -66,4 +66,5 @@ def draw(run: Run) -> Picture | None:
         figure,
         f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s.",
         f"{sentence(what)} of {shown.name} against its rate: loops, measured and by the final model.",
+        raster=True,
     )

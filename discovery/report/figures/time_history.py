@@ -75,6 +75,7 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
         f"{trajectory.name} ({role}): measured (some samples) and free-run models, whole, at the start and "
         "at the end; last, the largest error in every hundredth of the time.",
         f"Time series of {trajectory.name} ({role}): measurement, models, and the models’ errors.",
+        raster=True,
     )
 
 
