@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import base64
 import csv
 import json
 import math
@@ -22,14 +23,16 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.report import build_report, posterior, story
+from discovery.report.charts import chart_data
 from discovery.report.convergence import convergence_sentence
 from discovery.report.drive import drive_symbols
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import posterior_table
-from discovery.report.figures import model_error, motion, nats, ranking
+from discovery.report.figures import correlogram, model_error, motion, nats, ranking
 from discovery.report.formula import formula
 from discovery.report.index import build_index
+from discovery.report.latex import latex
 from discovery.report.mathml import block
 from discovery.report.noise import noise_differs
 from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
@@ -124,7 +127,17 @@ def test_an_arm_has_every_figure(arm: Made) -> None:
     names = {p.stem for p in (arm[0] / "figures").iterdir()}
     wanted = {"errors", "motion", "deflections", "phase", "inclusion", "corner", "spring_law", "radius_law"}
     wanted |= {"marginals", "correlations", "chains", "bands_train_a", "bands_hold_in"}
-    wanted |= {"comparison", "residual", "spectrum", "amplitude", "model_error", "odds", "ranking_1", "ranking_2"}
+    wanted |= {
+        "comparison",
+        "correlogram",
+        "residual",
+        "spectrum",
+        "amplitude",
+        "model_error",
+        "odds",
+        "ranking_1",
+        "ranking_2",
+    }
     assert names == wanted | {"time_hold_in", "time_hold_out", "time_train_a"}
 
 
@@ -643,8 +656,69 @@ def test_the_page_over_all_runs_leads_to_the_page_of_a_loop(tmp_path: Path) -> N
         write_json(tmp_path / name / "loop.json", results["loop"])
     (tmp_path / "with_page" / "report.html").write_text("page")
     page = build_index(tmp_path).read_text(encoding="utf-8")
-    assert '<a href="with_page/report.html">with page</a>' in page
-    assert '<td class="t">without</td>' in page
+    assert '<a href="with_page/report.html">With page</a>' in page
+    assert "<h2>Without</h2>" in page
+
+
+def test_a_card_shows_verdict_picture_and_the_error_before_and_after(tmp_path: Path) -> None:
+    synthetic_run.write_arm_run(tmp_path / "whole")
+    build_report(tmp_path / "whole")
+    page = build_index(tmp_path).read_text(encoding="utf-8")
+    reader = _Reader(page)
+    assert '<p class="verdict explained">Explained</p>' in page
+    assert "2.98 → 0.473 mm" in reader.text
+    assert "coulomb friction or quadratic drag" in reader.text
+    (image,) = (a for t, a in reader.tags if t == "img")
+    assert (image["src"] or "").startswith("data:image/png;base64,")
+    assert "measured, declared and final model" in (image["alt"] or "")
+
+
+def test_white_noise_stays_in_the_band_and_an_echo_leaves_it() -> None:
+    noise = np.random.default_rng(3).normal(size=4000)
+    alone = correlogram.correlation(noise, noise, 40)
+    assert alone[0] == pytest.approx(1.0)
+    assert np.mean(np.abs(alone[1:]) < 2.576 / np.sqrt(noise.size)) > 0.9
+    late = correlogram.correlation(np.roll(noise, 7), noise, 40)
+    assert int(np.argmax(late)) == 7
+    gaps = np.where(np.arange(noise.size) % 9, noise, np.nan)
+    assert correlogram.correlation(gaps, gaps, 3)[0] == pytest.approx(1.0)
+    assert not correlogram.correlation(np.ones(50), noise[:50], 5).any()
+
+
+def test_the_fit_is_all_without_an_error_and_none_by_the_mean() -> None:
+    measured = np.sin(np.linspace(0.0, 20.0, 500))
+    assert correlogram.fit_per_cent(measured, np.zeros(500)) == 100.0
+    assert correlogram.fit_per_cent(measured, measured.mean() - measured) == pytest.approx(0.0, abs=1e-9)
+    half = correlogram.fit_per_cent(measured, 0.5 * (measured - measured.mean()))
+    assert half == pytest.approx(50.0)
+
+
+def test_the_equation_has_its_numbers_and_no_two_of_them_touch() -> None:
+    from discovery.report.answer import _with_numbers
+    from discovery.report.mathml import symbol
+
+    body = f'<mrow>{symbol("alpha")}<mspace width="0.12em"/>{symbol("delta_0")}<mo>+</mo>{symbol("alpha_m")}</mrow>'
+    told = _with_numbers(body, {symbol("alpha"): 8.093, symbol("delta_0"): 0.5})
+    assert _text(told) == "8.093·0.5000+αm"
+    assert _text(_with_numbers(body, {symbol("delta_0"): -0.5})) == "α(−0.5000)+αm"
+
+
+def test_a_formula_becomes_latex() -> None:
+    (line,) = model_formulas({"base": "oscillator", "effects": ["cubic_stiffness", "quadratic_drag"]}, "oscillator")
+    assert latex(line.body) == r"\ddot{q}+\beta \, q^{3}+c_{2}\, \dot{q}\, |\dot{q}|=g\, u"
+
+
+def test_an_error_counts_as_seen_by_a_chart_of_small_integers(arm: Made) -> None:
+    run = Run(*arm[:2])
+    (first, *_), shown = json.loads(chart_data(run) or ""), run.held_out[0]
+    assert first["name"] == shown.name
+    packed = first["channels"][0]["left"]["after"]
+    whole = np.frombuffer(base64.b64decode(packed["data"]), "<i2").astype(float)
+    values = packed["low"] + packed["step"] * (whole + 32767)
+    left = (shown.models["after"] - shown.measured)[:, 0]
+    good = whole != -32768
+    assert np.array_equal(good, np.isfinite(left))
+    assert np.abs(values - left)[good].max() <= packed["step"]
 
 
 def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:

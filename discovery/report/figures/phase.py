@@ -9,14 +9,14 @@ from discovery.report.results import Run, Trajectory
 from discovery.report.style import LINES, Picture, label, new_figure
 from discovery.report.words import sentence
 
-__all__ = ["draw"]
+__all__ = ["draw", "main_period"]
 
 FloatArray = NDArray[np.float64]
 #: Swings of a recording that are drawn: more would fill the plane.
 _SWINGS = 6
 
 
-def _period(time: FloatArray, values: FloatArray) -> float:
+def main_period(time: FloatArray, values: FloatArray) -> float:
     """Return the period of the strongest line of a motion [s]."""
     even = np.linspace(time[0], time[-1], time.size)
     good = np.isfinite(values)
@@ -49,7 +49,7 @@ def draw(run: Run) -> Picture | None:
         return None
     shown = candidates[0]
     assert shown.deflection is not None
-    period = _period(shown.time, shown.deflection)
+    period = main_period(shown.time, shown.deflection)
     figure = new_figure(3.8)
     axes = figure.subplots()
     for model in ("measured", "after"):
