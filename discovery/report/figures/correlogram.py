@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["correlation", "draw", "fit_per_cent"]
 
 FloatArray = NDArray[np.float64]
-#: Periods of the motion that the lags span, and the part of the recording that they may not exceed.
-_PERIODS, _PART = 2.0, 4
+#: Periods of the motion and samples that the lags span at least; the part of the recording that they may not exceed.
+_PERIODS, _FEWEST, _PART = 2.0, 60, 4
 #: Standard normal quantile of a two-sided 99 % band (Ljung, System Identification, 2nd ed., section 16.6).
 _BAND = 2.576
 
@@ -85,7 +85,7 @@ def _panel(axes: Axes, shown: Trajectory, pairs: dict[str, tuple[FloatArray, Flo
     """Draw one kind of correlation against the lag."""
     step = float(np.median(np.diff(shown.time)))
     reference = shown.measured[:, 0] if shown.deflection is None else shown.deflection
-    most = int(min(_PERIODS * main_period(shown.time, reference) / step, shown.time.size // _PART))
+    most = int(min(max(_FEWEST, _PERIODS * main_period(shown.time, reference) / step), shown.time.size // _PART))
     lags = step * np.arange(most + 1)
     wide = _BAND / np.sqrt(np.isfinite(shown.measured[:, 0]).sum())
     axes.axhspan(-wide, wide, color=GREY, alpha=0.25, linewidth=0)
