@@ -16,6 +16,7 @@ from discovery.report.tables import Table, name_cell
 from discovery.report.words import LAWS, MASSES, effect_name
 
 __all__ = [
+    "declared_parameters",
     "elastica_table",
     "final_table",
     "nuisance_table",
@@ -43,7 +44,8 @@ def published(run: Run) -> Mapping[str, Any]:
     return paper if same else {}
 
 
-def _declarations(model: Mapping[str, Any]) -> dict[str, Any]:
+def declared_parameters(model: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the declarations of a model's parameters by name."""
     owners: list[Any] = [get_base(model["base"]), *(get_effect(e) for e in model["effects"])]
     return {p.name: p for owner in owners for p in owner.parameters()}
 
@@ -73,7 +75,7 @@ def posterior_table(run: Run) -> Table:
     from discovery.posterior.noise import is_independent
 
     rows = run.quantities_sampled
-    declared, paper = _declarations(_subject(run)), published(run).get("parameters", {})
+    declared, paper = declared_parameters(_subject(run)), published(run).get("parameters", {})
     cells = []
     for r in rows:
         sd = r["sd"]
@@ -145,7 +147,7 @@ def nuisance_table(run: Run) -> Table | None:
 def final_table(run: Run) -> Table:
     """Return the parameters of the final model, with the reason where an interval is missing."""
     after, before = run.loop["model"]["after"], run.loop["model"]["before"]["parameters"]
-    declared = _declarations(after["model"])
+    declared = declared_parameters(after["model"])
     cells, raw = [], []
     for name, p in after["parameters"].items():
         if "[" in name:

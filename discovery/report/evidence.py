@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.report.numbers import MISSING, scale_for, significant, uncertain
+from discovery.report.numbers import MISSING, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
 from discovery.report.story import named, searches
 from discovery.report.tables import Table, term_cell
@@ -66,7 +66,7 @@ def equations_table(run: Run, each: int = 3) -> Table | None:
                 f"{size}",
                 terms,
                 significant(e["unexplained"], 2),
-                significant(min(e["likelihood_ratio"], 1e300), 2),
+                ratio(e["likelihood_ratio"]),
                 significant(e["probability"], 2),
                 mark,
             ]
@@ -93,7 +93,7 @@ def radius_table(run: Run) -> Table | None:
             term_cell(r["law"]),
             prose(r["parameters"]).replace("-", "−"),
             significant(r["unexplained"]),
-            significant(r["likelihood_ratio"], 2),
+            ratio(r["likelihood_ratio"]),
         ]
         for r in radius["rivals"]
     ]

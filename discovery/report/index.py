@@ -1,31 +1,43 @@
-"""One page over all runs: what each recording says, with a link to the run's own page.
+"""The dashboard over all runs: a card for each with its verdict, a picture, and the error before and after.
 
 Run it as ``python -m discovery.report.index FOLDER``, where each run has a folder of its own in FOLDER.
 """
 
 from __future__ import annotations
 
-import base64
+import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
+from discovery.declarations.effect import ARM
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
-from discovery.report.estimates import posterior_table
-from discovery.report.formula import formula
+from discovery.mechanics import get_base
 from discovery.report.numbers import scale_for, significant, uncertain, unit_text
-from discovery.report.page import added_effects, environment, found_terms, regression_equation, three_terms
-from discovery.report.results import Run, read_run
-from discovery.report.words import effect_name, headline, held_group, origin
+from discovery.report.page import environment
+from discovery.report.results import read_run
+from discovery.report.words import effect_name, held_group, origin, sentence
 from discovery.results.provenance import read_json
+from discovery.selection.sentences import chances
 
 __all__ = ["build_index"]
 
-#: Figures of a run that the page over all runs shows, in this order, where the run has them.
-_SHOWN = ("errors", "residual", "spring_law", "radius_law", "model_error", "distortion")
+#: The first picture of a page, which stands on its card.
+_PICTURE = re.compile(r'<div class="static">.*?<img src="(data:image/[^"]+)" alt="([^"]*)"', re.DOTALL)
+_PAGES = {
+    "paper": (
+        "The source paper, whole",
+        "Every equation, number, figure and claim of the paper that this project starts from, beside its own: what "
+        "holds, what does not, and why.",
+    ),
+    "measured": (
+        "Measured sets of other laboratories",
+        "Public recordings of real systems, each from one rig file, side by side: what the loop added, and the error "
+        "beside the best figure known from elsewhere.",
+    ),
+}
 
 
 def build_index(folder: Path) -> Path:
@@ -40,7 +52,7 @@ def build_index(folder: Path) -> Path:
     Returns
     -------
     Path
-        The page; figures are embedded, pages of the runs are linked.
+        The page; the pictures are embedded, pages of the runs are linked.
 
     Raises
     ------
@@ -51,12 +63,12 @@ def build_index(folder: Path) -> Path:
     loops = [p.parent for p in sorted(folder.glob("*/loop.json")) if not (p.parent / "results.json").exists()]
     if not whole and not loops:
         raise InputError(f"{folder} holds no finished run; make one with `discovery run ... --out {folder}/NAME`.")
-    paper = next(iter(sorted(folder.glob("*/studies.json"))), None)
     context = {
-        "runs": [_section(run) for run in whole],
-        "loops": [_row(p) for p in loops],
-        "paper": paper.parent.name if paper else "",
-        "measured": (folder / "measured" / "index.html").exists(),
+        "cards": [
+            *(_card(r.folder, r.results["rig"]["name"], r.loop, origin(r)) for r in whole),
+            *(_card(p, effect_name(p.name), read_json(p / "loop.json")) for p in loops),
+        ],
+        "pages": _pages(folder),
     }
     path = folder / "index.html"
     with atomic_write(path) as temporary:
@@ -64,77 +76,57 @@ def build_index(folder: Path) -> Path:
     return path
 
 
-def _section(run: Run) -> dict[str, Any]:
-    """Return what the page says of a whole run."""
-    r = run.results
-    system = r["rig"]["kind"]
-    discovery = r.get("discovery")
-    return {
-        "folder": run.folder.name,
-        "name": r["rig"]["name"],
-        "origin": origin(run),
-        "headline": headline(run),
-        "verdict": run.loop["verdict"],
-        "equation": regression_equation(found_terms(discovery), system) if discovery else "",
-        "three": three_terms(discovery, system) if discovery else None,
-        "status": discovery["status"] if discovery else "",
-        "parameters": posterior_table(run).html() if r.get("posterior") else "",
-        "elastica": _check(run),
-        "added": added_effects(run),
-        "figures": [_figure(path) for n in _SHOWN if (path := run.folder / "figures" / f"{n}.svg").exists()],
-    }
+def _pages(folder: Path) -> list[tuple[str, str, str]]:
+    """Return the pages over several recordings that are there: link, title, and what they say."""
+    found = []
+    for studies in sorted(folder.glob("*/studies.json"))[:1]:
+        found.append((f"{studies.parent.name}/report.html", *_PAGES["paper"]))
+    if (folder / "measured" / "index.html").exists():
+        found.append(("measured/index.html", *_PAGES["measured"]))
+    return found
 
 
-def _check(run: Run) -> list[tuple[Markup, str]]:
-    """Return posterior against prediction, the rod's mass counted, by the law that a constant radius follows best."""
-    elastica = run.results.get("elastica")
-    if not elastica:
-        return []
-    rows = [
-        row
-        for row in elastica["comparison"]
-        if row["mass"] == "rod_counted" and row["law"] == "static_least_squares" and row["parameter"] != "beta/alpha"
-    ]
-    return [
-        (
-            Markup(formula(row["parameter"])),
-            f"{uncertain(row['posterior_mean'], row['posterior_sd'])} measured, "
-            f"{uncertain(row['predicted_mean'], row['predicted_sd'] or None)} predicted "
-            f"{unit_text(row['unit'], run.coordinate_unit)} ({significant(row['discrepancy'], 2)} sd apart)",
-        )
-        for row in rows
-    ]
-
-
-def _figure(path: Path) -> dict[str, str]:
-    content = base64.b64encode(path.read_bytes()).decode("ascii")
-    return {"name": path.stem, "source": f"data:image/svg+xml;base64,{content}"}
-
-
-def _row(folder: Path) -> dict[str, Any]:
-    """Return what the page says of a closed loop."""
-    loop = read_json(folder / "loop.json")
+def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> dict[str, Any]:
+    """Return what a card says of a run."""
     errors = loop["errors"]
     group = held_group(errors)
     scale = scale_for(errors["unit"], errors["after"][group]["rms"])
-    found = []
-    for effect in loop["effects"]:
-        values = [
-            f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'])}".strip()
-            for name, p in effect["parameters"].items()
-        ]
-        rivals = "".join(f" or {effect_name(r)}" for r in effect["ambiguous_with"])
-        found.append(effect_name(effect["id"]) + (f" ({'; '.join(values)})" if values else "") + rivals)
+    before, after = (errors[when][group]["rms"] * scale.factor for when in ("before", "after"))
+    page = folder / "report.html"
+    picture = _PICTURE.search(page.read_text(encoding="utf-8")) if page.is_file() else None
     return {
-        "page": f"{folder.name}/report.html" if (folder / "report.html").is_file() else "",
-        "name": effect_name(folder.name),
-        "verdict": loop["verdict"].replace("_", " "),
-        "found": found,
-        "before": significant(errors["before"][group]["rms"] * scale.factor),
-        "after": significant(errors["after"][group]["rms"] * scale.factor),
+        "folder": folder.name,
+        "page": f"{folder.name}/report.html" if page.is_file() else "",
+        "name": sentence(name),
+        "about": about,
+        "verdict": loop["verdict"],
+        "verdict_words": effect_name(loop["verdict"]),
+        "found": [_effect(e, _coordinate(loop)) for e in loop["effects"]],
+        "before": significant(before),
+        "after": significant(after),
         "floor": significant(errors["noise_floor"] * scale.factor),
         "unit": scale.symbol,
+        "where": "in training" if group == "train" else "held out",
+        "picture": picture[1] if picture else "",
+        "alt": picture[2] if picture else "",
     }
+
+
+def _coordinate(loop: Mapping[str, Any]) -> str:
+    """Return the unit of the coordinate: rad for an arm, else that of the output."""
+    is_arm = get_base(loop["model"]["after"]["model"]["base"]).system == ARM
+    return "rad" if is_arm else str(loop["errors"]["unit"])
+
+
+def _effect(effect: Mapping[str, Any], coordinate: str) -> str:
+    """Return an added effect with its parameters, its rivals and its odds."""
+    values = [
+        f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], coordinate)}".strip()
+        for name, p in effect["parameters"].items()
+    ]
+    rivals = "".join(f" or {effect_name(r)}" for r in effect["ambiguous_with"])
+    told = [*values, *([chances(effect["evidence"]["odds"])] if effect["evidence"] else [])]
+    return effect_name(effect["id"]) + rivals + (f" ({'; '.join(told)})" if told else "")
 
 
 if __name__ == "__main__":

@@ -110,6 +110,7 @@ def draw_states(run: Run) -> Picture | None:
         figure,
         f"The missing force against what it may depend on: a line where it depends on it alone.{line}",
         "Missing force against each state, one panel each.",
+        raster=True,
     )
 
 

@@ -12,6 +12,7 @@ __all__ = [
     "fixed",
     "interval",
     "near_one",
+    "ratio",
     "rounded",
     "scale_for",
     "significant",
@@ -22,6 +23,8 @@ __all__ = [
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MINUS = "\N{MINUS SIGN}"
+#: Probabilities and their ratios are told no finer than one in so many.
+_LEAST = 1e-4
 _NARROW = "\N{NARROW NO-BREAK SPACE}"
 #: Prefixes by unit: an error of a few millimetres is not written in metres.
 _PREFIXED = {"m": ("m", "µm", "mm"), "rad": ("rad", "µrad", "mrad"), "V": ("V", "µV", "mV"), "s": ("s", "µs", "ms")}
@@ -138,14 +141,27 @@ def rounded(value: float | None, sd: float | None) -> str:
 
 
 def near_one(share: float) -> str:
-    """Return a share; what is close to one by its distance from it.
+    """Return a share; what is close to one only as far as anybody can tell.
 
     Examples
     --------
-    >>> near_one(0.87), near_one(0.99998).replace(chr(0x202F), " ")
-    ('0.870', '1 − 2.0 × 10⁻⁵')
+    >>> near_one(0.87), near_one(0.9987), near_one(0.9999999)
+    ('0.870', '0.9987', 'more than 0.9999')
     """
-    return f"1 {_MINUS} {significant(1 - share, 2)}" if 0.99 < share < 1 else significant(share)
+    if 1 - _LEAST < share < 1:
+        return f"more than {1 - _LEAST:g}"
+    return fixed(share, 4) if 0.99 < share < 1 else significant(share)
+
+
+def ratio(value: float) -> str:
+    """Return a likelihood ratio; beyond ten thousand a number would promise more than a model of noise can keep.
+
+    Examples
+    --------
+    >>> ratio(16.2), ratio(2.5e278).replace(chr(0x202F), " ")
+    ('16', 'more than 10 000')
+    """
+    return significant(value, 2) if value < 1 / _LEAST else f"more than {fixed(1 / _LEAST, 0)}"
 
 
 def interval(low: float | None, high: float | None) -> str:

@@ -6,16 +6,16 @@ import base64
 import os
 import re
 from collections.abc import Mapping
-from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from discovery.foundation.io import atomic_write
-from discovery.report import ambiguity, convergence, evidence, latent, measures, noise, posterior, story
+from discovery.report import ambiguity, answer, convergence, evidence, latent, measures, noise, posterior, story
+from discovery.report.charts import chart_data
 from discovery.report.drive import drive_words
-from discovery.report.equations import Formula, discovered_equation, model_formulas
+from discovery.report.equations import Formula, model_formulas
 from discovery.report.estimates import (
     elastica_table,
     final_table,
@@ -25,11 +25,13 @@ from discovery.report.estimates import (
     symbol_of,
 )
 from discovery.report.figures import draw_all
-from discovery.report.formula import formula
+from discovery.report.latex import latex
 from discovery.report.mathml import block
 from discovery.report.numbers import interval, significant, uncertain, unit_text
 from discovery.report.references import effects_used, methods_used
+from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
+from discovery.report.scripts import policy, scripts, sheet
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
 from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, prose, sentence
@@ -38,7 +40,7 @@ from discovery.selection.sentences import effect_sentence, lead_sentence, model_
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["added_effects", "build_report", "embed", "environment", "found_terms", "regression_equation", "three_terms"]
+__all__ = ["added_effects", "build_report", "embed", "environment"]
 
 #: Letters of the name of a figure's file.
 _LONGEST = 100
@@ -154,39 +156,8 @@ def _tables(run: Run) -> dict[str, Table]:
     return {table.name: table for table in made if table is not None}
 
 
-def _lines(formulas: list[Formula]) -> list[tuple[str, Markup]]:
-    return [(f.words, Markup(block(f.body))) for f in formulas]
-
-
-def regression_equation(equation: Mapping[str, Any], system: str) -> Markup:
-    """Return an equation of the regression with its numbers, as many digits as their intervals deserve."""
-    terms: list[tuple[str, str]] = []
-    inputs: list[tuple[str, str]] = []
-    for term, value, sd in zip(equation["terms"], equation["coefficients"], equation["sd"], strict=True):
-        side = inputs if term == "u" else terms
-        side.append((significant(value, _digits(value, sd)), "" if term == "1" else formula(term)))
-    return Markup(block(discovered_equation(terms, inputs, system)))
-
-
-def found_terms(discovery: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return terms, coefficients and deviations of the discovered equation."""
-    keys = {"terms": "term", "coefficients": "coefficient", "sd": "sd"}
-    return {name: [t[key] for t in discovery["terms"]] for name, key in keys.items()}
-
-
-def three_terms(discovery: Mapping[str, Any], system: str) -> Mapping[str, Any] | None:
-    """Return the best equation of three terms where the discovered one has another size."""
-    best = discovery.get("best_three")
-    if not best or len(best["terms"]) == len(discovery["terms"]):
-        return None
-    return {"share": f"{100 * best['probability']:.0f} %", "equation": regression_equation(best, system)}
-
-
-def _digits(value: float, sd: float | None) -> int:
-    """Return the significant digits down to the first one of the standard deviation, between two and six."""
-    if not value or not sd or sd <= 0:
-        return 4
-    return min(6, max(2, 1 + floor(log10(abs(value))) - floor(log10(sd))))
+def _lines(formulas: list[Formula]) -> list[tuple[str, Markup, str]]:
+    return [(f.words, Markup(block(f.body)), latex(f.body)) for f in formulas]
 
 
 def added_effects(run: Run) -> list[dict[str, Any]]:
@@ -213,7 +184,17 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
     r, model = run.results, run.loop["model"]
     system = r["rig"]["kind"]
     discovery, radius = r.get("discovery"), r.get("radius")
+    chart = chart_data(run)
     return {
+        "policy": policy(chart=chart is not None),
+        "scripts": scripts(chart=chart is not None),
+        "chart": chart,
+        "chart_sheet": sheet(),
+        "certainty": answer.certainty(run),
+        "final_lines": answer.equation_lines(run),
+        "final_values": answer.parameter_lines(run),
+        "bars": answer.error_bars(run),
+        "standing": standing(run),
         "name": r["rig"]["name"],
         "origin": origin(run),
         "headline": headline(run),

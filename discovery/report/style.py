@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.report.mathml import GREEK
+from discovery.report.slim import slim_png, slim_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,6 +44,8 @@ _DOTS = 90
 _DENSE = 4000
 #: Width of a figure [inches]. A phone shows it at three quarters of its size, a wide screen at five quarters.
 WIDTH = 4.6
+#: A picture of points is shown at 118 dots per inch at most; a denser screen gains a little.
+_DOTS_PER_INCH = 150
 #: Ticks of a decade, coarse to fine, and how many there are at least.
 _LOG_STEPS = ((1.0,), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0))
 _FEWEST_TICKS = 3
@@ -66,7 +69,7 @@ _STYLE: Any = {
     "legend.fontsize": 8.5,
     "legend.frameon": False,
     "savefig.facecolor": "white",
-    "svg.fonttype": "path",
+    "svg.fonttype": "none",
     "svg.hashsalt": "discovery",
     "xtick.labelsize": 8.5,
     "ytick.labelsize": 8.5,
@@ -128,10 +131,10 @@ def render(picture: Picture) -> tuple[str, bytes]:
     """Return the file suffix and the content of a picture; the same picture gives the same bytes."""
     buffer = io.BytesIO()
     if picture.raster:
-        picture.figure.savefig(buffer, format="png", dpi=200, metadata={"Software": None})
-        return ".png", buffer.getvalue()
+        picture.figure.savefig(buffer, format="png", dpi=_DOTS_PER_INCH, metadata={"Software": None})
+        return ".png", slim_png(buffer.getvalue())
     picture.figure.savefig(buffer, format="svg", dpi=200, metadata={"Date": None, "Creator": None})
-    return ".svg", buffer.getvalue()
+    return ".svg", slim_svg(buffer.getvalue().decode("utf-8")).encode("utf-8")
 
 
 def decimate(time: FloatArray, values: FloatArray, limit: int = 1400) -> tuple[FloatArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 from collections.abc import Iterable, Sequence
@@ -68,10 +69,18 @@ class Table:
         body = "".join(f"<tr>{cells('td', row)}</tr>" for row in self.rows)
         name, stacked = f"table-{self.name}", ' class="stacked"' if self.narrow else ""
         return Markup(
-            f'<p class="caption" id="{name}">{escape(self.caption)}</p>'
+            f'<div class="caption"><p id="{name}">{escape(self.caption)}</p> {self._link()}</div>'
             f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{name}">'
             f'<table{stacked} aria-labelledby="{name}">'
             f"<thead><tr>{cells(_HEAD, self.header)}</tr></thead><tbody>{body}</tbody></table></div>"
+        )
+
+    def _link(self) -> str:
+        """Return the link that saves the table with every digit; it holds the file, so that it needs no other."""
+        content = base64.b64encode(self.csv().encode("utf-8")).decode("ascii")
+        return (
+            f'<a class="csv" download="{escape(self.name)}.csv" href="data:text/csv;base64,{content}" '
+            f'aria-label="CSV file of the table {escape(self.name.replace("_", " "))}">CSV</a>'
         )
 
     def _look(self, column: int, value: Cell) -> str:

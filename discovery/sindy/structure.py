@@ -105,7 +105,9 @@ def status_of(equation: Equation, rivals: Sequence[Equation], full: bool, noise:
     if full and equation.unexplained > _MATTERS:
         text += " More terms than were allowed would explain more."
     if noise > MISFIT:
-        text += f" What is left is {math.sqrt(noise):.2g} times the instrument's noise: something is missing."
+        text += (
+            f" What is left is {math.sqrt(noise):.2g} times the instrument's noise, at the frequencies of the motion."
+        )
     if rivals:
         others = "; ".join(", ".join(rival.terms) for rival in rivals[:5])
         text += (

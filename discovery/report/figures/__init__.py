@@ -9,8 +9,10 @@ from discovery.report.figures import (
     amplitude,
     bands,
     chains,
+    comparison,
     corner_plot,
     correlation,
+    correlogram,
     distortion,
     errors,
     inclusion,
@@ -33,6 +35,7 @@ __all__ = ["SECTIONS", "draw_all"]
 Draw = Callable[[Run], Picture | list[Picture] | None]
 #: Which figures a section of the page shows.
 SECTIONS: dict[str, tuple[Draw, ...]] = {
+    "first": (comparison.draw,),
     "answer": (errors.draw,),
     "data": (motion.draw, motion.draw_deflections, phase.draw, distortion.draw),
     "equation": (inclusion.draw,),
@@ -42,7 +45,7 @@ SECTIONS: dict[str, tuple[Draw, ...]] = {
     "chains": (chains.draw,),
     "coverage": (bands.draw,),
     "elastica": (laws.draw,),
-    "residual": (residual.draw, residual.draw_spectrum, amplitude.draw),
+    "residual": (residual.draw, correlogram.draw, residual.draw_spectrum, amplitude.draw),
     "steps": (model_error.draw,),
     "odds": (odds.draw,),
     "story": (ranking.draw,),

@@ -9,14 +9,14 @@ from discovery.report.results import Run, Trajectory
 from discovery.report.style import LINES, Picture, label, new_figure
 from discovery.report.words import sentence
 
-__all__ = ["draw"]
+__all__ = ["draw", "main_period"]
 
 FloatArray = NDArray[np.float64]
 #: Swings of a recording that are drawn: more would fill the plane.
 _SWINGS = 6
 
 
-def _period(time: FloatArray, values: FloatArray) -> float:
+def main_period(time: FloatArray, values: FloatArray) -> float:
     """Return the period of the strongest line of a motion [s]."""
     even = np.linspace(time[0], time[-1], time.size)
     good = np.isfinite(values)
@@ -49,14 +49,14 @@ def draw(run: Run) -> Picture | None:
         return None
     shown = candidates[0]
     assert shown.deflection is not None
-    period = _period(shown.time, shown.deflection)
+    period = main_period(shown.time, shown.deflection)
     figure = new_figure(3.8)
     axes = figure.subplots()
     for model in ("measured", "after"):
         portrait = _portrait(shown, model, period) if model == "measured" or model in shown.models else None
         if portrait is not None:
             look = {**LINES[model], "linewidth": 0.8}
-            axes.plot(*portrait, **look, rasterized=portrait[0].size > 500)
+            axes.plot(*portrait, **look)
     unit, what = run.coordinate_unit, "deflection" if run.is_arm else run.output_name
     axes.set_xlabel(label(what, unit))
     axes.set_ylabel(label("its rate", f"{unit}/s"))
@@ -66,4 +66,5 @@ def draw(run: Run) -> Picture | None:
         figure,
         f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s.",
         f"{sentence(what)} of {shown.name} against its rate: loops, measured and by the final model.",
+        raster=True,
     )

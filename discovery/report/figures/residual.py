@@ -35,6 +35,7 @@ def draw(run: Run) -> Picture | None:
         figure,
         f"Model minus measurement on {shown.name}, before and after; the vertical scales differ.",
         f"Residual against time of {shown.name}, every channel before and after the loop.",
+        raster=True,
     )
 
 

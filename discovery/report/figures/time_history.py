@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from discovery.report.figures.motion import channel_name
-from discovery.report.figures.phase import _period
+from discovery.report.figures.phase import main_period
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import BLUE, LINES, Picture, label, new_figure, plain_log, series, side_label
@@ -53,7 +53,7 @@ def _distances(axes: Axes, trajectory: Trajectory) -> None:
 def _history(run: Run, trajectory: Trajectory) -> Picture:
     time, count = trajectory.time, len(trajectory.channels)
     reference = trajectory.measured[:, -1] if trajectory.deflection is None else trajectory.deflection
-    zoom = min(_ZOOM * _period(time, reference), (time[-1] - time[0]) / 2)
+    zoom = min(_ZOOM * main_period(time, reference), (time[-1] - time[0]) / 2)
     figure = new_figure(1.25 * (2 * count + 1) + 0.9)
     grid = figure.add_gridspec(2 * count + 1, 2)
     for c, (channel, unit) in enumerate(zip(trajectory.channels, trajectory.units, strict=True)):
@@ -77,6 +77,7 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
         f"{trajectory.name} ({role}): measured (some samples) and free-run models, whole, at the start and "
         "at the end; last, the largest error in every hundredth of the time.",
         f"Time series of {trajectory.name} ({role}): measurement, models, and the models’ errors.",
+        raster=True,
     )
 
 

@@ -1,0 +1,136 @@
+"""The first screen: the verdict with its odds, the final equation with its numbers, and the error before and after."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup
+
+from discovery.report.equations import model_formulas
+from discovery.report.estimates import declared_parameters
+from discovery.report.latex import latex
+from discovery.report.mathml import block, number, symbol
+from discovery.report.numbers import MISSING, significant, uncertain, unit_text
+from discovery.report.results import Run
+from discovery.report.words import effect_name, error_groups, error_scale
+from discovery.selection.sentences import chances, probability_words
+
+__all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
+
+#: Formulas that are shown although no parameter stands in them, by how their words begin.
+_LAW = ("Equation of motion", "Lagrange")
+#: Digits of a coefficient in the equation; the list beside it has them all.
+_DIGITS = 4
+_SIDE_BY_SIDE = re.compile(r'(</mn>(?:</mrow>)*)<mspace width="[\d.]+em"/>(?=(?:<mrow>)*<mn>)')
+#: Before a symbol that is not the stem of one with an index or dots.
+_ALONE = r'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)'
+
+
+def certainty(run: Run) -> list[tuple[str, str]]:
+    """Return how sure each added effect is: its name, and its odds, with the probability of one of the catalogue."""
+    steps = run.loop["steps"]
+    better = {s["effects"][0]: s["numbers"].get("odds") for s in steps if s["action"] == "mechanics" and s["accepted"]}
+    found = []
+    for effect in run.loop["effects"]:
+        name, evidence = effect["id"], effect["evidence"]
+        if evidence:
+            words = chances(evidence["odds"]).removeprefix("odds of ")
+            if effect["probability"] is not None:
+                words += f", probability {probability_words(effect['probability'])}"
+            found.append((effect_name(name), words))
+        elif better.get(name) is not None:
+            found.append(
+                (effect_name(name), f"{chances(better[name]).removeprefix('odds of ')}, over simpler mechanics")
+            )
+    return found
+
+
+def _parameters(run: Run) -> dict[str, Mapping[str, Any]]:
+    return {name: p for name, p in run.loop["model"]["after"]["parameters"].items() if "[" not in name}
+
+
+def equation_lines(run: Run) -> list[tuple[str, Markup, str]]:
+    """Return the formulas of the final model with its numbers: words, mathematics, and the same as LaTeX."""
+    after = run.loop["model"]["after"]
+    declared = declared_parameters(after["model"])
+    values = {
+        symbol(declared[name].latex if name in declared and declared[name].latex else name): p["value"]
+        for name, p in _parameters(run).items()
+    }
+    lines = []
+    for formula in model_formulas(after["model"], run.results["rig"]["kind"]):
+        body = _with_numbers(formula.body, values)
+        if body != formula.body or formula.words.startswith(_LAW):
+            lines.append((formula.words, Markup(block(body)), latex(body)))
+    return lines
+
+
+def _with_numbers(body: str, values: Mapping[str, float]) -> str:
+    """Return a formula with numbers for symbols; a symbol that is part of another one stays."""
+    for name in sorted(values, key=len, reverse=True):
+        printed = number(significant(values[name], _DIGITS))
+        if values[name] < 0:
+            printed = f"<mrow><mo>(</mo>{printed}<mo>)</mo></mrow>"
+        if name.startswith("<msub>"):
+            # An index below and an exponent above share their place.
+            inner = re.escape(name.removeprefix("<msub>").removesuffix("</msub>"))
+            body = re.sub(rf"<msubsup>{inner}(<mn>\d+</mn>)</msubsup>", rf"<msup>{printed}\1</msup>", body)
+            body = body.replace(name, printed)
+        else:
+            body = re.sub(_ALONE + re.escape(name), printed, body)
+    # Two numbers side by side would be read as one.
+    return _SIDE_BY_SIDE.sub(r"\1<mo>·</mo>", body)
+
+
+def parameter_lines(run: Run) -> list[dict[str, Any]]:
+    """Return the parameters of the final model: symbol, value with its deviation, unit, and what it is."""
+    after = run.loop["model"]["after"]
+    declared = declared_parameters(after["model"])
+    found = []
+    for name, p in _parameters(run).items():
+        latex = declared[name].latex if name in declared else ""
+        found.append(
+            {
+                "symbol": Markup(f"<math>{symbol(latex or name)}</math>"),
+                "value": uncertain(p["value"], p["sd"]),
+                "unit": unit_text(p["unit"], run.coordinate_unit),
+                "meaning": str(declared[name].meaning) if name in declared else "",
+            }
+        )
+    return found
+
+
+def error_bars(run: Run) -> dict[str, Any]:
+    """Return the error of every group before and after, with where each lies between the smallest and the largest."""
+    errors, scale, names = run.loop["errors"], error_scale(run), error_groups(run)
+    groups = [g for g in names if g != "holdout" or "holdout_inside" not in names]
+    floor = errors["noise_floor"]
+    sizes = {g: [errors[w][g]["rms"] for w in ("before", "after")] for g in groups}
+    known = [v for pair in sizes.values() for v in (*pair, floor) if v and math.isfinite(v)]
+    low, high = math.log(0.7 * min(known)), math.log(1.1 * max(known))
+
+    def place(value: float) -> float:
+        return round(100 * min(1.0, max(0.0, (math.log(value) - low) / (high - low))), 1) if value else 0.0
+
+    def shown(value: float) -> str:
+        return "blows up" if math.isinf(value) else significant(value * scale.factor)
+
+    rows = [
+        {
+            "name": names[g],
+            "before": shown(before),
+            "after": shown(after),
+            "before_at": place(before),
+            "after_at": place(after),
+        }
+        for g, (before, after) in sizes.items()
+    ]
+    return {
+        "rows": rows,
+        "unit": scale.symbol,
+        "floor": significant(floor * scale.factor) if floor else MISSING,
+        "floor_at": place(floor),
+    }
