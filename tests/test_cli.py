@@ -26,9 +26,9 @@ from discovery.cli import cli, main
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
 from discovery.cli.options import Seconds, estimate_text, progress
+from discovery.cli.say import say_loop
 from discovery.cli.sources import MANOEUVRES, SYSTEMS
 from discovery.cli.stages import NOISES
-from discovery.cli.stages import _say_loop as say_loop
 from discovery.declarations.registry import catalogue
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of

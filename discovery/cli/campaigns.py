@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from discovery.cli.campaign_cases import Case, beside, found_cases, listed, origins, rig_files
-from discovery.cli.options import PATH, note, options, results_folder
+from discovery.cli.options import PATH, note, options, print_json, results_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -87,7 +87,7 @@ def _count(number: int, word: str) -> str:
 
 @click.command(short_help="Run the loop on every rig file below a folder.")
 @click.argument("where", metavar="RIG_OR_FOLDER", type=PATH)
-@options("out", "seed", "quiet")
+@options("out", "seed", "quiet", "json")
 @click.option("--each", is_flag=True, help="Every training recording is a case of its own.")
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1), help="Processes on this machine.")
 @click.option(
@@ -107,6 +107,7 @@ def campaign(
     out: Path,
     seed: int,
     quiet: bool,
+    as_json: bool,
     each: bool,
     workers: int,
     scheduler: str | None,
@@ -131,6 +132,7 @@ def campaign(
     another machine needs a tls:// address. Without a scheduler nothing listens on any port.
     """
     from discovery.foundation.errors import ComputationError
+    from discovery.results.provenance import read_json
     from discovery.runs.campaign import campaign as run
     from discovery.runs.campaign import collect, unfinished, watched
 
@@ -161,8 +163,14 @@ def campaign(
     for outcome in watched(outcomes, len(left), "cases") if left and not quiet else outcomes:
         failed += outcome.result is None
         said = outcome.error if outcome.result is None else f"{outcome.result['verdict']}: {outcome.result['effects']}"
-        click.echo(f"{outcome.name}: {said.rstrip(': ')}")
-    click.echo(f"{collect(folder, [name for name, _ in cases], apart=['parameters'])}")
+        if not as_json:
+            click.echo(f"{outcome.name}: {said.rstrip(': ')}")
+    table = collect(folder, [name for name, _ in cases], apart=["parameters"])
+    if as_json:
+        kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
+        print_json({"cases": kept, "files": [table]})
+    else:
+        click.echo(f"{table}")
     if failed:
         raise ComputationError(f"{failed} of {len(cases)} cases failed; their errors are in {folder / 'cases'}.")
 

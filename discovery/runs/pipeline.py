@@ -1,4 +1,4 @@
-"""From a data set to a folder of results: every stage in order, each saved as it is done."""
+"""From a data set to a folder of results: every stage in order, saved with the answer, the posterior, the evidence."""
 
 from __future__ import annotations
 
