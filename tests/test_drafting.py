@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from test_cli import call
 
 from discovery.cli.begin import SYSTEM_KINDS
@@ -208,3 +209,32 @@ def test_lists_are_printed_as_one_document(capsys: pytest.CaptureFixture[str]) -
     assert card == next(c for c in cards if c["id"] == "coulomb_friction")
     assert {p["name"] for p in card["parameters"]} == {"f_c", "v_c"}
     assert json.loads(call(capsys, "data", "list", "--json").out)[0]["licence"]
+
+
+def test_a_new_user_gets_the_right_answer_from_init_and_loop(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pendulum in degrees with drag in air, whose user writes no line of a rig file."""
+
+    def released(name: str, angle: float) -> Path:
+        time = np.arange(800) / 40.0
+
+        def pull(_: float, state: np.ndarray) -> tuple[float, float]:
+            return state[1], -16.35 * np.sin(state[0]) - 0.03 * state[1] - 0.06 * abs(state[1]) * state[1]
+
+        seen = solve_ivp(pull, (0.0, 20.0), (np.radians(angle), 0.0), t_eval=time, rtol=1e-9, atol=1e-9).y[0]
+        return written(
+            tmp_path, name, "time;Angle (°)", time, np.degrees(seen) + RNG.normal(0.0, 0.15, 800), separator=";"
+        )
+
+    assert call(capsys, "init", released("a.csv", 70.0), "--holdout", released("b.csv", 40.0)).status == 0
+    out = tmp_path / "out"
+    said = call(capsys, "loop", tmp_path / "rig.toml", "--out", out, "--quiet", "--json")
+    assert said.status == 0, said.err
+    found = json.loads(said.out)
+    assert found["verdict"] == "explained"
+    assert [effect["id"] for effect in found["effects"]] == ["quadratic_drag"]
+    assert found["effects"][0]["parameters"]["c_2"]["value"] == pytest.approx(0.06, rel=0.05)
+    assert found["files"] == [str(out / "loop.json"), str(out / "report.html")]
+    kept = json.loads((out / "loop.json").read_text())
+    assert {key: found[key] for key in kept} == kept
