@@ -447,7 +447,7 @@ def _save(found: Answer, done: Sampled, *, tell: stages.Tell, first: bool = Fals
     with TemporaryDirectory(dir=out, prefix=SAVING) as folder:
         beside = Path(folder)
         if posterior is not None:
-            posterior.to_netcdf(beside / "posterior.nc", bands=bands, experiments=dataset.train)
+            posterior.to_netcdf(beside / "posterior.nc", dataset)
         if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
         _save_curves(beside, dataset, found.predictions, bands, posterior, found.discovered, elastica)
