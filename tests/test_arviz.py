@@ -31,7 +31,7 @@ def recordings() -> list[Experiment]:
 
 @pytest.fixture(scope="module")
 def drawn(recordings: list[Experiment]) -> Posterior:
-    return sample(fit(linear_model(), recordings), rng_seed=11)
+    return sample(fit(linear_model(), recordings), seed=11)
 
 
 def test_names_become_dimensions_and_come_back() -> None:

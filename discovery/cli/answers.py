@@ -58,7 +58,9 @@ def run(
     from discovery.runs import pipeline
 
     with progress(quiet) as tell:
-        found = pipeline.answer(dataset, folder, seed=seed, tell=tell, note=data_note, with_posterior=with_posterior)
+        found = pipeline.answer(
+            dataset, folder, seed=seed, progress=tell, note=data_note, with_posterior=with_posterior
+        )
     doubted = doubts(found.loop, dataset)
     if not as_json:
         say_loop(found.loop)
@@ -93,7 +95,7 @@ def _posterior(
     pending, failed = None, None
     with progress(quiet) as tell:
         try:
-            pending = pipeline.add_posterior(found, tell=tell, seconds=seconds)["pending"]
+            pending = pipeline.add_posterior(found, progress=tell, seconds=seconds)["pending"]
         except ComputationError as failure:
             # The page says why there is none.
             failed = failure
@@ -137,8 +139,8 @@ def loop(
     folder = results_folder(out, "loop.json", "prediction.csv", "report.html")
     remove_unfinished(folder)
     with progress(quiet) as tell:
-        result = close(dataset, seed=seed, tell=tell)
-        missing = unexplained(result, dataset, tell=tell)
+        result = close(dataset, seed=seed, progress=tell)
+        missing = unexplained(result, dataset, progress=tell)
         content = _written(folder, result, missing)
         failed = None if wanted is None else _predicted(folder, wanted, result, initial, tell, target)
     doubted = doubts(result, dataset)

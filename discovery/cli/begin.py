@@ -105,10 +105,9 @@ def _draw(dataset: Dataset, place: Path) -> None:
     """Draw the recordings to a file."""
     from discovery.foundation.io import atomic_write
     from discovery.plots.axes import detached_axes
-    from discovery.plots.recordings import plot_recordings
 
     figure, axes = detached_axes(len((*dataset.everything, *dataset.test)))
-    plot_recordings(dataset, axes)
+    dataset.plot_recordings(axes)
     with atomic_write(place) as beside:
         figure.savefig(beside)
 

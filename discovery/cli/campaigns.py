@@ -43,8 +43,8 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     if case.only is not None:
         dataset = replace(dataset, train=(dataset.train[case.only],))
     dataset = choose_interpolation(dataset)
-    result = loop(dataset, seed=case.seed, tell=lambda _: None)
-    content = write_loop(case.out, result, missing=unexplained(result, dataset, tell=lambda _: None))
+    result = loop(dataset, seed=case.seed, progress=lambda _: None)
+    content = write_loop(case.out, result, missing=unexplained(result, dataset, progress=lambda _: None))
     errors = {
         f"{role}_rms_{when}": content["errors"][when][role]["rms"]
         for when in ("before", "after")

@@ -27,7 +27,7 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "discovery.json")
     with progress(quiet) as tell:
-        found = stages.discover(dataset, seed=seed, tell=tell)
+        found = stages.discover(dataset, seed=seed, progress=tell)
     summary = found.summary()
     write_json(folder / "discovery.json", {"provenance": provenance(dataset, seed=seed), **summary})
     if as_json:
@@ -49,7 +49,7 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> N
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "fit.json")
     with progress(quiet) as tell:
-        fits = stages.estimate(dataset, tell=tell)
+        fits = stages.estimate(dataset, progress=tell)
     write_json(folder / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
     if as_json:
         print_json(fits.summary())
@@ -82,10 +82,10 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool
     folder = results_folder(out, "posterior.json", "posterior.nc", "posterior_chains.h5")
     checkpoint = folder / "posterior_chains.h5"
     with progress(quiet) as tell:
-        fitted = stages.estimate(dataset, tell=tell).models["declared"]
-        choice = stages.weighed(fitted, seed=seed, tell=tell) if noise == "auto" else None
+        fitted = stages.estimate(dataset, progress=tell).models["declared"]
+        choice = stages.weighed(fitted, seed=seed, progress=tell) if noise == "auto" else None
         chosen = noise if choice is None else choice.noise
-        found = stages.sampled(fitted, seed=seed, tell=tell, backend=checkpoint, noise=chosen)
+        found = stages.sampled(fitted, seed=seed, progress=tell, backend=checkpoint, noise=chosen)
     found.to_netcdf(folder / "posterior.nc")
     rows = found.summary()
     summary = {
@@ -127,7 +127,7 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool, as_json
     saved = None if out is None else out / "posterior.nc"
     posterior = Posterior.from_netcdf(saved) if saved is not None and os.path.exists(saved) else None
     with progress(quiet) as tell:
-        found = stages.predicted(dataset, posterior, seed=seed, tell=tell)
+        found = stages.predicted(dataset, posterior, seed=seed, progress=tell)
     if found is None:
         raise InputError(
             f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file."
@@ -158,7 +158,7 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "residual.json")
     with progress(quiet) as tell:
-        fits = stages.estimate(dataset, tell=tell)
+        fits = stages.estimate(dataset, progress=tell)
     report = examine(dataset.train, fits.predictions["declared"], 2 * math.pi * natural_units(dataset.train).time)
     write_json(folder / "residual.json", {"provenance": provenance(dataset, seed=seed), **report.summary()})
     if as_json:

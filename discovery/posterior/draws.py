@@ -16,6 +16,7 @@ from discovery.equations.model import Model
 from discovery.estimation.problem import NaturalUnits
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
+from discovery.plots.posteriors import PosteriorViews
 from discovery.posterior.noise import is_independent, words_of
 from discovery.posterior.replication import check_pointwise
 from discovery.posterior.tree import as_tree, fields_of, readings, sampled, some
@@ -35,8 +36,8 @@ _QUANTILES = (0.05, 0.5, 0.95)
 _REPLICATED, _KEPT = 100, 2_000_000
 
 
-@dataclass(frozen=True)
-class Posterior:
+@dataclass(frozen=True, repr=False)
+class Posterior(PosteriorViews):
     """Draws from a posterior, with what they mean and how well they converged.
 
     Parameters

@@ -16,6 +16,7 @@ from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
+from discovery.recordings.chosen import Recordings, training_of
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
@@ -66,10 +67,10 @@ class Band:
 
 def predictive(
     posterior: Posterior,
-    experiments: Sequence[Experiment],
+    experiments: Recordings,
     n: int = 200,
     *,
-    rng: Generator,
+    rng: Generator | int = 1,
     initial: Mapping[str, tuple[float, float]] | None = None,
 ) -> list[Band]:
     """Return predictive bands of recordings, free-run from the initial state on.
@@ -78,12 +79,12 @@ def predictive(
     ----------
     posterior : Posterior
         Draws, or what was read from their file.
-    experiments : sequence of Experiment
-        Recordings that were fitted, or others.
+    experiments : Dataset or sequence of Experiment
+        The training recordings of a data set, or any others.
     n : int
         Number of draws.
-    rng : Generator
-        Chooses the draws and makes the noise.
+    rng : Generator or int
+        Chooses the draws and makes the noise; or its seed.
     initial : mapping of str to (deflection, rate), optional
         Initial deflection [q] and rate [q/s] by name of the recording; otherwise the sampled ones of a recording that
         was fitted, and rest without deflection of any other.
@@ -100,6 +101,7 @@ def predictive(
     SimulationFailure
         If a draw's motion blows up.
     """
+    experiments, rng = training_of(experiments), np.random.default_rng(rng)
     flat = posterior.flat()
     chosen = rng.choice(next(iter(flat.values())).size, size=n, replace=False)
     draws = {name: values[chosen] for name, values in flat.items()}

@@ -35,11 +35,11 @@ def held_out_of(given: Recordings, holdout: Recordings | None = None) -> tuple[E
 
 def _experiments(given: object, *, empty: bool = False) -> tuple[Experiment, ...]:
     found = (given,) if isinstance(given, Experiment) else tuple(given) if isinstance(given, Iterable) else (given,)
-    stranger = next((item for item in found if not isinstance(item, Experiment)), None)
-    if stranger is not None:
+    strangers = [item for item in found if not isinstance(item, Experiment)]
+    if strangers:
         raise InputError(
-            f"Recordings are a Dataset, as load_dataset returns it, or its train and holdout; {stranger!r:.60} is "
-            f"{type(stranger).__name__}. Read files with load_dataset(rig, train, holdout)."
+            f"Recordings are a Dataset, as load_dataset returns it, or its train and holdout; {strangers[0]!r:.60} is "
+            f"{type(strangers[0]).__name__}. Read files with load_dataset(rig, train, holdout)."
         )
     if not found and not empty:
         raise InputError("No recording is given. Read some with load_dataset(rig, train, holdout).")
