@@ -709,6 +709,16 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Did you mean coulomb_friction" in unknown.err
 
 
+def test_effects_says_where_an_effect_applies_and_what_to_do_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
+    card = call(capsys, "effects", "base_backlash").out
+    assert "Applies to a flexible arm. On any other system" in card
+    assert "`discovery effects --system oscillator` lists what can" in card
+    assert "Applies to a flexible arm and to any other system" in call(capsys, "effects", "coulomb_friction").out
+    spoken = call(capsys, "effects", "backlash")
+    assert spoken.status == 2
+    assert "Did you mean base_backlash, friction_through_play?" in spoken.err
+
+
 @pytest.mark.parametrize(("base", "name"), UPGRADES)
 def test_effects_shows_what_the_loop_calls_a_step_of_the_mechanics(
     base: str, name: str, capsys: pytest.CaptureFixture[str]

@@ -11,6 +11,8 @@ import click
 from discovery.cli.options import PATH, SEED, options, print_json
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from discovery_datasets.disturbances import Disturbance
 
 __all__ = ["COMMANDS", "MANOEUVRES"]
@@ -59,9 +61,23 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
     click.echo(inspect.getdoc(type(effect)))
     if isinstance(effect, Upgrade):
         click.echo(f"\n{effect.switch()}")
-    click.echo(f"\nSource: {effect.cite}\n")
+    click.echo(f"\nSource: {effect.cite}")
+    click.echo(f"{_applies(effect.systems)}\n")
     for p in effect.parameters():
         click.echo(f"  {p.name:10} [{p.unit}]  {p.meaning}, bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units")
+
+
+def _applies(systems: Collection[str]) -> str:
+    """Say where an effect applies, and what to do where it does not."""
+    words = {"flexible_arm": "a flexible arm", "oscillator": "any other system"}
+    where = f"Applies to {' and to '.join(words[system] for system in sorted(systems))}."
+    others = sorted(set(SYSTEMS) - set(systems))
+    if not others:
+        return where
+    return (
+        f"{where} On {words[others[0]]} it cannot be declared: `discovery effects --system {others[0]}` lists what "
+        "can, and docs/ADD_AN_EFFECT.md says how to add a law of your own."
+    )
 
 
 def _card(effect_id: str, effect: Any) -> dict[str, Any]:
