@@ -81,6 +81,14 @@ def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases
             note(f"{rig}: not in its [records], not used: {', '.join(unused)}")
 
 
+def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], table: Path) -> None:
+    """Print the outcomes of all cases as one JSON document."""
+    from discovery.results.provenance import read_json
+
+    kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
+    print_json({"cases": kept, "files": [table]})
+
+
 def _count(number: int, word: str) -> str:
     return f"{number} {word}{'s' * (number != 1)}"
 
@@ -132,7 +140,6 @@ def campaign(
     another machine needs a tls:// address. Without a scheduler nothing listens on any port.
     """
     from discovery.foundation.errors import ComputationError
-    from discovery.results.provenance import read_json
     from discovery.runs.campaign import campaign as run
     from discovery.runs.campaign import collect, unfinished, watched
 
@@ -167,8 +174,7 @@ def campaign(
             click.echo(f"{outcome.name}: {said.rstrip(': ')}")
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
     if as_json:
-        kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
-        print_json({"cases": kept, "files": [table]})
+        _print_cases(folder, cases, table)
     else:
         click.echo(f"{table}")
     if failed:
