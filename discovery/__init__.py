@@ -5,14 +5,17 @@ The public names below load what they need when they are first used, so ``import
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from discovery.foundation.lazy import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
     from discovery.declarations.effect import Effect as Effect
     from discovery.declarations.parameters import Parameter as Parameter
     from discovery.declarations.registry import catalogue as catalogue
     from discovery.declarations.registry import get_effect as get_effect
+    from discovery.drafting.overview import overview as overview
+    from discovery.drafting.rig_text import draft as draft_rig
     from discovery.equations.model import Model as Model
     from discovery.estimation.fit import Fit as Fit
     from discovery.estimation.fit import declared_model as declared_model
@@ -31,6 +34,9 @@ if TYPE_CHECKING:
     from discovery.foundation.errors import NotIdentifiable as NotIdentifiable
     from discovery.foundation.errors import SimulationFailure as SimulationFailure
     from discovery.posterior.draws import Posterior as Posterior
+    from discovery.posterior.model_comparison import compare_models as compare_models
+    from discovery.posterior.noise_choice import choose_noise as choose_noise
+    from discovery.posterior.predictive import predictive as predict_bands
     from discovery.posterior.sampling import sample as sample
     from discovery.recordings.dataset import Dataset as Dataset
     from discovery.recordings.dataset import load_dataset as load_dataset
@@ -38,6 +44,7 @@ if TYPE_CHECKING:
     from discovery.recordings.recording import read_recording as read_recording
     from discovery.report import build_report as build_report
     from discovery.rigs.rig import Rig as Rig
+    from discovery.rigs.rig_file import read_rig as load_rig
     from discovery.rigs.rig_file import read_rig as read_rig
     from discovery.runs.loop import LoopResult as LoopResult
     from discovery.runs.loop import close_loop as close_loop
@@ -67,13 +74,19 @@ _HOMES = {
     "SimulationFailure": "discovery.foundation.errors:SimulationFailure",
     "build_report": "discovery.report:build_report",
     "catalogue": "discovery.declarations.registry:catalogue",
+    "choose_noise": "discovery.posterior.noise_choice:choose_noise",
     "close_loop": "discovery.runs.loop:close_loop",
+    "compare_models": "discovery.posterior.model_comparison:compare_models",
     "declared_model": "discovery.estimation.fit:declared_model",
     "discover": "discovery.runs.stages:discover",
+    "draft_rig": "discovery.drafting.rig_text:draft",
     "fit_model": "discovery.estimation.fit:fit",
     "from_json": "discovery.export:from_json",
     "get_effect": "discovery.declarations.registry:get_effect",
     "load_dataset": "discovery.recordings.dataset:load_dataset",
+    "load_rig": "discovery.rigs.rig_file:read_rig",
+    "overview": "discovery.drafting.overview:overview",
+    "predict_bands": "discovery.posterior.predictive:predictive",
     "predict_elastica": "discovery.theory.prediction:predict",
     "predict_motion": "discovery.estimation.predict:predict",
     "read_recording": "discovery.recordings.recording:read_recording",
@@ -86,54 +99,5 @@ _HOMES = {
     "to_sympy": "discovery.export:to_sympy",
 }
 
-__all__ = [
-    "ComputationError",
-    "Dataset",
-    "DiscoveryError",
-    "Effect",
-    "Fit",
-    "FittedModel",
-    "InputError",
-    "LoopResult",
-    "LoopSettings",
-    "Model",
-    "NotConverged",
-    "NotIdentifiable",
-    "Parameter",
-    "Posterior",
-    "Recording",
-    "Rig",
-    "SimulationFailure",
-    "build_report",
-    "catalogue",
-    "close_loop",
-    "declared_model",
-    "discover",
-    "fit_model",
-    "from_json",
-    "get_effect",
-    "load_dataset",
-    "predict_elastica",
-    "predict_motion",
-    "read_recording",
-    "read_rig",
-    "run",
-    "sample",
-    "to_json",
-    "to_latex",
-    "to_numpy",
-    "to_sympy",
-]
-
-
-def __getattr__(name: str) -> Any:
-    try:
-        home, _, attribute = _HOMES[name].partition(":")
-    except KeyError:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
-    value = globals()[name] = getattr(import_module(home), attribute)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__all__ = list(_HOMES)
+__getattr__, __dir__ = _lazy_names(__name__, _HOMES)

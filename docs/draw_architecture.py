@@ -14,7 +14,7 @@ WIDTH, LEFT, BOX, STEP, TALL = 860, 20, 560, 74, 58
 #: Layers from top to bottom: colour, title, modules, and what a run has at that level.
 LAYERS = [
     ("#f6e8d5", "cli, report, testing", "commands, pages, what every effect must fulfil", "report.html"),
-    ("#f6e8d5", "runs, export, results", "every stage in order, each saved as it is done", "results.json, *.nc"),
+    ("#f6e8d5", "runs, export, results", "stages in order; a run is saved whole three times", "results.json, *.nc"),
     ("#dbe9f4", "diagnosis, selection, screening", "what is missing: screen, refit, compare evidences", "loop.json"),
     ("#dbe9f4", "sindy, posterior, theory", "discover, sample, check", "equation, posterior"),
     ("#dcefe3", "estimation", "residuals of a model on recordings, fits with a covariance", "estimates"),

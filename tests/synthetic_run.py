@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from discovery.posterior.inference_data import arranged
 from discovery.results.provenance import write_json
 
 ARM_DECLARED = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"]
@@ -180,14 +181,13 @@ def _write_groups(path: Path, groups: dict[str, xr.Dataset]) -> None:
 def _write_posterior(folder: Path, rows: list[dict[str, Any]]) -> None:
     rng = np.random.default_rng(5)
     draws = {
-        r["name"]: (("chain", "draw"), r["mean"] + r["sd"] * rng.standard_normal((64, 40)), {"tau": 1.5 + 0.1 * i})
-        for i, r in enumerate(rows)
+        r["name"]: r["mean"] + r["sd"] * rng.standard_normal((64, 40)).reshape(4, 16, 40).swapaxes(1, 2) for r in rows
     }
-    ensemble = {"ensemble": ("chain", np.arange(64) // 16)}
+    said = {r["name"]: {"tau": 1.5 + 0.1 * i} for i, r in enumerate(rows)}
     provenance = {"noise": "gaussian", "steps": 160, "burn_in": 40, "walkers": 16, "thin": 3}
-    said = {"provenance": provenance, "acceptance": {"independence": 0.8765, "snooker": 0.4567}}
-    attributes = {key: json.dumps(value) for key, value in said.items()}
-    _write_groups(folder / "posterior.nc", {"posterior": xr.Dataset(draws, ensemble, attributes)})
+    origin = {"provenance": provenance, "acceptance": {"independence": 0.8765, "snooker": 0.4567}}
+    attributes = {key: json.dumps(value) for key, value in origin.items()}
+    _write_groups(folder / "posterior.nc", {"posterior": arranged(draws, said).assign_attrs(attributes)})
 
 
 def _study(rows: list[dict[str, Any]]) -> dict[str, Any]:

@@ -26,9 +26,9 @@ from discovery.cli import cli, main
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
 from discovery.cli.options import Seconds, estimate_text, progress
+from discovery.cli.say import say_loop
 from discovery.cli.sources import MANOEUVRES, SYSTEMS
 from discovery.cli.stages import NOISES
-from discovery.cli.stages import _say_loop as say_loop
 from discovery.declarations.registry import catalogue
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
@@ -717,6 +717,16 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     unknown = call(capsys, "effects", "coulomb_frcition")
     assert unknown.status == 2
     assert "Did you mean coulomb_friction" in unknown.err
+
+
+def test_effects_says_where_an_effect_applies_and_what_to_do_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
+    card = call(capsys, "effects", "base_backlash").out
+    assert "Applies to a flexible arm. On any other system" in card
+    assert "`discovery effects --system oscillator` lists what can" in card
+    assert "Applies to a flexible arm and to any other system" in call(capsys, "effects", "coulomb_friction").out
+    spoken = call(capsys, "effects", "backlash")
+    assert spoken.status == 2
+    assert "Did you mean base_backlash, friction_through_play?" in spoken.err
 
 
 @pytest.mark.parametrize(("base", "name"), UPGRADES)

@@ -135,7 +135,7 @@ def test_evidence_of_the_papers_model_is_that_of_bridge_sampling():
     fitted = fit(declared_model(recordings[0]), recordings)
     target = log_posterior(fitted)
     evidence = log_evidence(target, np.random.default_rng(4))
-    posterior = sample(fitted, rng_seed=5)
+    posterior = sample(fitted, seed=5)
     values = posterior.draws.reshape(-1, target.dimension)
     noise = len(target.problem.names)
     values[:, noise] = np.log(values[:, noise] / target.instruments[0].noise)
@@ -187,7 +187,7 @@ def test_priors_count_within_their_bounds_only(linear):
 
 
 def test_same_seed_same_evidence_and_draws_of_equal_weight(linear):
-    first, again, other = (choose_noise(linear, rng_seed=seed, models=["student_t"], draws=1000) for seed in (1, 1, 2))
+    first, again, other = (choose_noise(linear, seed=seed, models=["student_t"], draws=1000) for seed in (1, 1, 2))
     assert first.summary() == again.summary()
     assert first.chosen.log_evidence != other.chosen.log_evidence
     evidence = first.evidences[1]
@@ -216,7 +216,7 @@ def of_kind(kind):
 
 @pytest.mark.parametrize("kind", ["gaussian", "student_t", "correlated", "input", "quantised"])
 def test_evidence_chooses_the_noise_that_is_there(kind):
-    choice = choose_noise(fit(linear_model(), [experiment(of_kind(kind))]), rng_seed=1, draws=2000)
+    choice = choose_noise(fit(linear_model(), [experiment(of_kind(kind))]), seed=1, draws=2000)
     assert choice.noise == kind
     table = json.loads(json.dumps(choice.summary()))
     assert table["chosen"] == kind == table["models"][0]["noise"]
@@ -244,7 +244,7 @@ def test_candidates_are_ranked_by_evidence_and_held_out_errors():
         ("less", ("linear_stiffness",)),
     ):
         fitted[name] = fit(Model("oscillator", effects), [data])
-    comparison = compare_models(fitted, rng_seed=1, held_out={"right": 1.0, "more": 1.1, "less": 40.0}, draws=1500)
+    comparison = compare_models(fitted, seed=1, held_out={"right": 1.0, "more": 1.1, "less": 40.0}, draws=1500)
     assert comparison.ranking == ("right", "more", "less")
     assert comparison.agreement == pytest.approx(1.0)
     table = json.loads(json.dumps(comparison.summary()))
@@ -253,12 +253,12 @@ def test_candidates_are_ranked_by_evidence_and_held_out_errors():
     assert 1.0 < table["models"][1]["behind"] < 15.0
     assert table["models"][2]["behind"] > 100.0
     assert table["models"][0]["effects"] == list(EFFECTS)
-    assert compare_models({"right": fitted["right"]}, rng_seed=1, draws=500).summary()["held_out_prefers"] is None
+    assert compare_models({"right": fitted["right"]}, seed=1, draws=500).summary()["held_out_prefers"] is None
     searched = Refit("", fitted["right"].problem, fitted["right"].minimum)
-    both = [compare_models({"right": f}, rng_seed=1, draws=500).summary() for f in (fitted["right"], searched)]
+    both = [compare_models({"right": f}, seed=1, draws=500).summary() for f in (fitted["right"], searched)]
     assert both[0] == both[1]
     other = fit(Model("oscillator", EFFECTS), [dataclasses.replace(data, fitted_samples=200)])
     with pytest.raises(InputError, match="same readings"):
-        compare_models({**fitted, "other": other}, rng_seed=1)
+        compare_models({**fitted, "other": other}, seed=1)
     with pytest.raises(InputError, match="held-out error of less, more"):
-        compare_models(fitted, rng_seed=1, held_out={"right": 1.0})
+        compare_models(fitted, seed=1, held_out={"right": 1.0})

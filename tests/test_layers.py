@@ -40,7 +40,7 @@ HOMES = {
         "discovery.posterior.checkpoint",
         "discovery.posterior.diagnostics",
     },
-    "matplotlib": {"discovery.report"},
+    "matplotlib": {"discovery.report", "discovery.plots"},
     "corner": {"discovery.report"},
     "pint": {"discovery.declarations.units"},
     "click": {"discovery.cli"},

@@ -61,7 +61,7 @@ def dataset(inputs: Path) -> Dataset:
 def out(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of one whole run."""
     folder = tmp_path_factory.mktemp("runs") / "new" / "folder"
-    run(dataset, folder, seed=SEED, tell=silent, command=["discovery", "run", "rig.toml"], note="A simulated arm.")
+    run(dataset, folder, seed=SEED, progress=silent, command=["discovery", "run", "rig.toml"], note="A simulated arm.")
     return folder
 
 
@@ -123,14 +123,14 @@ def test_the_provenance_says_where_everything_came_from(inputs: Path, results: d
 
 
 def test_fits_and_discovery_are_those_of_the_stages(dataset: Dataset, results: dict[str, Any]) -> None:
-    fits = stages.estimate(dataset, tell=silent)
-    found = stages.discover(dataset, seed=SEED, tell=silent)
+    fits = stages.estimate(dataset, progress=silent)
+    found = stages.discover(dataset, seed=SEED, progress=silent)
     expected = json.loads(json.dumps(plain({**fits.summary(), **found.summary()})))
     assert {k: results[k] for k in expected} == expected
 
 
 def test_the_loop_and_the_trajectories_are_those_of_the_stage(dataset: Dataset, out: Path, results: dict[str, Any]):
-    loop = stages.loop(dataset, seed=SEED, tell=silent)
+    loop = stages.loop(dataset, seed=SEED, progress=silent)
     assert results["loop"] == json.loads(json.dumps(plain(loop.summary())))
     for i, e in enumerate((*dataset.train, *dataset.holdout)):
         with xr.open_dataset(out / "trajectories.nc", group=e.recording.name, engine="h5netcdf") as group:
@@ -198,7 +198,7 @@ def test_distances_to_the_noise_free_tip_are_given_where_it_is_known(inputs: Pat
 
 
 def test_the_same_seed_gives_the_same_numbers(dataset: Dataset, results: dict[str, Any], tmp_path: Path) -> None:
-    again = run(dataset, tmp_path, seed=SEED, tell=silent)
+    again = run(dataset, tmp_path, seed=SEED, progress=silent)
     assert json.loads(json.dumps(plain(numbers(again)))) == {**numbers(results), "data_note": ""}
 
 
@@ -206,7 +206,7 @@ def test_recordings_too_long_for_predictive_bands_are_no_trouble(
     dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("discovery.posterior.study.LONGEST_BAND", 10)
-    run(dataset, tmp_path, seed=SEED, tell=silent)
+    run(dataset, tmp_path, seed=SEED, progress=silent)
     assert {p.name for p in tmp_path.iterdir()} == FILES - {"predictive.nc"}
 
 
@@ -252,15 +252,15 @@ def test_an_interrupted_run_leaves_whole_files_only(
     message: str, left: set[str], dataset: Dataset, tmp_path: Path
 ) -> None:
     with pytest.raises(Interruption):
-        run(dataset, tmp_path, seed=SEED, tell=interrupt_at(message))
+        run(dataset, tmp_path, seed=SEED, progress=interrupt_at(message))
     assert sound(tmp_path) == left
 
 
 def test_sampling_goes_on_where_it_was_interrupted(dataset: Dataset, results: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(Interruption):
-        run(dataset, tmp_path, seed=SEED, tell=interrupt_at("sampling the posterior: "))
+        run(dataset, tmp_path, seed=SEED, progress=interrupt_at("sampling the posterior: "))
     assert "posterior_chains.h5" in sound(tmp_path)
-    again = run(dataset, tmp_path, seed=SEED, tell=silent)
+    again = run(dataset, tmp_path, seed=SEED, progress=silent)
     assert json.loads(json.dumps(plain(numbers(again)))) == {**numbers(results), "data_note": ""}
     assert {p.name for p in tmp_path.iterdir()} == FILES
 
@@ -268,7 +268,7 @@ def test_sampling_goes_on_where_it_was_interrupted(dataset: Dataset, results: di
 @pytest.fixture(scope="module")
 def begun(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Answer:
     """A run whose loop is done, with its page."""
-    found = answer(dataset, tmp_path_factory.mktemp("begun"), seed=SEED, tell=silent)
+    found = answer(dataset, tmp_path_factory.mktemp("begun"), seed=SEED, progress=silent)
     build_report(found.out)
     return found
 
@@ -291,7 +291,7 @@ def test_the_answer_is_there_before_sampling_begins(
     monkeypatch.setattr(stages, "sampled", interrupted)
     found = copied(begun, tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        add_posterior(found, tell=silent)
+        add_posterior(found, progress=silent)
     assert {p.name for p in tmp_path.iterdir()} == {*ANSWER, "report.html", "figures", "tables"}
     there = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert there["loop"] == results["loop"]
@@ -310,7 +310,7 @@ def test_time_that_is_up_ends_the_sampler_and_is_told(
 
     monkeypatch.setattr(stages, "sampled", slow)
     found, began = copied(begun, tmp_path), time.monotonic()
-    content = add_posterior(found, tell=silent, seconds=0.2)
+    content = add_posterior(found, progress=silent, seconds=0.2)
     assert time.monotonic() - began < 30
     assert content["pending"]["because"] == "time"
     assert content["posterior"] is None
@@ -328,14 +328,14 @@ def test_time_that_is_up_after_sampling_leaves_the_posterior(
     found = copied(begun, tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(stages, "compared", no_more)
-        content = add_posterior(found, tell=silent)
+        content = add_posterior(found, progress=silent)
     assert plain(content["posterior"]) == results["posterior"]
     assert content["pending"]["left_out"] == ["the noise models and the evidence of the models"]
     assert "The time limit left out the noise models and the evidence" in page_of(tmp_path)
     # With less time than before, what is there stays.
     again = replace(found)
     assert again.kept["posterior"]
-    assert add_posterior(again, tell=silent, seconds=0)["posterior"] == results["posterior"]
+    assert add_posterior(again, progress=silent, seconds=0)["posterior"] == results["posterior"]
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["posterior"] == results["posterior"]
 
 
@@ -348,7 +348,7 @@ def test_less_time_takes_nothing_from_a_whole_run(
     shutil.copytree(out, tmp_path, dirs_exist_ok=True)
     monkeypatch.setattr(stages, "compared", no_more)
     found = replace(begun, out=tmp_path, content={**begun.content, "data_note": results["data_note"]})
-    assert add_posterior(found, tell=silent)["evidence"] == results["evidence"]
+    assert add_posterior(found, progress=silent)["evidence"] == results["evidence"]
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8")) == results
 
 
@@ -360,7 +360,7 @@ def test_a_posterior_that_fails_leaves_the_answer(
 
     monkeypatch.setattr(stages, "sampled", failing)
     with pytest.raises(ComputationError, match="did not converge"):
-        add_posterior(copied(begun, tmp_path), tell=silent)
+        add_posterior(copied(begun, tmp_path), progress=silent)
     assert "The ensembles did not converge in" in page_of(tmp_path)
 
 
@@ -374,7 +374,7 @@ def test_it_is_told_how_long_sampling_takes(seconds: float, said: str, monkeypat
 
     monkeypatch.setattr("discovery.posterior.sampling.sample", sample)
     told: list[str] = []
-    stages.sampled(None, seed=1, tell=told.append)  # type: ignore[arg-type]
+    stages.sampled(None, seed=1, progress=told.append)  # type: ignore[arg-type]
     assert re.fullmatch(r"sampling the posterior: 400 of 4000 effective samples, R-hat 1\.020" + said, told[-1])
 
 
@@ -402,7 +402,7 @@ def test_a_write_that_fails_leaves_the_old_file(dataset: Dataset, tmp_path: Path
 
 
 def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, tmp_path: Path) -> None:
-    fits = stages.estimate(dataset, tell=silent)
+    fits = stages.estimate(dataset, progress=silent)
     before, after = fits.models["linear"], fits.models["declared"]
     (wanted,) = dataset.holdout
     save_prediction(tmp_path / "prediction.csv", wanted, before, after)
@@ -420,7 +420,7 @@ def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, tmp_path:
 
 
 def test_a_declared_model_that_blows_up_leaves_its_columns_empty(dataset: Dataset, tmp_path: Path) -> None:
-    fits = stages.estimate(dataset, tell=silent)
+    fits = stages.estimate(dataset, progress=silent)
     after, cubic = fits.models["linear"], fits.models["declared"]
     (wanted,) = dataset.holdout
     x = cubic.minimum.x.copy()
@@ -467,7 +467,7 @@ def circuit(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     noisy = path + 0.002 * rng.standard_normal(t.size)
     pd.DataFrame({"t": t, "u": force(t), "y": noisy}).to_csv(folder / "record.csv", index=False)
     data = load_dataset(folder / "rig.toml", [folder / "record.csv"])
-    content = run(data, folder / "out", seed=1, tell=silent)
+    content = run(data, folder / "out", seed=1, progress=silent)
     return {"folder": folder / "out", **json.loads(json.dumps(plain(content)))}
 
 

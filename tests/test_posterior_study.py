@@ -22,7 +22,7 @@ from discovery.posterior.study import study_posterior
 def sampled():
     train = experiment(np.random.default_rng(21), name="train")
     fitted = fit(Model("oscillator", EFFECTS), [train])
-    return train, fitted, sample(fitted, rng_seed=2, min_effective=1500)
+    return train, fitted, sample(fitted, seed=2, min_effective=1500)
 
 
 @pytest.fixture(scope="module")

@@ -63,7 +63,7 @@ def test_outside_a_repository_there_is_no_revision(dataset: Dataset, monkeypatch
     def fail(*arguments: object, **options: object) -> None:
         raise subprocess.CalledProcessError(128, "git")
 
-    monkeypatch.setattr(module.subprocess, "run", fail)
+    monkeypatch.setattr(subprocess, "run", fail)
     assert provenance(dataset, seed=1)["git_revision"] is None
 
 

@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
+from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, posterior, story
 from discovery.report.charts import chart_data
 from discovery.report.convergence import convergence_sentence
@@ -734,14 +735,14 @@ def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:
     assert "corner" in {p.stem for p in (tmp_path / "figures").iterdir()}
 
 
-def test_draws_are_told_apart_by_ensemble(tmp_path: Path) -> None:
-    """What `Posterior.to_netcdf` writes: every walker a chain, those of one ensemble side by side."""
-    values = np.arange(4 * 3 * 5).reshape(12, 5)
-    group = xr.Dataset({"xi": (("chain", "draw"), values)}, {"ensemble": ("chain", np.repeat(np.arange(4), 3))})
+def test_draws_are_told_apart_by_ensemble_and_walker(tmp_path: Path) -> None:
+    values = np.arange(4.0 * 5 * 3).reshape(4, 5, 3)
+    group = arranged({"xi": values, "rate_0_init[a]": values + 1.0, "rate_0_init[b]": values + 2.0})
     synthetic_run._write_groups(tmp_path / "posterior.nc", {"posterior": group})
-    draws = Run(tmp_path, {}).draws["xi"]
-    assert draws.shape == (4, 5, 3)
-    assert np.array_equal(draws[1, :, 2], values[5])
+    draws = Run(tmp_path, {}).draws
+    assert list(draws) == ["xi", "rate_0_init[a]", "rate_0_init[b]"]
+    assert np.array_equal(draws["xi"], values)
+    assert np.array_equal(draws["rate_0_init[b]"], values + 2.0)
 
 
 def test_a_changed_result_changes_the_page(arm: Made, tmp_path: Path) -> None:

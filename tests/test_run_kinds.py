@@ -90,7 +90,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     force = MASS * (acceleration + DAMPING * rate) + NOISE * np.random.default_rng(1).standard_normal(t.size)
     pd.DataFrame({"t": t, "q": q, "F": force}).to_csv(folder / "drive.csv", index=False)
     (folder / "rig.toml").write_text(DRIVE)
-    run(load_dataset(folder / "rig.toml"), folder / "run", seed=1, tell=silent)
+    run(load_dataset(folder / "rig.toml"), folder / "run", seed=1, progress=silent)
     build_report(folder / "run")
     return folder / "run"
 
@@ -120,7 +120,7 @@ def test_its_page_speaks_of_force_and_position(drive: Path) -> None:
 
 def test_what_the_library_does_not_describe_is_not_searched(drive: Path) -> None:
     with pytest.raises(InputError, match="carriage: sparse regression needs readings of the coordinate"):
-        stages.discover(load_dataset(drive.parent / "rig.toml"), seed=1, tell=silent)
+        stages.discover(load_dataset(drive.parent / "rig.toml"), seed=1, progress=silent)
 
 
 def test_a_falling_body_is_scored_on_what_nobody_has_seen(tmp_path: Path) -> None:
@@ -133,7 +133,7 @@ def test_a_falling_body_is_scored_on_what_nobody_has_seen(tmp_path: Path) -> Non
     ]
     pd.concat(drops).to_csv(tmp_path / "fall.csv", index=False)
     (tmp_path / "rig.toml").write_text(STONE)
-    run(load_dataset(tmp_path / "rig.toml"), tmp_path / "run", seed=1, tell=silent, with_posterior=False)
+    run(load_dataset(tmp_path / "rig.toml"), tmp_path / "run", seed=1, progress=silent, with_posterior=False)
     results = results_of(tmp_path / "run")
     assert results["loop"]["verdict"] == "nothing_missing"
     assert results["posterior"] is None
@@ -157,9 +157,9 @@ def test_a_run_that_goes_on_keeps_the_phase_that_it_lost(tmp_path: Path) -> None
     pd.DataFrame({"t": t, "q": q}).to_csv(tmp_path / "swing.csv", index=False)
     (tmp_path / "rig.toml").write_text(SWING)
     dataset = load_dataset(tmp_path / "rig.toml")
-    before = stages.estimate(dataset, tell=silent).models["declared"]
+    before = stages.estimate(dataset, progress=silent).models["declared"]
     result: Any = SimpleNamespace(before=before, after=before)
-    found = stages.continued(result, dataset, tell=silent)
+    found = stages.continued(result, dataset, progress=silent)
     assert found is not None
     (held,) = HoldOut(dataset.train, dataset.holdout, before.problem.units, 1e-6).predictions(
         before.problem.bench, [(before.model, before.values, before.predict())]
@@ -179,4 +179,4 @@ def test_a_run_that_goes_on_keeps_the_phase_that_it_lost(tmp_path: Path) -> None
     expected = np.sqrt(np.mean((solved.y[0][1200:] - q[1200:]) ** 2))
     assert found["after"]["rms"] == pytest.approx(expected, rel=1e-3)
     apart = replace(dataset, holdout=dataset.train)
-    assert stages.continued(result, apart, tell=silent) is None
+    assert stages.continued(result, apart, progress=silent) is None

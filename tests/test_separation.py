@@ -350,7 +350,7 @@ def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.Mo
     monkeypatch.setattr("discovery.runs.loop.fit_near", lambda problem, values: problem)
     chosen, other = (SimpleNamespace(refit=SimpleNamespace(problem=fits[name], values={})) for name in pair)
     settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(is_arm=True)]
-    context: Any = SimpleNamespace(tell=lambda text: None, settings=settings, train=train)
+    context: Any = SimpleNamespace(progress=lambda text: None, settings=settings, train=train)
     named: Any = {pair[0]: SimpleNamespace(rivals=(other,), group=(pair[1],))}
     search: Any = SimpleNamespace(best=chosen)
     (found,) = _separations(search, named, context)

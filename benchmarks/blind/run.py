@@ -47,7 +47,7 @@ def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     held = [case / "holdout.csv"] if with_holdout else []
     dataset = load_dataset(case / "rig.toml", trainings(case), held)
     start = time.perf_counter()
-    result = loop(dataset, follow_up=False, tell=lambda _: None)
+    result = loop(dataset, follow_up=False, progress=lambda _: None)
     seconds = time.perf_counter() - start
     content = write_loop(out, result)
     predict_arm(case, out, dataset, result) if dataset.train[0].is_arm else predict_body(case, out, result)

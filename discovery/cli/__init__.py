@@ -12,7 +12,7 @@ from typing import NoReturn
 
 import click
 
-from discovery.cli import campaigns, export, sources, stages
+from discovery.cli import answers, begin, campaigns, export, sources, stages
 from discovery.cli.streams import is_of_output, open_streams, unwritten
 
 __all__ = ["cli", "main"]
@@ -29,13 +29,34 @@ _RESUMED = {
 }
 
 
+def _say_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Say the version, and the revision where the source tree has one, and leave."""
+    if not wanted:
+        return
+    from importlib.metadata import version
+
+    from discovery.foundation.revision import git_revision
+
+    revision = git_revision()
+    click.echo(f"discovery {version('discovery')}" + (f", revision {revision}" if revision else ""))
+    context.exit()
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
-@click.version_option(package_name="discovery")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_say_version,
+    help="Show the version with its revision, and exit.",
+)
 def cli() -> None:
     """Discover the equation of motion of a mechanical system, and find the effect that its model lacks."""
 
 
-for _command in (*stages.COMMANDS, *campaigns.COMMANDS, *export.COMMANDS, *sources.COMMANDS):
+_ROOMS = (begin, answers, stages, campaigns, export, sources)
+for _command in (command for room in _ROOMS for command in room.COMMANDS):
     cli.add_command(_command)
 
 

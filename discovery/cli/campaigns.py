@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from discovery.cli.campaign_cases import Case, beside, found_cases, listed, origins, rig_files
-from discovery.cli.options import PATH, note, options, results_folder
+from discovery.cli.options import PATH, note, options, print_json, results_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,8 +43,8 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     if case.only is not None:
         dataset = replace(dataset, train=(dataset.train[case.only],))
     dataset = choose_interpolation(dataset)
-    result = loop(dataset, seed=case.seed, tell=lambda _: None)
-    content = write_loop(case.out, result, missing=unexplained(result, dataset, tell=lambda _: None))
+    result = loop(dataset, seed=case.seed, progress=lambda _: None)
+    content = write_loop(case.out, result, missing=unexplained(result, dataset, progress=lambda _: None))
     errors = {
         f"{role}_rms_{when}": content["errors"][when][role]["rms"]
         for when in ("before", "after")
@@ -81,13 +81,21 @@ def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases
             note(f"{rig}: not in its [records], not used: {', '.join(unused)}")
 
 
+def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], table: Path) -> None:
+    """Print the outcomes of all cases as one JSON document."""
+    from discovery.results.provenance import read_json
+
+    kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
+    print_json({"cases": kept, "files": [table]})
+
+
 def _count(number: int, word: str) -> str:
     return f"{number} {word}{'s' * (number != 1)}"
 
 
 @click.command(short_help="Run the loop on every rig file below a folder.")
 @click.argument("where", metavar="RIG_OR_FOLDER", type=PATH)
-@options("out", "seed", "quiet")
+@options("out", "seed", "quiet", "json")
 @click.option("--each", is_flag=True, help="Every training recording is a case of its own.")
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1), help="Processes on this machine.")
 @click.option(
@@ -107,6 +115,7 @@ def campaign(
     out: Path,
     seed: int,
     quiet: bool,
+    as_json: bool,
     each: bool,
     workers: int,
     scheduler: str | None,
@@ -161,8 +170,13 @@ def campaign(
     for outcome in watched(outcomes, len(left), "cases") if left and not quiet else outcomes:
         failed += outcome.result is None
         said = outcome.error if outcome.result is None else f"{outcome.result['verdict']}: {outcome.result['effects']}"
-        click.echo(f"{outcome.name}: {said.rstrip(': ')}")
-    click.echo(f"{collect(folder, [name for name, _ in cases], apart=['parameters'])}")
+        if not as_json:
+            click.echo(f"{outcome.name}: {said.rstrip(': ')}")
+    table = collect(folder, [name for name, _ in cases], apart=["parameters"])
+    if as_json:
+        _print_cases(folder, cases, table)
+    else:
+        click.echo(f"{table}")
     if failed:
         raise ComputationError(f"{failed} of {len(cases)} cases failed; their errors are in {folder / 'cases'}.")
 

@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ __all__ = [
     "note",
     "once",
     "options",
+    "print_json",
     "progress",
     "results_folder",
 ]
@@ -77,6 +78,12 @@ def options(*names: str) -> Callable[[Any], Any]:
             help="No progress and no notes on standard error; errors stay, and a warning that a result is not what it "
             "may seem.",
         ),
+        "json": click.option(
+            "--json",
+            "as_json",
+            is_flag=True,
+            help="Print the result as one JSON document, in SI units, in the place of lines for people.",
+        ),
     }
 
     def decorate(function: Any) -> Any:
@@ -91,6 +98,13 @@ def note(message: str) -> None:
     """Say something on standard error; where that cannot be written, the work goes on."""
     with suppress(OSError):
         click.echo(message, err=True)
+
+
+def print_json(content: Mapping[str, Any] | Sequence[Any]) -> None:
+    """Print a result as one JSON document."""
+    from discovery.results.provenance import json_text
+
+    click.echo(json_text(content))
 
 
 def once(_: click.Context, parameter: click.Parameter, values: tuple[Any, ...]) -> Any:

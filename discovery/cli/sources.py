@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.cli.options import PATH, SEED
+from discovery.cli.options import PATH, SEED, options, print_json
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from discovery_datasets.disturbances import Disturbance
 
 __all__ = ["COMMANDS", "MANOEUVRES"]
@@ -28,7 +31,8 @@ SYSTEMS = ("flexible_arm", "oscillator")
     type=click.Choice(SYSTEMS),
     help="List only what applies to a flexible arm, or to any other system of one degree of freedom.",
 )
-def effects(name: str | None, system: str | None) -> None:
+@options("json")
+def effects(name: str | None, system: str | None, as_json: bool) -> None:
     """List the catalogue of effects and the steps of the mechanics, or show the card of one.
 
     A loop screens those of its system that neither its mechanics nor its declared model contain.
@@ -37,22 +41,55 @@ def effects(name: str | None, system: str | None) -> None:
     from discovery.mechanics.upgrades import UPGRADES, Upgrade
 
     if name is None:
-        for effect_id, effect in sorted({**catalogue(), **UPGRADES}.items()):
-            if system is None or system in effect.systems:
-                click.echo(f"{effect_id:28} {effect.kind:12} {effect.title()}")
+        known = sorted({**catalogue(), **UPGRADES}.items())
+        listed = [(effect_id, effect) for effect_id, effect in known if system is None or system in effect.systems]
+        if as_json:
+            print_json([_card(effect_id, effect) for effect_id, effect in listed])
+            return
+        for effect_id, effect in listed:
+            click.echo(f"{effect_id:28} {effect.kind:12} {effect.title()}")
         return
     if system is not None:
         raise click.UsageError("--system picks from the list; the card of one effect says where it applies.")
     import inspect
 
     effect = get_effect(name, UPGRADES)
+    if as_json:
+        print_json(_card(name, effect))
+        return
     click.echo(f"{name} ({effect.kind}; {', '.join(sorted(effect.systems))})\n")
     click.echo(inspect.getdoc(type(effect)))
     if isinstance(effect, Upgrade):
         click.echo(f"\n{effect.switch()}")
-    click.echo(f"\nSource: {effect.cite}\n")
+    click.echo(f"\nSource: {effect.cite}")
+    click.echo(f"{_applies(effect.systems)}\n")
     for p in effect.parameters():
         click.echo(f"  {p.name:10} [{p.unit}]  {p.meaning}, bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units")
+
+
+def _applies(systems: Collection[str]) -> str:
+    """Say where an effect applies, and what to do where it does not."""
+    words = {"flexible_arm": "a flexible arm", "oscillator": "any other system"}
+    where = f"Applies to {' and to '.join(words[system] for system in sorted(systems))}."
+    others = sorted(set(SYSTEMS) - set(systems))
+    if not others:
+        return where
+    return (
+        f"{where} On {words[others[0]]} it cannot be declared: `discovery effects --system {others[0]}` lists what "
+        "can, and docs/ADD_AN_EFFECT.md says how to add a law of your own."
+    )
+
+
+def _card(effect_id: str, effect: Any) -> dict[str, Any]:
+    """Return what the catalogue says of an effect or an upgrade of the mechanics."""
+    from discovery.mechanics.upgrades import Upgrade
+
+    parameters = [
+        {"name": p.name, "unit": p.unit, "meaning": p.meaning, "bounds": list(p.bounds)} for p in effect.parameters()
+    ]
+    told = {"id": effect_id, "kind": effect.kind, "title": effect.title(), "systems": sorted(effect.systems)}
+    switch = effect.switch() if isinstance(effect, Upgrade) else None
+    return {**told, "source": effect.cite, "parameters": parameters, "switch": switch}
 
 
 def _parameters(kind: type[Disturbance]) -> dict[str, float | None]:
@@ -167,7 +204,8 @@ def data() -> None:
 
 @data.command("list")
 @click.argument("name", required=False)
-def data_list(name: str | None) -> None:
+@options("json")
+def data_list(name: str | None, as_json: bool) -> None:
     """List the registered files with origin and licence, or show the card of the set or file NAME."""
     from discovery_datasets import registry
 
@@ -175,9 +213,16 @@ def data_list(name: str | None) -> None:
 
     if name is not None:
         try:
-            click.echo(registry.card(name))
+            card = registry.card(name)
         except registry.DataUnavailable as error:
             raise InputError(str(error)) from None
+        if as_json:
+            print_json({"name": name, "card": card})
+        else:
+            click.echo(card)
+        return
+    if as_json:
+        print_json([{"name": key, **asdict(entry)} for key, entry in registry.FILES.items()])
         return
     for key, entry in registry.FILES.items():
         derived = " (derived from it; not fetched)" if entry.derived else ""
@@ -199,10 +244,14 @@ def data_fetch(name: str) -> None:
 
 
 @data.command("check")
-def data_check() -> None:
+@options("json")
+def data_check(as_json: bool) -> None:
     """Check which registered files are present and unaltered."""
     from discovery_datasets import registry
 
+    if as_json:
+        print_json([{"name": state.name, "state": state.state} for state in registry.check()])
+        return
     for state in registry.check():
         click.echo(f"{state.state:8} {state.name}")
 

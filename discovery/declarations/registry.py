@@ -48,6 +48,11 @@ def catalogue() -> dict[str, Effect]:
     return dict(sorted(found.items()))
 
 
+def _speaks_of(effect: Effect, word: str) -> bool:
+    """Whether the card of an effect holds a word."""
+    return word.lower() in f"{effect.id()} {inspect.getdoc(type(effect))} {effect.cite}".lower()
+
+
 def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> Effect:
     """Return one effect, a force that no catalogue lists, or one of what is declared besides.
 
@@ -67,6 +72,7 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
         return at_place(known[bare], place)
     if effect_id not in known:
         near = difflib.get_close_matches(effect_id, known, n=3, cutoff=0.4)
+        near += [other for other, effect in known.items() if other not in near and _speaks_of(effect, effect_id)]
         hint = f"Did you mean {', '.join(near)}?" if near else "`discovery effects` lists the catalogue."
         raise InputError(f"There is no effect called {effect_id!r}. {hint}")
     return known[effect_id]

@@ -19,6 +19,9 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import LIGHT_ROD, NaturalUnits, Problem, known_values, natural_units
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.foundation.errors import InputError, SimulationFailure
+from discovery.plots.fits import FitViews
+from discovery.recordings.chosen import Recordings, training_of
+from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
 
@@ -43,8 +46,8 @@ _NEAR = 15
 MOST_STEPS = 200_000
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(FitViews):
     """Estimates of an output-error fit.
 
     Parameters
@@ -186,8 +189,13 @@ def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
     return known
 
 
-def declared_model(experiment: Experiment) -> Model:
+def declared_model(experiment: Experiment | Dataset) -> Model:
     """Return the model that the rig file declares, on the base of its kind.
+
+    Parameters
+    ----------
+    experiment : Experiment or Dataset
+        A recording of the rig, or a data set.
 
     Raises
     ------
@@ -195,6 +203,8 @@ def declared_model(experiment: Experiment) -> Model:
         For anything else than an experiment, such as the rig alone: a recording says whether there is an input. If a
         law of an angle is declared for an output in another unit.
     """
+    if isinstance(experiment, Dataset):
+        experiment = experiment.train[0]
     if not isinstance(experiment, Experiment):
         raise InputError(
             f"The declared model is that of an Experiment, not of a {type(experiment).__name__}; make one with "
@@ -232,7 +242,7 @@ def _staged(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
 
 def fit(
     model: Model,
-    experiments: Sequence[Experiment],
+    experiments: Recordings,
     *,
     start: Mapping[str, float] | None = None,
     bench: Bench | None = None,
@@ -246,8 +256,8 @@ def fit(
     ----------
     model : Model
         Any base with any sum of effects.
-    experiments : sequence of Experiment
-        Fitted together; each has its own initial state.
+    experiments : Dataset or sequence of Experiment
+        The training recordings of a data set, or others: fitted together, each with an initial state of its own.
     start : mapping of str to float, optional
         Start values by name; the others come from the declarations and a scan of the stiffness.
     bench : Bench, optional
@@ -271,6 +281,7 @@ def fit(
     ComputationError
         If no step reaches the tolerance.
     """
+    experiments = training_of(experiments)
     units = units or natural_units(experiments)
     gaussian = dict(gaussian or {})
     values = dict(start or {})

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from discovery.foundation.errors import InputError
 
-__all__ = ["parse_text"]
+__all__ = ["parse_text", "unnamed_columns"]
 
 _BLANKS = r"\s+"
 
@@ -68,6 +68,25 @@ def parse_text(
         raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
     _check_cells(path, lines, rows, separator, len(names))
     return _read(path, rows, separator, names), lines
+
+
+def unnamed_columns(path: Path) -> tuple[str, ...]:
+    """Return names c1, c2, ... for the columns of a text file that begins with numbers; empty where names are given.
+
+    Parameters
+    ----------
+    path : Path
+        A file of any kind; one that is no text has its own names.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except (OSError, ValueError):  # told where the file is read
+        return ()
+    rows = (line for line in map(str.strip, text.splitlines()) if line and line[0] not in "#%")
+    first = next(rows, "")
+    cells = _cells(first, _separator([first, next(rows, first)], None)) if first else []
+    named = not all(_is_number(cell) for cell in cells)
+    return () if named else tuple(f"c{number}" for number in range(1, len(cells) + 1))
 
 
 def _separator(rows: Sequence[str], header: Sequence[str] | None) -> str:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +16,14 @@ from discovery.equations.model import Model
 from discovery.estimation.problem import NaturalUnits
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
-from discovery.posterior.inference_data import by_ensemble, by_walker, readings, walkers
+from discovery.plots.posteriors import PosteriorViews
 from discovery.posterior.noise import is_independent, words_of
+from discovery.posterior.replication import check_pointwise
+from discovery.posterior.tree import as_tree, fields_of, readings, sampled, some
+from discovery.recordings.chosen import Recordings, training_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from discovery.posterior.predictive import Band
-    from discovery.recordings.experiment import Experiment
 
 __all__ = ["INTERVAL", "Posterior"]
 
@@ -33,11 +32,12 @@ FloatArray = NDArray[np.float64]
 #: What the intervals of a summary are; `Posterior.interval` adds the noise.
 INTERVAL = "equal-tailed 90 % credible interval"
 _QUANTILES = (0.05, 0.5, 0.95)
-_DIAGNOSTICS = ("r_hat", "tau", "ess", "ess_tail")
+#: Draws of which a file keeps what they would read again, and readings that it keeps of them at most.
+_REPLICATED, _KEPT = 100, 2_000_000
 
 
-@dataclass(frozen=True)
-class Posterior:
+@dataclass(frozen=True, repr=False)
+class Posterior(PosteriorViews):
     """Draws from a posterior, with what they mean and how well they converged.
 
     Parameters
@@ -159,75 +159,70 @@ class Posterior:
             )
         return rows
 
-    def to_tree(self, bands: Sequence[Band] = (), experiments: Sequence[Experiment] = ()) -> xr.DataTree:
-        """Return the groups of ArviZ's InferenceData.
+    def to_arviz(self, data: Recordings, *, draws: int = 400, pointwise: bool = True) -> xr.DataTree:
+        """Return some of the draws with everything that ArviZ asks for.
 
-        Every walker is a chain, as ArviZ has it for emcee; the coordinate ``ensemble`` says to which ensemble it
-        belongs. Log likelihoods are sums over all readings. ``posterior_predictive`` holds quantiles of the readings.
+        The groups posterior, sample_stats, posterior_predictive and log_likelihood are of the same draws; observed_data
+        has the fitted readings. A chain is an independent ensemble. For ArviZ below 1.0, see the example.
 
         Parameters
         ----------
-        bands : sequence of Band
-            What `discovery.posterior.predictive.predictive` returned; no such group without them.
-        experiments : sequence of Experiment
-            Recordings whose readings are kept as ``observed_data``.
+        data : Dataset or sequence of Experiment
+            The recordings that were fitted.
+        draws : int
+            Draws, evenly from all ensembles.
+        pointwise : bool
+            With the log likelihood of every reading, which `arviz.loo` and `arviz.compare` need.
 
         Returns
         -------
         DataTree
+
+        Raises
+        ------
+        InputError
+            If a recording was not fitted, or `pointwise` is asked for under a noise whose errors depend on each other.
+
+        Examples
+        --------
+        >>> tree = posterior.to_arviz(dataset)  # doctest: +SKIP
+        >>> arviz.loo(arviz.from_datatree(tree))  # doctest: +SKIP
         """
-        import xarray as xr
+        if pointwise:
+            check_pointwise(self.noise)
+        chosen = some(self, draws)
+        return as_tree(self, sampled(chosen) | readings(chosen, training_of(data), pointwise=pointwise))
 
-        coordinates = walkers(self.log_probability.shape)
-        quantities = {
-            name: xr.Variable(*by_walker(self.draws[..., i]), attrs=self._attributes_of(name))
-            for i, name in enumerate(self.names)
-        }
-        groups = {
-            "posterior": xr.Dataset(quantities, coordinates, self._attributes()),
-            "sample_stats": xr.Dataset({"lp": by_walker(self.log_probability)}, coordinates, dict(self.acceptance)),
-            "log_likelihood": xr.Dataset({"readings": by_walker(self.log_likelihood)}, coordinates),
-            "prior": xr.Dataset({name: (("chain", "draw"), x[None]) for name, x in self.prior.items()}),
-        }
-        if bands:
-            quantiles = {b.name: (b.time, b.channels, b.reading) for b in bands}
-            groups["posterior_predictive"] = readings(quantiles, _QUANTILES)
-        if experiments:
-            recordings = [e.recording for e in experiments]
-            groups["observed_data"] = readings({r.name: (r.time, r.channels, r.output) for r in recordings})
-        return xr.DataTree.from_dict(groups)
+    def to_tree(self, data: Recordings | None = None) -> xr.DataTree:
+        """Return all draws as groups of ArviZ's InferenceData.
 
-    def to_netcdf(
-        self, path: str | os.PathLike[str], bands: Sequence[Band] = (), experiments: Sequence[Experiment] = ()
-    ) -> None:
+        Parameters
+        ----------
+        data : Dataset or sequence of Experiment, optional
+            The recordings that were fitted: with them, observed_data has their readings, and posterior_predictive what
+            some of the draws make of them.
+
+        Returns
+        -------
+        DataTree
+            The groups posterior, sample_stats (lp, and as log_likelihood the sum over all readings) and prior. A chain
+            is an independent ensemble.
+        """
+        groups = sampled(self)
+        if data is not None:
+            recordings = training_of(data)
+            size = sum(e.recording.output.size for e in recordings)
+            kept = max(len(self.draws), min(_REPLICATED, _KEPT // size))
+            groups |= readings(some(self, kept), recordings, pointwise=False)
+        return as_tree(self, groups)
+
+    def to_netcdf(self, path: str | os.PathLike[str], data: Recordings | None = None) -> None:
         """Write the groups of `to_tree` as netCDF, beside its place first."""
         # In memory: on a full disk the library of the format ends the process.
         made = BytesIO()
-        self.to_tree(bands, experiments).to_netcdf(made, engine="h5netcdf")
+        self.to_tree(data).to_netcdf(made, engine="h5netcdf")
         with atomic_write(path) as temporary:
             temporary.write_bytes(made.getbuffer())
-
-    def _attributes_of(self, name: str) -> dict[str, Any]:
-        value, sd = self.reference[name]
-        attributes = {key: getattr(self, key)[name] for key in _DIAGNOSTICS}
-        attributes |= {"units": self.units[name], "fit_value": value, "fit_sd": sd}
-        attributes |= {"stated_noise": self.stated_noise[name]} if name in self.stated_noise else {}
-        return attributes | ({"long_name": self.meanings[name]} if name in self.meanings else {})
-
-    def _attributes(self) -> dict[str, Any]:
-        return {
-            "quantities": json.dumps(self.names),
-            "interval": self.interval,
-            "status": self.status,
-            "model": json.dumps(self.model.to_dict()),
-            "natural_units": json.dumps(asdict(self.natural)),
-            "gaussian": json.dumps(dict(self.gaussian)),
-            "solver_step_s": self.step,
-            "acceptance": json.dumps(dict(self.acceptance)),
-            "provenance": json.dumps(dict(self.provenance)),
-            "inference_library": "emcee",
-            "inference_library_version": str(self.provenance["versions"]["emcee"]),
-        }
 
     @classmethod
     def from_netcdf(cls, path: str | os.PathLike[str]) -> Posterior:
@@ -242,36 +237,6 @@ class Posterior:
 
         try:
             with xr.open_datatree(path, engine="h5netcdf") as tree:
-                return cls._from_tree(tree.load())
+                return cls(**fields_of(tree.load()))
         except (OSError, KeyError, ValueError) as error:
             raise InputError(f"{os.fspath(path)} is not a posterior that this package wrote: {error}") from error
-
-    @classmethod
-    def _from_tree(cls, tree: xr.DataTree) -> Posterior:
-        dataset = tree["posterior"].to_dataset()
-        names = tuple(json.loads(dataset.attrs["quantities"]))
-        variables = {name: dataset[name] for name in names}
-
-        def attribute(key: str) -> dict[str, float]:
-            return {name: float(v.attrs[key]) for name, v in variables.items() if key in v.attrs}
-
-        value, sd = attribute("fit_value"), attribute("fit_sd")
-        gaussian = json.loads(dataset.attrs["gaussian"])
-        return cls(
-            names=names,
-            units={name: str(v.attrs["units"]) for name, v in variables.items()},
-            draws=np.stack([by_ensemble(v) for v in variables.values()], axis=-1),
-            log_probability=by_ensemble(tree["sample_stats"].dataset["lp"]),
-            log_likelihood=by_ensemble(tree["log_likelihood"].dataset["readings"]),
-            **{key: attribute(key) for key in _DIAGNOSTICS},
-            prior={str(name): x.to_numpy()[0] for name, x in tree["prior"].data_vars.items()},
-            acceptance=json.loads(dataset.attrs["acceptance"]),
-            reference={name: (value[name], sd[name]) for name in names},
-            stated_noise=attribute("stated_noise"),
-            meanings={name: str(v.attrs["long_name"]) for name, v in variables.items() if "long_name" in v.attrs},
-            model=Model.from_dict(json.loads(dataset.attrs["model"])),
-            natural=NaturalUnits(**json.loads(dataset.attrs["natural_units"])),
-            gaussian={name: (float(m), float(s)) for name, (m, s) in gaussian.items()},
-            step=float(dataset.attrs["solver_step_s"]),
-            provenance=json.loads(dataset.attrs["provenance"]),
-        )

@@ -80,7 +80,7 @@ class Comparison:
 def compare_models(
     fits: Mapping[str, Fit | Refit],
     *,
-    rng_seed: int,
+    seed: int = 1,
     noise: str = GAUSSIAN,
     held_out: Mapping[str, float] | None = None,
     draws: int = 4000,
@@ -91,7 +91,7 @@ def compare_models(
     ----------
     fits : mapping of str to Fit or Refit
         By name; on the same recordings. Refits are the candidates of the search.
-    rng_seed : int
+    seed : int
         Seed; every candidate has a random stream of its own.
     noise : str
         Noise model. White noise is only right where nothing is missing any more: what a model lacks is correlated.
@@ -116,7 +116,7 @@ def compare_models(
         raise InputError("Evidences compare only on the same readings: fit all candidates on the same recordings.")
     if held_out is not None and (missing := fits.keys() - held_out.keys()):
         raise InputError(f"There is no held-out error of {', '.join(sorted(missing))}.")
-    streams = np.random.default_rng(rng_seed).spawn(len(fits))
+    streams = np.random.default_rng(seed).spawn(len(fits))
     evidences = {
         name: log_evidence(log_posterior(_fit_of(fit), noise), rng, draws)
         for (name, fit), rng in zip(fits.items(), streams, strict=True)

@@ -60,14 +60,14 @@ class NoiseChoice:
         }
 
 
-def choose_noise(fit: Fit, *, rng_seed: int, models: Sequence[str] | None = None, draws: int = 4000) -> NoiseChoice:
+def choose_noise(fit: Fit, *, seed: int = 1, models: Sequence[str] | None = None, draws: int = 4000) -> NoiseChoice:
     """Weigh noise models by their evidence on the recordings of a fit.
 
     Parameters
     ----------
     fit : Fit
         The fit.
-    rng_seed : int
+    seed : int
         Seed; every model has a random stream of its own.
     models : sequence of str, optional
         Noise models; by default the Gaussian and all others that apply: rounding where readings come in steps, a noisy
@@ -88,7 +88,7 @@ def choose_noise(fit: Fit, *, rng_seed: int, models: Sequence[str] | None = None
     """
     parts = instruments(fit.problem.bench.experiments)
     names = applicable(fit.problem, parts) if models is None else (GAUSSIAN, *(m for m in models if m != GAUSSIAN))
-    streams = np.random.default_rng(rng_seed).spawn(len(names))
+    streams = np.random.default_rng(seed).spawn(len(names))
     return NoiseChoice(
         tuple(log_evidence(log_posterior(fit, name), rng, draws) for name, rng in zip(names, streams, strict=True))
     )

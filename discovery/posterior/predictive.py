@@ -16,13 +16,14 @@ from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
+from discovery.recordings.chosen import Recordings, training_of
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["QUANTILES", "Band", "fitted_starts", "predictive"]
+__all__ = ["QUANTILES", "Band", "errors", "fitted_starts", "noise_factor", "predictive", "simulated"]
 
 FloatArray = NDArray[np.float64]
 QUANTILES = (0.05, 0.5, 0.95)
@@ -66,10 +67,10 @@ class Band:
 
 def predictive(
     posterior: Posterior,
-    experiments: Sequence[Experiment],
+    experiments: Recordings,
     n: int = 200,
     *,
-    rng: Generator,
+    rng: Generator | int = 1,
     initial: Mapping[str, tuple[float, float]] | None = None,
 ) -> list[Band]:
     """Return predictive bands of recordings, free-run from the initial state on.
@@ -78,12 +79,12 @@ def predictive(
     ----------
     posterior : Posterior
         Draws, or what was read from their file.
-    experiments : sequence of Experiment
-        Recordings that were fitted, or others.
+    experiments : Dataset or sequence of Experiment
+        The training recordings of a data set, or any others.
     n : int
         Number of draws.
-    rng : Generator
-        Chooses the draws and makes the noise.
+    rng : Generator or int
+        Chooses the draws and makes the noise; or its seed.
     initial : mapping of str to (deflection, rate), optional
         Initial deflection [q] and rate [q/s] by name of the recording; otherwise the sampled ones of a recording that
         was fitted, and rest without deflection of any other.
@@ -100,24 +101,15 @@ def predictive(
     SimulationFailure
         If a draw's motion blows up.
     """
+    experiments, rng = training_of(experiments), np.random.default_rng(rng)
     flat = posterior.flat()
     chosen = rng.choice(next(iter(flat.values())).size, size=n, replace=False)
     draws = {name: values[chosen] for name, values in flat.items()}
-    bench = Bench(posterior.model.base, posterior.model.effects, experiments, posterior.step)
-    problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian)
-    rows = [draws[name] for name in problem.free]
-    for experiment in () if posterior.model.mechanics.prescribed else experiments:
-        name = experiment.recording.name
-        sampled = [draws.get(f"{part}[{name}]", np.zeros(n)) for part in ("delta_0_init", "rate_0_init")]
-        given = (initial or {}).get(name)
-        rows += sampled if given is None else [np.full(n, value) for value in given]
-    parameters, states = problem.expand(np.array(rows))
     bands = []
-    for experiment, channels in zip(experiments, bench.predict(parameters, states), strict=True):
+    for experiment, channels in zip(experiments, simulated(posterior, experiments, draws, initial), strict=True):
         recording = experiment.recording
-        check_finite(channels, recording.time, bench.names, parameters)
-        factor = _noise_factor(posterior, recording.channels, draws)
-        noise = recording.noise[:, None] * factor * _errors(recording.channels, draws, channels.shape, rng)
+        factor = noise_factor(posterior, recording.channels, draws)
+        noise = recording.noise[:, None] * factor * errors(recording.channels, draws, channels.shape, rng)
         bands.append(
             Band(
                 recording.name,
@@ -131,7 +123,37 @@ def predictive(
     return bands
 
 
-def _errors(
+def simulated(
+    posterior: Posterior,
+    experiments: Sequence[Experiment],
+    draws: Mapping[str, FloatArray],
+    initial: Mapping[str, tuple[float, float]] | None = None,
+) -> list[FloatArray]:
+    """Return the channels of recordings without noise by draw, each (n, c, k); see `predictive` for initial states.
+
+    Raises
+    ------
+    SimulationFailure
+        If a draw's motion blows up.
+    """
+    bench = Bench(posterior.model.base, posterior.model.effects, experiments, posterior.step)
+    problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian)
+    n = next(iter(draws.values())).size
+    rows = [draws[name] for name in problem.free]
+    for experiment in () if posterior.model.mechanics.prescribed else experiments:
+        name = experiment.recording.name
+        sampled = [draws.get(f"{part}[{name}]", np.zeros(n)) for part in ("delta_0_init", "rate_0_init")]
+        given = (initial or {}).get(name)
+        rows += sampled if given is None else [np.full(n, value) for value in given]
+    parameters, states = problem.expand(np.array(rows))
+    found = []
+    for experiment, channels in zip(experiments, bench.predict(parameters, states), strict=True):
+        check_finite(channels, experiment.recording.time, bench.names, parameters)
+        found.append(channels)
+    return found
+
+
+def errors(
     channels: tuple[str, ...], draws: Mapping[str, FloatArray], shape: tuple[int, ...], rng: Generator
 ) -> FloatArray:
     """Return errors of unit scale: of Student's t where its degrees of freedom were sampled, else Gaussian."""
@@ -158,7 +180,14 @@ def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> di
     return {e.recording.name: (d, rate) for e, (d, rate) in zip(experiments, states, strict=True)}
 
 
-def _noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
+def noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the noise of channels by draw, as a factor on what is stated.
+
+    Raises
+    ------
+    InputError
+        If their noise was not sampled.
+    """
     for name in noise_names(channels):
         if name in posterior.stated_noise:
             return draws[name] / posterior.stated_noise[name]

@@ -68,7 +68,7 @@ class Progress:
 def sample(
     fit: Fit,
     *,
-    rng_seed: int,
+    seed: int = 1,
     noise: str = GAUSSIAN,
     ensembles: int = FEWEST_ENSEMBLES,
     walkers: int | None = None,
@@ -84,7 +84,7 @@ def sample(
     ----------
     fit : Fit
         The fit: its minimum and covariance are where the walkers start, never what they end at.
-    rng_seed : int
+    seed : int
         Seed; the same one gives the same draws.
     noise : str
         Noise model, see `discovery.posterior.likelihood.log_posterior`.
@@ -131,7 +131,7 @@ def sample(
     target = log_posterior(fit, noise=noise)
     if walkers is None:
         walkers = _walkers(target.dimension, min_effective / ensembles)
-    seeds = SeedSequence(rng_seed).spawn(ensembles)
+    seeds = SeedSequence(seed).spawn(ensembles)
     group = start_ensembles(target, target.dimension, walkers=walkers, seeds=seeds)
     run = _run_of(target, [ensemble.state.coords for ensemble in group])
     if backend_path is not None:
@@ -156,7 +156,7 @@ def sample(
             left = pace * _steps_left(steps, worst[0] / min_effective, worst[2])
             progress(Progress(steps, max_steps, worst[0], min_effective, worst[1], worst[2], left))
         if not short and found.meets(min_effective, r_hat_max):
-            return _posterior(fit, target, group, found, draws, rng_seed)
+            return _posterior(fit, target, group, found, draws, seed)
     raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
 
 
@@ -210,7 +210,7 @@ def _posterior(
     group: Sequence[Ensemble],
     found: Convergence,
     draws: np.ndarray,
-    rng_seed: int,
+    seed: int,
 ) -> Posterior:
     # Half an autocorrelation time apart, draws carry all there is to know.
     thin = max(1, int(found.tau.min() / 2))
@@ -232,7 +232,7 @@ def _posterior(
         tau=dict(zip(target.names, found.tau.tolist(), strict=True)),
         ess=dict(zip(target.names, found.ess.tolist(), strict=True)),
         ess_tail=dict(zip(target.names, tail_effective(draws).tolist(), strict=True)),
-        prior=prior_draws(target, _PRIOR_DRAWS, np.random.default_rng(rng_seed)),
+        prior=prior_draws(target, _PRIOR_DRAWS, np.random.default_rng(seed)),
         acceptance={n: sum(m.accepted for m in ms) / sum(m.proposed for m in ms) for n, ms in moves.items() if ms},
         reference={
             **{name: (fit.values[name], fit.sd[name]) for name in problem.names},
@@ -245,7 +245,7 @@ def _posterior(
         gaussian=dict(problem.gaussian),
         step=problem.bench.shortest,
         provenance={
-            "seed": rng_seed,
+            "seed": seed,
             "noise": target.noise,
             "versions": {name: version(name) for name in _PACKAGES},
             "rig": first.rig.sha256,

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from discovery.declarations.units import quoted
 from discovery.foundation.errors import InputError
+from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
 from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, make_experiment
@@ -32,8 +33,8 @@ __all__ = ["Dataset", "load_dataset"]
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Dataset:
+@dataclass(frozen=True, repr=False)
+class Dataset(DatasetViews):
     """A rig with its recordings, averaged where they were read far faster than they move, input made smooth.
 
     Parameters

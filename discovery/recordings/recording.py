@@ -12,6 +12,7 @@ import numpy.typing as npt
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import read_table
+from discovery.plots.recordings import RecordingViews
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.quantisation import resolution
@@ -39,8 +40,8 @@ FloatArray = npt.NDArray[np.float64]
 _SWINGING = ("oscillator", "pendulum")
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(RecordingViews):
     """One measured manoeuvre, in SI units.
 
     Attributes

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import know_system
+from discovery.posterior.inference_data import attributes, by_name
 from discovery.recordings.angles import within_half_a_turn
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
@@ -180,7 +181,7 @@ class Run:
         return {
             **json.loads(dataset.attrs["provenance"]),
             "acceptance": json.loads(dataset.attrs["acceptance"]),
-            "tau": {str(name): float(x.attrs["tau"]) for name, x in dataset.data_vars.items()},
+            "tau": {name: float(said["tau"]) for name, said in attributes(dataset).items()},
         }
 
     @property
@@ -195,12 +196,7 @@ class Run:
         dataset = self._sampled
         if dataset is None:
             return {}
-        # Every walker is a chain, those of one ensemble side by side.
-        ensembles = int(dataset["ensemble"].max()) + 1
-        return {
-            str(name): np.asarray(x.to_numpy(), np.float64).reshape(ensembles, -1, x.shape[1]).swapaxes(1, 2)
-            for name, x in dataset.data_vars.items()
-        }
+        return by_name(dataset)
 
     @cached_property
     def quantities_sampled(self) -> tuple[Mapping[str, Any], ...]:

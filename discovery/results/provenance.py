@@ -7,7 +7,6 @@ import math
 import os
 import platform
 import re
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -19,31 +18,19 @@ import numpy as np
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write, shown
+from discovery.foundation.revision import git_revision
 
 if TYPE_CHECKING:
     # Processes that import this may never read a recording.
     from discovery.recordings.dataset import Dataset
 
-__all__ = ["plain", "provenance", "read_json", "restored", "surroundings", "write_json"]
+__all__ = ["json_text", "plain", "provenance", "read_json", "restored", "surroundings", "write_json"]
 
 #: What JSON has no numbers for, in the words of ECMAScript: a motion that blew up errs infinitely.
 _INFINITE = {math.inf: "Infinity", -math.inf: "-Infinity"}
 #: Text that could be taken for one of these words, as the name of a recording, gets one more backslash.
 _WORD = re.compile(r"\\*-?Infinity")
 _PACKAGES = ("discovery", "numpy", "scipy", "sympy", "numba", "pysindy", "emcee", "pandas", "xarray", "matplotlib")
-
-
-def _git_revision() -> str | None:
-    """Return the revision of the source tree, with a mark where it has changes; None outside a repository."""
-    folder = Path(__file__).resolve().parent
-    try:
-        run = subprocess.run(
-            ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"],
-            capture_output=True, text=True, timeout=10, check=True,
-        )  # fmt: skip
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return run.stdout.strip() or None
 
 
 def provenance(dataset: Dataset, *, seed: int, command: Sequence[str] | None = None) -> dict[str, Any]:
@@ -76,7 +63,7 @@ def surroundings(command: Sequence[str] | None = None) -> dict[str, Any]:
     shown = [Path(parts[0]).name, *(os.path.relpath(p) if os.path.isabs(p) else p for p in parts[1:])] if parts else []
     return {
         "command": " ".join(shown),
-        "git_revision": _git_revision(),
+        "git_revision": git_revision(),
         "versions": versions,
         "platform": f"{platform.system()} {platform.machine()}",
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -91,6 +78,8 @@ def plain(value: Any) -> Any:
         return plain(value.tolist())
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
     if isinstance(value, np.generic):
         return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
@@ -130,4 +119,9 @@ def restored(content: Any) -> Any:
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a JSON file beside `path`, then rename it."""
     with atomic_write(path) as temporary:
-        Path(temporary).write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        Path(temporary).write_text(json_text(content) + "\n", encoding="utf-8")
+
+
+def json_text(content: Mapping[str, Any] | Sequence[Any]) -> str:
+    """Return nested data as the text of a JSON document."""
+    return json.dumps(plain(content), indent=1, allow_nan=False)

@@ -16,11 +16,15 @@ from discovery.diagnosis.separation import Separation, separate
 from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.fit import Fit, declared_model, fit, fit_near, rig_uncertainty
 from discovery.estimation.holdout import HoldOut
+from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine
 from discovery.estimation.solver_error import error_unit
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.mechanics import upgrades
+from discovery.plots.loops import LoopViews
+from discovery.recordings.chosen import Recordings, held_out_of, training_of
+from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.recording import Recording
@@ -61,7 +65,7 @@ _DEPENDS = 0.1
 
 
 @dataclass(frozen=True, repr=False)
-class LoopResult:
+class LoopResult(LoopViews):
     """What the loop found.
 
     Parameters
@@ -187,31 +191,48 @@ class LoopResult:
 
 
 def close_loop(
-    train: Sequence[Experiment],
-    holdout: Sequence[Experiment] = (),
+    train: Recordings,
+    holdout: Recordings | None = None,
     *,
     settings: LoopSettings | None = None,
+    seed: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> LoopResult:
     """Find what the declared model lacks.
 
     Parameters
     ----------
-    train : sequence of Experiment
-        Recordings to fit; where `holdout` is empty, a last part of them should be excluded by `fitted_samples`.
-    holdout : sequence of Experiment
-        Recordings that are never fitted, but for their initial states.
+    train : Dataset or sequence of Experiment
+        A data set with its hold-outs, or recordings to fit; where nothing is held out, a last part of them should be
+        excluded by `fitted_samples`, as `load_dataset` does.
+    holdout : Dataset or sequence of Experiment, optional
+        Recordings that are never fitted, but for their initial states; the data set's own otherwise.
     settings : LoopSettings, optional
         The numbers that decide.
+    seed : int, optional
+        Seed of everything random, in the place of the one of `settings`, which is 1.
     progress : callable, optional
         Receives one sentence before every longer piece of work.
 
     Returns
     -------
     LoopResult
+
+    Raises
+    ------
+    InputError
+        For anything else than recordings, or a declared model that cannot be theirs.
+
+    Examples
+    --------
+    >>> data = load_dataset("rig.toml")  # doctest: +SKIP
+    >>> close_loop(data).verdict  # doctest: +SKIP
+    'explained'
     """
+    train, holdout = _given(train, holdout)
     units = natural_units(train)
     settings = settings or LoopSettings()
+    settings = settings if seed is None else replace(settings, seed=seed)
     least = min(float(e.recording.noise.min()) for e in (*train, *holdout)) / error_unit(train, units)
     rounding = _rounding([*train, *holdout])
     settings = replace(
@@ -225,6 +246,13 @@ def close_loop(
     # Matrices are tall and narrow: a second thread of theirs would only wait in the way of the simulations.
     with single_algebra():
         return _closed(context)
+
+
+def _given(train: Recordings, holdout: Recordings | None) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...]]:
+    """Return what is fitted and what judges, the inputs of a data set made smooth as it says or as suits them."""
+    if isinstance(train, Dataset):
+        train = choose_interpolation(train)
+    return training_of(train), held_out_of(train, holdout)
 
 
 def _rounding(experiments: Sequence[Experiment]) -> float:

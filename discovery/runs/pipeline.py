@@ -1,4 +1,4 @@
-"""From a data set to a folder of results: every stage in order, each saved as it is done."""
+"""From a data set to a folder of results: every stage in order, saved with the answer, the posterior, the evidence."""
 
 from __future__ import annotations
 
@@ -278,8 +278,8 @@ def run(
     dataset: Dataset,
     out: Path,
     *,
-    seed: int,
-    tell: stages.Tell,
+    seed: int = 1,
+    progress: stages.Tell = stages.silent,
     command: Sequence[str] | None = None,
     note: str = "",
     with_posterior: bool = True,
@@ -294,7 +294,7 @@ def run(
         Folder for results.json, loop.json and the netCDF files; made if need be.
     seed : int
         Seed of everything random.
-    tell : callable
+    progress : callable
         Receives one sentence before every longer piece of work.
     command : sequence of str, optional
         Recorded in the provenance; the process's own by default.
@@ -308,16 +308,18 @@ def run(
     dict
         The content of results.json.
     """
-    found = answer(dataset, out, seed=seed, tell=tell, command=command, note=note, with_posterior=with_posterior)
-    return add_posterior(found, tell=tell) if with_posterior else dict(found.content)
+    found = answer(
+        dataset, out, seed=seed, progress=progress, command=command, note=note, with_posterior=with_posterior
+    )
+    return add_posterior(found, progress=progress) if with_posterior else dict(found.content)
 
 
 def answer(
     dataset: Dataset,
     out: Path,
     *,
-    seed: int,
-    tell: stages.Tell,
+    seed: int = 1,
+    progress: stages.Tell = stages.silent,
     command: Sequence[str] | None = None,
     note: str = "",
     with_posterior: bool = True,
@@ -327,14 +329,14 @@ def answer(
     Where the folder holds a run that came to the same answer, it stays as it is until the posterior is there.
     """
     out.mkdir(parents=True, exist_ok=True)
-    discovered = stages.discover(dataset, seed=seed, tell=tell) if stages.can_discover(dataset.rig) else None
-    fits = stages.estimate(dataset, tell=tell)
+    discovered = stages.discover(dataset, seed=seed, progress=progress) if stages.can_discover(dataset.rig) else None
+    fits = stages.estimate(dataset, progress=progress)
     began = time.perf_counter()
-    loop = stages.loop(dataset, seed=seed, tell=tell)
+    loop = stages.loop(dataset, seed=seed, progress=progress)
     seconds = time.perf_counter() - began
-    missing = stages.unexplained(loop, dataset, tell=tell)
-    tested = stages.scored(loop, dataset, tell=tell)
-    on = stages.continued(loop, dataset, tell=tell)
+    missing = stages.unexplained(loop, dataset, progress=progress)
+    tested = stages.scored(loop, dataset, progress=progress)
+    on = stages.continued(loop, dataset, progress=progress)
     linear = {n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"}
     predictions = {**linear, **_loops_predictions(loop)}
     content = {
@@ -350,18 +352,18 @@ def answer(
     }
     found = Answer(dataset, out, seed, content, discovered, fits, loop, missing, predictions)
     if not (with_posterior and found.kept):
-        _save(found, Sampled(because="running" if with_posterior else "asked"), tell=tell, first=True)
+        _save(found, Sampled(because="running" if with_posterior else "asked"), progress=progress, first=True)
     return found
 
 
-def add_posterior(found: Answer, *, tell: stages.Tell, seconds: float = math.inf) -> dict[str, Any]:
+def add_posterior(found: Answer, *, progress: stages.Tell = stages.silent, seconds: float = math.inf) -> dict[str, Any]:
     """Sample the posterior of a run whose answer is saved, study it, and save all of it.
 
     Parameters
     ----------
     found : Answer
         From `answer`.
-    tell : callable
+    progress : callable
         Receives one sentence before every longer piece of work.
     seconds : float
         Time for it, saving left out; what is not done then is left out, and results.json says so. The chains stay:
@@ -381,14 +383,14 @@ def add_posterior(found: Answer, *, tell: stages.Tell, seconds: float = math.inf
     failed = None
     try:
         with time_limit(seconds):
-            _sample(found, done, tell, checkpoint)
+            _sample(found, done, progress, checkpoint)
     except TimeIsUp:
         done.because = "time"
         if _came_as_far(found.kept, done):
             return dict(found.kept)
     except ComputationError as failure:
         failed, done.because = failure, str(failure)
-    content = _save(found, done, tell=tell)
+    content = _save(found, done, progress=progress)
     if failed is not None:
         raise failed
     if not done.left_out:
@@ -396,19 +398,19 @@ def add_posterior(found: Answer, *, tell: stages.Tell, seconds: float = math.inf
     return content
 
 
-def _sample(found: Answer, done: Sampled, tell: stages.Tell, checkpoint: Path) -> None:
+def _sample(found: Answer, done: Sampled, progress: stages.Tell, checkpoint: Path) -> None:
     """Do what follows an answer, a part after the other."""
     subject, seed = found.subject, found.seed
 
     def heard(progress: Progress) -> None:
         done.reached = progress
 
-    posterior = _draws(subject, seed, tell, checkpoint, heard)
-    study = stages.studied(posterior, subject, found.dataset, seed=seed, tell=tell)
+    posterior = _draws(subject, seed, progress, checkpoint, heard)
+    study = stages.studied(posterior, subject, found.dataset, seed=seed, progress=progress)
     done.posterior, done.study, done.left_out = posterior, study, _PARTS[1:]
     if not _came_as_far(found.kept, done):
-        _save(found, done, tell=tell)
-    done.weighed = stages.compared(subject, found.loop, seed=seed, tell=tell)
+        _save(found, done, progress=progress)
+    done.weighed = stages.compared(subject, found.loop, seed=seed, progress=progress)
     done.left_out = ()
 
 
@@ -431,14 +433,14 @@ def _loops_predictions(loop: LoopResult) -> dict[str, list[FloatArray]]:
     return {when: list(loop.predictions[when]) for when in ("before", "after")}
 
 
-def _save(found: Answer, done: Sampled, *, tell: stages.Tell, first: bool = False) -> dict[str, Any]:
+def _save(found: Answer, done: Sampled, *, progress: stages.Tell, first: bool = False) -> dict[str, Any]:
     """Save a run with what there is of its posterior, and return the content of results.json.
 
     The first time, what the folder holds is of another run.
     """
     dataset, posterior, study = found.dataset, done.posterior, done.study
-    elastica = stages.predicted(dataset, posterior, seed=found.seed, tell=tell)
-    tell("saving results")
+    elastica = stages.predicted(dataset, posterior, seed=found.seed, progress=progress)
+    progress("saving results")
     content = {**found.content, **done.summary(found), "elastica": elastica}
     out, bands = found.out, study.bands if study else ()
     # Results of one run belong together: they are written beside and moved in place when all are there.
@@ -447,7 +449,7 @@ def _save(found: Answer, done: Sampled, *, tell: stages.Tell, first: bool = Fals
     with TemporaryDirectory(dir=out, prefix=SAVING) as folder:
         beside = Path(folder)
         if posterior is not None:
-            posterior.to_netcdf(beside / "posterior.nc", bands=bands, experiments=dataset.train)
+            posterior.to_netcdf(beside / "posterior.nc", dataset)
         if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
         _save_curves(beside, dataset, found.predictions, bands, posterior, found.discovered, elastica)
@@ -462,15 +464,15 @@ def _save(found: Answer, done: Sampled, *, tell: stages.Tell, first: bool = Fals
 
 
 def _draws(
-    subject: Fit, seed: int, tell: stages.Tell, checkpoint: Path, heard: Callable[[Progress], None]
+    subject: Fit, seed: int, progress: stages.Tell, checkpoint: Path, heard: Callable[[Progress], None]
 ) -> Posterior:
     """Return the posterior of a fit, continued from a checkpoint of the same run where one is there."""
     try:
-        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint, heard=heard)
+        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint, heard=heard)
     except InputError:
         # The checkpoint is of another run of this folder, interrupted and now overtaken.
         checkpoint.unlink(missing_ok=True)
-        return stages.sampled(subject, seed=seed, tell=tell, backend=checkpoint, heard=heard)
+        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint, heard=heard)
 
 
 def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> None:

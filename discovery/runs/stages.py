@@ -49,6 +49,7 @@ __all__ = [
     "predicted",
     "sampled",
     "scored",
+    "silent",
     "stage_seed",
     "studied",
     "unexplained",
@@ -60,6 +61,10 @@ Tell = Callable[[str], None]
 #: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
 DISCOVERY_SAMPLES = 16_384
 _ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
+
+
+def silent(_: str) -> None:
+    """Tell nobody."""
 
 
 def stage_seed(seed: int, stage: str) -> int:
@@ -115,7 +120,7 @@ def can_discover(rig: Rig) -> bool:
     return rig.base in ("constant_radius", "oscillator")
 
 
-def discover(dataset: Dataset, *, seed: int, tell: Tell) -> Discovered:
+def discover(dataset: Dataset, *, seed: int = 1, progress: Tell = silent) -> Discovered:
     """Find the equation of motion, and an arm's radius law, by sparse regression.
 
     Raises
@@ -132,23 +137,23 @@ def discover(dataset: Dataset, *, seed: int, tell: Tell) -> Discovered:
     from discovery.sindy.radius import discover_radius
     from discovery.sindy.sindy import discover as sparse
 
-    tell("smoothing the recordings")
+    progress("smoothing the recordings")
     motions = []
     for e in dataset.train:
         recording = _shortened(e)
         motions.append(motion_of(recording, dataset.rig, e.drive))
     rng = np.random.default_rng(stage_seed(seed, "discover"))
-    tell("searching the library for the equation of motion")
+    progress("searching the library for the equation of motion")
     equation = sparse(motions, rng=rng)
     radius = None
     if all(m.radius is not None for m in motions):
-        tell("searching for the radius law")
+        progress("searching for the radius law")
         radius = discover_radius(motions, rng=rng)
     multisine = None
     if not dataset.train[0].is_arm and dataset.train[0].recording.input is not None:
         from discovery.signals.distortion import analyse_multisine
 
-        tell("reading the multisine's own lines")
+        progress("reading the multisine's own lines")
         multisine = analyse_multisine(dataset.train[0].recording)
     return Discovered(equation, radius, multisine)
 
@@ -185,7 +190,7 @@ class Fits:
         return {"fits": {k: f.summary() for k, f in self.models.items()}, "fit_errors": dict(self.errors)}
 
 
-def estimate(dataset: Dataset, *, tell: Tell) -> Fits:
+def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
     """Fit the declared model to the training recordings, and the linear one where the system has a rest position."""
     train = dataset.train
     units = natural_units(train)
@@ -199,7 +204,7 @@ def estimate(dataset: Dataset, *, tell: Tell) -> Fits:
     models, predictions, found = {}, {}, {}
     start: dict[str, float] = {}
     for label, effects in plans.items():
-        tell(f"fitting the {label.replace('_', ' ')} model")
+        progress(f"fitting the {label.replace('_', ' ')} model")
         models[label] = fit(Model(declared.base, effects, declared.known), train, units=units, start=start)
         start = {n: v for n, v in models[label].values.items() if "[" not in n}
         predictions[label] = models[label].predict()
@@ -219,19 +224,19 @@ def _fit_errors(train, predictions) -> dict[str, Any]:
     return found
 
 
-def weighed(fitted: Fit, *, seed: int, tell: Tell) -> NoiseChoice:
+def weighed(fitted: Fit, *, seed: int = 1, progress: Tell = silent) -> NoiseChoice:
     """Weigh the noise models that apply to the recordings of a fit by their evidence."""
     from discovery.posterior.noise_choice import choose_noise
 
-    tell("weighing noise models by their evidence")
-    return choose_noise(fitted, rng_seed=stage_seed(seed, "evidence"))
+    progress("weighing noise models by their evidence")
+    return choose_noise(fitted, seed=stage_seed(seed, "evidence"))
 
 
 def sampled(
     fitted: Fit,
     *,
     seed: int,
-    tell: Tell,
+    progress: Tell,
     backend=None,
     noise: str = GAUSSIAN,
     heard: Callable[[Progress], None] = lambda _: None,
@@ -239,18 +244,16 @@ def sampled(
     """Sample the posterior of a fitted model under a noise model; `heard` is told how far it is."""
     from discovery.posterior.sampling import sample
 
-    tell(f"sampling the posterior, errors {words_of(noise)}")
+    progress(f"sampling the posterior, errors {words_of(noise)}")
 
     def on_progress(p: Progress) -> None:
         heard(p)
-        tell(
+        progress(
             f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}"
             + (f", {_until(p.seconds_left)}" if 1.0 < p.seconds_left < math.inf else "")
         )
 
-    return sample(
-        fitted, rng_seed=stage_seed(seed, "posterior"), noise=noise, progress=on_progress, backend_path=backend
-    )
+    return sample(fitted, seed=stage_seed(seed, "posterior"), noise=noise, progress=on_progress, backend_path=backend)
 
 
 def _until(seconds: float) -> str:
@@ -259,36 +262,38 @@ def _until(seconds: float) -> str:
     return f"about {long} left, until {datetime.now() + timedelta(seconds=seconds):%H:%M:%S}"
 
 
-def studied(posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int, tell: Tell) -> PosteriorStudy:
+def studied(
+    posterior: Posterior, fitted: Fit, dataset: Dataset, *, seed: int = 1, progress: Tell = silent
+) -> PosteriorStudy:
     """Study a posterior: priors, profiles, correlations, chains, and predictive bands of every recording."""
     from discovery.posterior.study import LONGEST_BAND, study_posterior
 
-    tell("profile likelihoods and predictive bands")
+    progress("profile likelihoods and predictive bands")
     rng = np.random.default_rng(stage_seed(seed, "predictive"))
     study = study_posterior(posterior, fitted, dataset.holdout, rng=rng)
     banded = {band.name for band in study.bands}
     for e in dataset.holdout:
         if e.recording.name not in banded and e.recording.time.size <= LONGEST_BAND:
-            tell(f"no predictive band of {e.recording.name}: the fitted motion blows up there")
+            progress(f"no predictive band of {e.recording.name}: the fitted motion blows up there")
     return study
 
 
-def compared(fitted: Fit, loop: LoopResult, *, seed: int, tell: Tell) -> dict[str, Any]:
+def compared(fitted: Fit, loop: LoopResult, *, seed: int = 1, progress: Tell = silent) -> dict[str, Any]:
     """Weigh noise models of a fit, and the models before and after the loop, by their evidence."""
     from discovery.posterior.model_comparison import compare_models
 
-    noise = weighed(fitted, seed=seed, tell=tell).summary()
+    noise = weighed(fitted, seed=seed, progress=progress).summary()
     models = {"before": loop.before, "after": loop.after}
     if loop.before.model == loop.after.model or any(f.null_directions for f in models.values()):
         return {"noise": noise, "evidence": None}
-    tell("weighing the models before and after by their evidence")
+    progress("weighing the models before and after by their evidence")
     held = {label: loop.errors[label]["holdout"]["rms"] for label in models}
     # What the smaller model lacks is correlated: white noise would count every sample of it.
-    compared = compare_models(models, rng_seed=stage_seed(seed, "evidence"), noise="correlated", held_out=held)
+    compared = compare_models(models, seed=stage_seed(seed, "evidence"), noise="correlated", held_out=held)
     return {"noise": noise, "evidence": compared.summary()}
 
 
-def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str, Any] | None:
+def predicted(dataset: Dataset, posterior, *, seed: int = 1, progress: Tell = silent) -> dict[str, Any] | None:
     """Compare a posterior with the elastica's prediction from the rig file; None where the rig does not allow it."""
     from discovery.theory.prediction import predict
 
@@ -301,7 +306,7 @@ def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str
         or rig.beam_mass is None
     ):
         return None
-    tell("checking against the elastica")
+    progress("checking against the elastica")
     rng = np.random.default_rng(stage_seed(seed, "elastica"))
     if dataset.train:
         deflection = np.concatenate([e.deflection[e.fitted] for e in dataset.train])
@@ -315,20 +320,20 @@ def predicted(dataset: Dataset, posterior, *, seed: int, tell: Tell) -> dict[str
     }
 
 
-def loop(dataset: Dataset, *, seed: int = 1, follow_up: bool = True, tell: Tell) -> LoopResult:
+def loop(dataset: Dataset, *, seed: int = 1, follow_up: bool = True, progress: Tell = silent) -> LoopResult:
     """Close the loop on a data set."""
     settings = LoopSettings(seed=stage_seed(seed, "loop"), follow_up=follow_up)
-    return close_loop(dataset.train, dataset.holdout, settings=settings, progress=tell)
+    return close_loop(dataset.train, dataset.holdout, settings=settings, progress=progress)
 
 
-def scored(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any]:
+def scored(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> dict[str, Any]:
     """Return the errors before and after on every recording that neither a fit nor a decision has seen, by its name.
 
     Nothing of these recordings is fitted but their initial states.
     """
     found: dict[str, Any] = {}
     for e in dataset.test:
-        tell(f"scoring {e.recording.name}")
+        progress(f"scoring {e.recording.name}")
         found[e.recording.name] = {"samples": int(np.isfinite(e.recording.output).all(axis=1).sum())}
         for label, fitted in (("before", result.before), ("after", result.after)):
             judge = HoldOut(dataset.train, [e], fitted.problem.units, TOLERANCE)
@@ -337,7 +342,7 @@ def scored(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any
     return found
 
 
-def continued(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, Any] | None:
+def continued(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> dict[str, Any] | None:
     """Return the held-out errors before and after where the run goes on from the training part, nothing fitted anew.
 
     None where the hold-out is not what follows the only training recording in its file. An initial state fitted to the
@@ -348,7 +353,7 @@ def continued(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, 
     first, second = dataset.train[0].recording, dataset.holdout[0].recording
     if first.sha256 != second.sha256 or not 0 < second.time[0] - first.time[-1] < 1.5 * np.median(np.diff(first.time)):
         return None
-    tell("continuing into the held-out part")
+    progress("continuing into the held-out part")
     joined = replace(
         first,
         time=np.concatenate([first.time, second.time]),
@@ -364,17 +369,17 @@ def continued(result: LoopResult, dataset: Dataset, *, tell: Tell) -> dict[str, 
     return found
 
 
-def unexplained(result: LoopResult, dataset: Dataset, *, tell: Tell) -> MissingForce | None:
+def unexplained(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> MissingForce | None:
     """Return the force that the final model lacks where it is not complete; None where it is."""
     if result.complete:
         return None
     mechanics = result.after.model.mechanics
     if not mechanics.reads_state or mechanics.places():
-        tell("no missing force: it is reconstructed where the instrument reads the only coordinate there is")
+        progress("no missing force: it is reconstructed where the instrument reads the only coordinate there is")
         return None
-    tell("reconstructing the missing force")
+    progress("reconstructing the missing force")
     try:
         return missing_force(result.after, dataset.holdout)
     except ComputationError as failure:
-        tell(f"no missing force: {failure}")
+        progress(f"no missing force: {failure}")
         return None

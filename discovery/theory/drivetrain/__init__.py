@@ -6,8 +6,9 @@ when the encoder's angle is a given input. The names below load what they need w
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from discovery.foundation.lazy import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
     from discovery.theory.drivetrain.arm_motion import fitted_coupling as fitted_coupling
@@ -36,29 +37,5 @@ _HOMES = {
     "trapezoid_command": "discovery.theory.drivetrain.study:trapezoid_command",
 }
 
-__all__ = [
-    "ASSUMED_MOTOR",
-    "Arm",
-    "Motor",
-    "PositionController",
-    "coupling_torque",
-    "drive_arm",
-    "effective_inertia",
-    "encoder_as_input",
-    "fitted_coupling",
-    "move_arm",
-    "trapezoid_command",
-]
-
-
-def __getattr__(name: str) -> Any:
-    try:
-        home, _, attribute = _HOMES[name].partition(":")
-    except KeyError:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
-    value = globals()[name] = getattr(import_module(home), attribute)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__all__ = list(_HOMES)
+__getattr__, __dir__ = _lazy_names(__name__, _HOMES)

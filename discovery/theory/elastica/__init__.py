@@ -7,8 +7,9 @@ The names below load what they need when they are first used.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from discovery.foundation.lazy import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
     from discovery.theory.elastica.beam import perpendicular_law as perpendicular_law
@@ -38,29 +39,5 @@ _HOMES = {
     "tip_under_load": "discovery.theory.elastica.beam:tip_under_load",
 }
 
-__all__ = [
-    "elastica_series",
-    "fit_static_law",
-    "force_components",
-    "load_at_tip",
-    "perpendicular_law",
-    "radius_law",
-    "radius_limits",
-    "shape_under_load",
-    "small_deflection_shape",
-    "small_deflection_tip",
-    "tip_under_load",
-]
-
-
-def __getattr__(name: str) -> Any:
-    try:
-        home, _, attribute = _HOMES[name].partition(":")
-    except KeyError:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
-    value = globals()[name] = getattr(import_module(home), attribute)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__all__ = list(_HOMES)
+__getattr__, __dir__ = _lazy_names(__name__, _HOMES)

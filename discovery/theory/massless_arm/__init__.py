@@ -6,8 +6,9 @@ The names below load what they need when they are first used.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from discovery.foundation.lazy import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
     from discovery.theory.massless_arm.model import GeneralModel as GeneralModel
@@ -18,20 +19,5 @@ _HOMES = {
     "simulate_general": "discovery.theory.massless_arm.simulation:simulate_general",
 }
 
-__all__ = [
-    "GeneralModel",
-    "simulate_general",
-]
-
-
-def __getattr__(name: str) -> Any:
-    try:
-        home, _, attribute = _HOMES[name].partition(":")
-    except KeyError:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
-    value = globals()[name] = getattr(import_module(home), attribute)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__all__ = list(_HOMES)
+__getattr__, __dir__ = _lazy_names(__name__, _HOMES)

@@ -1,0 +1,220 @@
+"""The commands that answer: the loop alone, and the whole pipeline."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from discovery.cli.doubts import doubts
+from discovery.cli.initial_state import check_state, read_state
+from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress, results_folder
+from discovery.cli.say import say_doubts, say_left_out, say_loop, say_missing
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from discovery.diagnosis.missing_force import MissingForce
+    from discovery.foundation.errors import ComputationError
+    from discovery.recordings.dataset import Dataset
+    from discovery.recordings.experiment import Experiment
+    from discovery.runs.loop import LoopResult
+    from discovery.runs.pipeline import Answer
+    from discovery.runs.stages import Tell
+
+__all__ = ["COMMANDS"]
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "holdout", "out", "seed", "quiet", "json")
+@click.option("--note", "data_note", default="", help="Plain words on the data for the top of the report.")
+@click.option(
+    "--posterior/--no-posterior", "with_posterior", default=True, help="Sample the posterior, the longest part."
+)
+@click.option(
+    "--max-time",
+    type=Seconds(),
+    multiple=True,
+    callback=once,
+    help="Seconds, or a time as 5min or 1h: what of the posterior is not there then is left out. The answer of the "
+    "loop is always given, however long it takes.",
+)
+def run(
+    rig: Path, train, holdout, out: Path, seed: int, quiet: bool, as_json: bool, data_note: str, with_posterior: bool,
+    max_time: float | None,
+) -> None:  # fmt: skip
+    """Run the whole pipeline: first the answer of the loop and its page, then the posterior."""
+    from discovery.results.manifest import RESULTS, remove_unfinished
+
+    began = time.monotonic()
+    dataset = load(rig, train, holdout, quiet)
+    folder = results_folder(out, *RESULTS, "report.html")
+    remove_unfinished(folder)
+    from discovery.report import build_report
+    from discovery.runs import pipeline
+
+    with progress(quiet) as tell:
+        found = pipeline.answer(
+            dataset, folder, seed=seed, progress=tell, note=data_note, with_posterior=with_posterior
+        )
+    doubted = doubts(found.loop, dataset)
+    if not as_json:
+        say_loop(found.loop)
+        say_doubts(doubted)
+    start = time.monotonic()
+    with progress(quiet) as tell:
+        tell("writing the report")
+        page = build_report(folder)
+    pending, failed = None, None
+    if with_posterior:
+        # The page will be written once more, with more figures.
+        end = time.monotonic()
+        left = math.inf if max_time is None else began + max_time - end - 2 * (end - start)
+        pending, failed = _posterior(found, folder, left, quiet)
+    if as_json:
+        print_json({**found.loop.summary(), "doubts": doubted, "pending": pending, "files": [page]})
+    if failed is not None:
+        raise failed
+    if not as_json:
+        say_left_out(pending)
+        click.echo(f"{page}")
+
+
+def _posterior(
+    found: Answer, folder: Path, seconds: float, quiet: bool
+) -> tuple[Mapping[str, Any] | None, ComputationError | None]:
+    """Add the posterior to a run and its page: return what is left out, and why there is none."""
+    from discovery.foundation.errors import ComputationError
+    from discovery.report import build_report
+    from discovery.runs import pipeline
+
+    pending, failed = None, None
+    with progress(quiet) as tell:
+        try:
+            pending = pipeline.add_posterior(found, progress=tell, seconds=seconds)["pending"]
+        except ComputationError as failure:
+            # The page says why there is none.
+            failed = failure
+        tell("writing the report")
+        build_report(folder)
+    return pending, failed
+
+
+@click.command()
+@click.argument("rig", type=PATH)
+@options("train", "holdout", "out", "seed", "quiet", "json")
+@click.option(
+    "--predict",
+    "target",
+    type=PATH,
+    multiple=True,
+    callback=once,
+    help="File with times and input: write prediction.csv for it. Its outputs, if any, are not looked at.",
+)
+@click.option(
+    "--initial-state",
+    metavar="ANGLE,RATE",
+    help="Initial state of --predict: rad and rad/s (80 degrees are 1.396), or m and m/s where the output is a "
+    "length; static equilibrium otherwise.",
+)
+def loop(
+    rig: Path, train, holdout, out: Path, seed: int, quiet: bool, as_json: bool, target: Path | None,
+    initial_state: str | None,
+) -> None:  # fmt: skip
+    """Find what the declared model lacks, and write it with its page."""
+    from discovery.results.manifest import remove_unfinished
+    from discovery.runs.stages import loop as close
+    from discovery.runs.stages import unexplained
+
+    initial = read_state(initial_state)
+    if initial is not None and target is None:
+        raise click.UsageError("--initial-state needs --predict: training and hold-out start where their fit says.")
+    dataset = load(rig, train, holdout, quiet)
+    check_state(initial, dataset)
+    wanted = None if target is None else _wanted(target, dataset, initial)
+    folder = results_folder(out, "loop.json", "prediction.csv", "report.html")
+    remove_unfinished(folder)
+    with progress(quiet) as tell:
+        result = close(dataset, seed=seed, progress=tell)
+        missing = unexplained(result, dataset, progress=tell)
+        content = _written(folder, result, missing)
+        failed = None if wanted is None else _predicted(folder, wanted, result, initial, tell, target)
+    doubted = doubts(result, dataset)
+    if not as_json:
+        say_loop(result)
+        say_doubts(doubted)
+        say_missing(missing)
+    with progress(quiet) as tell:
+        tell("writing the report")
+        page = _loops_page(folder, dataset, result, missing, seed)
+    files = [folder / "loop.json", page, *sorted(folder.glob("manoeuvre_*.csv"))]
+    files += [folder / "prediction.csv"] if wanted is not None and failed is None else []
+    if as_json:
+        print_json({**content, "doubts": doubted, "files": files})
+    else:
+        click.echo(f"written: {', '.join(map(str, files))}")
+    if failed is not None:
+        # What was found has been said.
+        raise failed
+
+
+def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None) -> Experiment:
+    """Read what is to be predicted."""
+    from discovery.recordings.experiment import make_experiment
+    from discovery.recordings.recording import read_recording
+
+    wanted = make_experiment(read_recording(target, dataset.rig, with_output=False), dataset.rig)
+    if initial is None and wanted.drive is None:
+        note(
+            f"{target}: without --initial-state the prediction starts at rest, and nothing drives this system: it "
+            "stays there. Give the state at the first time with --initial-state ANGLE,RATE."
+        )
+    return wanted
+
+
+def _written(folder: Path, result: LoopResult, missing: MissingForce | None) -> dict[str, Any]:
+    """Write loop.json, and return its content."""
+    from discovery.runs.pipeline import write_loop
+
+    # Those of an earlier run would be another model's.
+    for name in ("prediction.csv", "report.html"):
+        (folder / name).unlink(missing_ok=True)
+    return write_loop(folder, result, missing=missing)
+
+
+def _predicted(
+    folder: Path, wanted: Experiment, result: LoopResult, initial: tuple[float, float] | None, tell: Tell,
+    target: Path | None,
+) -> ComputationError | None:  # fmt: skip
+    """Write prediction.csv, and return why there is none."""
+    from discovery.foundation.errors import ComputationError
+    from discovery.runs.pipeline import save_prediction
+
+    tell("predicting")
+    try:
+        why = save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
+    except ComputationError as failure:
+        return failure
+    if why:
+        note(f"{target}: the declared model does not predict it, its columns are left empty. {why}")
+    return None
+
+
+def _loops_page(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> Path:
+    """Write the page of a loop, one file beside its loop.json."""
+    from tempfile import TemporaryDirectory
+
+    from discovery.report import build_report
+    from discovery.results.manifest import SAVING
+    from discovery.runs.pipeline import gather_loop
+
+    with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
+        gather_loop(Path(beside), dataset, result, missing, seed)
+        return build_report(beside).replace(folder / "report.html")
+
+
+COMMANDS: tuple[click.Command, ...] = (run, loop)

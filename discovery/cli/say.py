@@ -1,0 +1,90 @@
+"""What a loop and a run found, in lines for people."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from discovery.cli.options import estimate_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from discovery.diagnosis.missing_force import MissingForce
+    from discovery.runs.loop import LoopResult
+
+__all__ = ["say_doubts", "say_left_out", "say_loop", "say_missing"]
+
+
+def say_loop(result: LoopResult) -> None:
+    """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
+    from discovery.selection.sentences import lead_sentence, model_error_words
+
+    content = result.summary()
+    click.echo(f"verdict: {content['verdict']}")
+    for effect in content["effects"]:
+        click.echo(_effect_line(effect))
+    click.echo(f"model error: {model_error_words(content['model_error'])}")
+    if content.get("lead"):
+        click.echo(f"lead: {lead_sentence(content['lead'])}")
+    for contradiction in result.contradiction.contradictions if result.contradiction else ():
+        click.echo(f"contradiction: {contradiction.sentence}")
+    for separation in result.separations:
+        click.echo(separation.sentence)
+    _say_errors(content["errors"])
+
+
+def say_doubts(sentences: Iterable[str]) -> None:
+    """Say what doubts the verdict."""
+    for doubt in sentences:
+        click.echo(f"doubt: {doubt}")
+
+
+def say_missing(missing: MissingForce | None) -> None:
+    """Say on what a missing force depends."""
+    if missing is not None and missing.depends:
+        of = " or ".join(", ".join(d.variables) for d in missing.depends)
+        patch = "a patch is offered, see missing_force in loop.json" if missing.patch else "no patch is offered"
+        click.echo(f"missing force: depends on {of}; {patch}")
+
+
+def _effect_line(effect: Mapping[str, Any]) -> str:
+    """Return an added effect with its values, what serves as well, and how sure it is."""
+    from discovery.runs.loop import UPGRADES
+    from discovery.selection.sentences import effect_sentence
+
+    role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"
+    values = ", ".join(
+        f"{n} = {estimate_text(p['value'], p['sd'], p['unit'])}" for n, p in effect["parameters"].items()
+    )
+    rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
+    sure = effect_sentence(effect)
+    return f"{role}: {effect['id']}" + (f" ({values})" if values else "") + rivals + (f"; {sure}" if sure else "")
+
+
+def _say_errors(errors: Mapping[str, Any]) -> None:
+    """Say the errors before and after, and what was held out where no recording was."""
+    from discovery.estimation.holdout import SEPARATE
+
+    for when in ("before", "after"):
+        found = errors[when]
+        # All held-out recordings may lie inside the trained range, or all beyond it.
+        shown = {k: v for k, v in found.items() if k == "holdout" or v != found["holdout"]}
+        click.echo(
+            f"{when:>6}: "
+            + ", ".join(f"{k} rms {v['rms']:.4g} (mean {v['mean']:.4g})" for k, v in shown.items())
+            + f" {errors['unit']}"
+        )
+    if errors["holdout_kind"] != SEPARATE:
+        tells = f"its motion is {errors['holdout_motion']:.2g} times the noise"
+        click.echo(f"holdout: the {errors['holdout_kind']}; {tells}; --holdout names a recording of its own")
+
+
+def say_left_out(pending: Mapping[str, Any] | None) -> None:
+    """Say what the time limit has left out."""
+    if pending:
+        known = pending.get("effective") is not None
+        of = f" ({pending['effective']:.0f} of {pending['wanted']:.0f} effective samples)" if known else ""
+        on = "with more time, the same command goes on from there"
+        click.echo(f"left out for --max-time: {'; '.join(pending['left_out'])}{of}; {on}")

@@ -1,0 +1,63 @@
+"""The kind of system that a recording is of, as far as its signals tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from discovery.declarations.units import si_symbol, split_suffix
+from discovery.drafting.law_of_motion import FloatArray, own_period
+from discovery.drafting.signals import Signals
+from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
+
+__all__ = ["Guess", "guess_kind", "is_arm"]
+
+
+class Guess(NamedTuple):
+    """A kind of system, and why.
+
+    Attributes
+    ----------
+    kind : str
+    why : str
+        One clause.
+    """
+
+    kind: str
+    why: str
+
+
+def is_arm(names: Iterable[str]) -> bool:
+    """Whether columns are those of a flexible arm: time, motor angle and tip."""
+    found = {split[0] for name in names if (split := split_suffix(name, ARM_STEMS)) is not None}
+    return {"time", "motor_angle"} <= found and any(found.issuperset(outputs) for outputs in ARM_OUTPUTS)
+
+
+def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
+    """Guess the kind of system.
+
+    Parameters
+    ----------
+    path : Path
+        The file, whose name may say it.
+    found : Signals
+        Its signals.
+    time : array, shape (n,)
+        Times [s].
+    """
+    unit = si_symbol(found.output.unit)
+    if found.height and found.input is None and unit == "m":
+        return Guess("falling_body", "the output is a height, and nothing drives it")
+    if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
+        return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
+    hanging = "pend" in f"{path.stem} {found.output.name}".lower()
+    if found.input is None:
+        if unit == "rad":
+            return Guess("pendulum", 'an angle that nothing drives; on a torsion spring it is an "oscillator"')
+        return Guess("oscillator", "nothing drives it")
+    period = own_period(time, found.output.si, found.input.si)
+    if period is None:
+        return Guess("drive", "an input moves it, and nothing pulls it back to a place of rest")
+    back = f"it swings about its rest, once in about {period:.3g} s"
+    return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)

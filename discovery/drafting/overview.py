@@ -1,0 +1,154 @@
+"""What was understood of a rig file and its recordings: sampling, range, noise, excitation, flags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from discovery.declarations.units import quoted
+from discovery.drafting.law_of_motion import FloatArray, own_period
+from discovery.recordings.dataset import Dataset
+from discovery.recordings.experiment import Experiment
+from discovery.signals.periods import find_periods
+
+__all__ = ["overview", "overview_lines"]
+
+#: Of a step, by which times of a steady rate may differ.
+_JITTER = 0.05
+#: Share of the power of an input on either side of its band.
+_OUTSIDE = 0.05
+#: Share of a recording in which a periodic input repeats.
+_MOSTLY = 0.5
+#: Readings whose periods are looked for at a time that nobody notices.
+_SOON = 50_000
+
+
+def overview(dataset: Dataset) -> dict[str, Any]:
+    """Return what a data set holds, in SI units.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From `load_dataset`.
+
+    Returns
+    -------
+    dict
+        ``rig`` (name, kind, declared model) and ``recordings``, each with role, number of readings, duration [s], rate
+        [Hz], missing readings, ``channels`` (unit, range, noise and where it is from, motion over noise), ``input``
+        (unit, range, band [Hz], period [s]; null without one), own period [s] and ``flags``.
+    """
+    rig = dataset.rig
+    every = (*dataset.everything, *(("test", e) for e in dataset.test))
+    return {
+        "rig": {
+            "name": rig.name,
+            "kind": rig.kind,
+            "base": rig.base,
+            "declared": list(rig.declared),
+            "file": None if rig.path is None else str(rig.path),
+        },
+        "recordings": [_recording(role, experiment) for role, experiment in every],
+    }
+
+
+def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
+    r = experiment.recording
+    steps = np.diff(r.time)
+    step = float(np.median(steps))
+    period = None if experiment.is_arm else own_period(r.time, experiment.deflection, r.input)
+    return {
+        "name": r.name,
+        "role": role,
+        "source": r.source,
+        "readings": r.time.size,
+        "fitted": r.time[experiment.fitted].size if role == "train" else 0,
+        "duration": float(r.time[-1] - r.time[0]),
+        "rate": 1.0 / step,
+        "steady": bool((np.abs(steps - step) <= _JITTER * step).all()),
+        "missing": int((~np.isfinite(r.output)).any(axis=1).sum()) if experiment.rig.view is None else 0,
+        "channels": [
+            {
+                "name": channel,
+                "unit": unit,
+                "least": float(np.nanmin(values)),
+                "largest": float(np.nanmax(values)),
+                "noise": float(noise),
+                "noise_is": "estimated" if r.noise_estimated else "stated",
+                "motion_over_noise": float(np.nanstd(values) / noise) if noise > 0.0 else None,
+            }
+            for channel, unit, noise, values in zip(r.channels, r.units, r.noise, r.output.T, strict=True)
+        ],
+        "input": None if r.input is None else _input(r.time, r.input),
+        "own_period": period,
+        "flags": list(r.notes),
+    }
+
+
+def _input(time: FloatArray, values: FloatArray) -> dict[str, Any]:
+    step = float(np.median(np.diff(time)))
+    frequency, power = np.fft.rfftfreq(values.size, step), np.abs(np.fft.rfft(values - values.mean())) ** 2
+    share = np.cumsum(power) / max(float(power.sum()), np.finfo(float).tiny)
+    periods = find_periods(values - values.mean()) if values.size <= _SOON else None
+    again = sum(stop - start for start, stop in periods.stretches) if periods else 0
+    return {
+        "least": float(values.min()),
+        "largest": float(values.max()),
+        "band": [float(frequency[np.searchsorted(share, edge)]) for edge in (_OUTSIDE, 1.0 - _OUTSIDE)],
+        "period": periods.period * step if periods and again > _MOSTLY * values.size else None,
+    }
+
+
+def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str]:
+    """Yield an overview as lines for people, in the units of their columns."""
+    rig = content["rig"]
+    yield f"rig: {rig['name']}, {rig['kind']}; declared: {' + '.join(rig['declared']) or 'no effect'}"
+    columns = dataset.rig.columns
+    for found in content["recordings"]:
+        yield _size(found)
+        for channel in found["channels"]:
+            unit = channel["unit"] if rig["kind"] == "flexible_arm" or dataset.rig.view else columns.output.unit
+            yield _channel(channel, unit)
+        if found["input"] is None:
+            yield f"  input: none, it moves freely{_swing(found)}"
+        else:
+            assert columns.input is not None  # where there is an input, its column is declared
+            yield _driven(found["input"], columns.input.unit) + _swing(found)
+        for flag in found["flags"]:
+            yield f"  flag: {flag}"
+    if not dataset.holdout:
+        yield "holdout: none is named; what is not fitted judges. Another release or input judges better"
+
+
+def _size(found: Mapping[str, Any]) -> str:
+    rate = (
+        f"{found['rate']:.4g} a second" if found["steady"] else f"at uneven times, about {found['rate']:.4g} a second"
+    )
+    left = found["role"] == "train" and found["fitted"] < found["readings"]
+    fitted = f", the first {found['fitted']} are fitted" if left else ""
+    missing = f", {found['missing']} without a reading" if found["missing"] else ""
+    return f"{found['role']} {found['name']}: {found['readings']} readings over {found['duration']:.4g} s, {rate}{fitted}{missing}"  # noqa: E501
+
+
+def _channel(channel: Mapping[str, Any], unit: str) -> str:
+    least, largest, noise = (quoted(channel[key], unit) for key in ("least", "largest", "noise"))
+    source = "from the scatter" if channel["noise_is"] == "estimated" else "as stated"
+    ratio = channel["motion_over_noise"]
+    above = "" if ratio is None else f"; the motion is {ratio:.3g} times that (rms)"
+    return f"  {channel['name']}: {least} to {largest}, noise {noise} {source}{above}"
+
+
+def _driven(found: Mapping[str, Any], unit: str) -> str:
+    low, high = found["band"]
+    again = "" if found["period"] is None else f", repeats every {found['period']:.4g} s"
+    least, largest = quoted(found["least"], unit), quoted(found["largest"], unit)
+    return f"  input: {least} to {largest}, most of it from {low:.3g} to {high:.3g} Hz{again}"
+
+
+def _swing(found: Mapping[str, Any]) -> str:
+    period = found["own_period"]
+    if period is None:
+        return ""
+    return f"; swings about once in {period:.3g} s ({1.0 / period:.3g} Hz), {found['duration'] / period:.3g} times"

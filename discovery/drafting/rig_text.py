@@ -1,0 +1,197 @@
+"""The commented text of a drafted rig file."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from discovery.declarations.units import si_factor, si_symbol, split_suffix
+from discovery.drafting.kind import Guess, guess_kind, is_arm
+from discovery.drafting.signals import FloatArray, Signal, Signals, find_signals, open_table
+from discovery.foundation.errors import InputError
+from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.recording_columns import ARM_STEMS
+from discovery.rigs.kinds import KINDS
+
+__all__ = ["draft"]
+
+#: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.
+_BESIDE = 0.5
+#: Share of the steps of a held input that are none, and of its range that it jumps by.
+_HELD, _JUMP = 0.5, 0.05
+
+
+def draft(
+    files: Sequence[Path],
+    folder: Path,
+    *,
+    holdout: Sequence[Path] = (),
+    kind: str | None = None,
+    rate: float | None = None,
+    chosen: Mapping[str, str | None] | None = None,
+) -> str:
+    """Return the text of a rig file for recordings; what is no more than a guess says so.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Recordings to fit, of the same columns; the first one is looked at.
+    folder : Path
+        Where the rig file goes: files are named from there.
+    holdout : sequence of Path
+        Recordings that are never fitted.
+    kind : str, optional
+        Kind of system, if it is known.
+    rate : float, optional
+        Readings a second [Hz], for files without times.
+    chosen : mapping of str to str or None, optional
+        Columns that the user names, by ``"time"``, ``"input"`` and ``"output"``.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, or whose signals cannot be told apart.
+    """
+    path = files[0]
+    names = open_table(path)[0].columns
+    if kind in (None, "flexible_arm") and is_arm(names):
+        lines = _arm(path)
+    else:
+        found = find_signals(path, rate=rate, chosen=chosen)
+        time = np.arange(found.output.values.size) / (rate or 1.0) if found.time is None else found.time.si
+        guess = guess_kind(path, found, time) if kind is None else Guess(kind, "")
+        if guess.kind == "flexible_arm":
+            raise InputError(
+                f"{path} lacks the columns of a flexible arm: time_s, motor_angle_rad, and tip_x_m with tip_y_m, or "
+                "tip_angle_rad, or tip_deflection_m. Rename its columns, with any unit as the suffix."
+            )
+        lines = _system(path, found, guess, time, rate)
+    return "\n".join([*lines, "", *_records(files, holdout, folder)]) + "\n"
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _top(path: Path) -> Iterator[str]:
+    yield f"# Drafted by `discovery init` from {path.name}. Look at the lines that say `guessed`, correct what is"
+    yield "# wrong, and see with `discovery check` what is understood."
+    yield f"name = {_text(path.stem)}"
+
+
+def _arm(path: Path) -> Iterator[str]:
+    yield from _top(path)
+    table = open_table(path)[0]
+    stems = {split[0]: (name, split[1]) for name in table.columns if (split := split_suffix(name, ARM_STEMS))}
+    if {"tip_x", "tip_y"} <= set(stems):
+        x, y = (table.numbers(stems[s][0]) * si_factor(stems[s][1] or "m") for s in ("tip_x", "tip_y"))
+        reach = float(np.nanquantile(np.hypot(x, y), 0.99))
+        yield f"length_m = {reach:.3f}                 # guessed: how far the tip was from the origin; measure it"
+    else:
+        yield "length_m = 1.0                   # guessed, and no more than that: MEASURE IT"
+    yield "# Without these, nothing is predicted from first principles. A bare number has a usual uncertainty;"
+    yield "# { value = 0.044, sd = 0.0002 } states it."
+    yield "# tip_mass_kg = 0.044"
+    yield "# beam_mass_kg = 0.012"
+    yield "# flexural_rigidity_N_m2 = 0.126"
+    yield "# position_noise_m = 3e-4         # of one camera reading; else it is estimated from the scatter"
+    yield "# angle_noise_rad = 7e-5          # half a step of the encoder"
+
+
+def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: float | None) -> Iterator[str]:
+    yield from _top(path)
+    yield f"kind = {_text(guess.kind)}" + (f"   # guessed: {guess.why}" if guess.why else "")
+    others = [other for other in KINDS if other not in (guess.kind, "flexible_arm")]
+    yield f"# other kinds: {', '.join(others)}; a flexible arm has columns of its own"
+    if guess.kind == "pendulum":
+        yield "# from the axis to the middle of a small bob; stated, it is held against the motion:"
+        yield "# length_m = { value = 0.80, sd = 0.005 }"
+    yield ""
+    yield "[columns]"
+    yield from _columns(found, guess, time, rate)
+    if found.unused:
+        yield f"# not used: {', '.join(found.unused)[:300]}"
+    yield ""
+    yield "[model]"
+    yield "# what you declare; what it lacks is searched"
+    yield f"effects = [{', '.join(map(_text, KINDS[guess.kind].declared))}]"
+
+
+def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None) -> Iterator[str]:
+    if found.header:
+        yield f"header = [{', '.join(map(_text, found.header))}]   # the file has no line of names: name every column"
+    span = time[-1] - time[0]
+    size = f"{time.size} readings, {span:.4g} s, about {(time.size - 1) / span:.4g} a second"
+    if found.time is None:
+        yield f"time = {{ rate_hz = {rate:g} }}   # {size}"
+    else:
+        yield f"{_column('time', found.time)}   # {_guessed(found.time)}{size}"
+    if found.input is not None:
+        between, why = _between(found.input, guess)
+        yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
+        yield from why
+    yield f"{_column('output', found.output, _zero(found, guess))}   # {_guessed(found.output)}{_range(found.output)}"
+    noise = estimate_noise(found.output.values)
+    shown = f"{noise:.2g}" if noise > 0.0 else "0.1"
+    if noise > 0.0:
+        unit = "" if found.output.unit == "1" else f" {found.output.unit}"
+        yield f"# Its readings scatter by {shown}{unit} from one to the next, which is taken as their noise."
+    yield f"# If you know the noise of a reading, state it: noise = {shown} inside the brackets of the output."
+    yield "# Readings that were smoothed hide theirs: take raw ones."
+
+
+def _between(given: Signal, guess: Guess) -> tuple[str, list[str]]:
+    """Say how an input runs between its samples, and why: held where it stays and jumps, else the recordings choose."""
+    if guess.kind == "base_excited":
+        return "", []
+    steps = np.abs(np.diff(given.values))
+    if (steps == 0.0).mean() > _HELD and steps.max() > _JUMP * np.ptp(given.values):
+        return ', interpolation = "hold"', ["# guessed: it stays and jumps, so that it is held between its samples"]
+    why = '# "auto": the recordings choose how it runs between samples; if you know it, "hold", "linear", "spline"'
+    return ', interpolation = "auto"', [why]
+
+
+def _column(role: str, signal: Signal, more: str = "") -> str:
+    return f"{role} = {{ name = {_text(signal.name)}, unit = {_text(signal.unit)}{more} }}"
+
+
+def _guessed(signal: Signal) -> str:
+    """Say that a unit is a guess, and for one that nobody can know, what then holds."""
+    if not signal.guessed:
+        return ""
+    return "unit not stated: write it; " if signal.unit == "1" else "unit guessed; "
+
+
+def _range(signal: Signal) -> str:
+    return f"{np.nanmin(signal.values):.4g} to {np.nanmax(signal.values):.4g}"
+
+
+def _zero(found: Signals, guess: Guess) -> str:
+    """State the reading at rest, where a swinging system is read far beside zero."""
+    values = found.output.values[np.isfinite(found.output.values)]
+    rest = float(np.median(values[values.size // 2 :]))
+    half = float(np.ptp(values)) / 2.0
+    swings = guess.kind == "oscillator" and si_symbol(found.output.unit) != "s"
+    return f", zero = {rest:.6g}" if swings and found.input is None and abs(rest) > _BESIDE * half else ""
+
+
+def _records(files: Sequence[Path], holdout: Sequence[Path], folder: Path) -> Iterator[str]:
+    def parts(paths: Sequence[Path]) -> str:
+        return ", ".join(f"{{ file = {_text(_from(folder, path))} }}" for path in paths)
+
+    yield "[records]"
+    yield f"train = [{parts(files)}]"
+    if holdout:
+        yield f"holdout = [{parts(holdout)}]   # never fitted"
+    else:
+        yield "# Without a hold-out the last third of each is kept out of the fit. Another motion judges better:"
+        yield '# holdout = [{ file = "another.csv" }]'
+
+
+def _from(folder: Path, path: Path) -> str:
+    """Name a file as seen from a folder."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

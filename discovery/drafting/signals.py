@@ -1,0 +1,211 @@
+"""The signals of a file: its times, its input and its output, told by names, units and values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.declarations.units import si_factor, si_symbol
+from discovery.drafting.names import Meaning, meaning_of
+from discovery.foundation.errors import InputError, suggestion
+from discovery.foundation.io import Table, read_table
+from discovery.foundation.text_table import unnamed_columns
+
+__all__ = ["Signal", "Signals", "find_signals", "open_table"]
+
+FloatArray = NDArray[np.float64]
+
+#: Of a step, by which sampled times may differ.
+_JITTER = 0.05
+#: Where an angle in degrees has no unit: more than two turns in radians.
+_TURNS = 4.0 * np.pi
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One column.
+
+    Attributes
+    ----------
+    name : str
+        As the file has it.
+    unit : str
+        Its unit.
+    guessed : bool
+        Whether the unit is a guess.
+    values : array, shape (n,)
+        Numbers in that unit.
+    """
+
+    name: str
+    unit: str
+    guessed: bool
+    values: FloatArray
+
+    @property
+    def si(self) -> FloatArray:
+        """The values in SI units."""
+        return self.values * si_factor(self.unit)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What a file holds.
+
+    Attributes
+    ----------
+    header : tuple of str
+        Names given to the columns of a file without names, else empty.
+    time, input : Signal or None
+        Times (None where a rate is stated), and what drives the system.
+    output : Signal
+        The motion.
+    moved : bool
+        Whether the input is the motion of a base.
+    height : bool
+        Whether the output is a height.
+    unused : tuple of str
+        Columns that are not used.
+    """
+
+    header: tuple[str, ...]
+    time: Signal | None
+    input: Signal | None
+    output: Signal
+    moved: bool
+    height: bool
+    unused: tuple[str, ...]
+
+
+def open_table(path: Path) -> tuple[Table, tuple[str, ...]]:
+    """Read a file, and name its columns where it does not.
+
+    Raises
+    ------
+    InputError
+        For a file that is no table.
+    """
+    header = unnamed_columns(path)
+    return read_table(path, header or None), header
+
+
+def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, str | None] | None = None) -> Signals:
+    """Tell the signals of a file apart.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    rate : float, optional
+        Readings a second [Hz], for a file without times.
+    chosen : mapping of str to str or None, optional
+        Columns that the user names, by ``"time"``, ``"input"`` and ``"output"``.
+
+    Raises
+    ------
+    InputError
+        If there are no times and no rate, no output, or several columns could be it.
+    """
+    table, header = open_table(path)
+    columns = _numbers(table)
+    wanted = {role: name for role, name in (chosen or {}).items() if name is not None}
+    for name in wanted.values():
+        if name not in columns:
+            raise InputError(f"{path} has no column of numbers {name!r}.{suggestion(name, columns)} {_list(columns)}")
+    meanings = {name: meaning_of(name) for name in columns}
+    time = None if rate is not None and "time" not in wanted else _time(path, columns, meanings, wanted.get("time"))
+    rest = [n for n in columns if n != time and (meanings[n].role != "time" or n in wanted.values())]
+    given = wanted.get("input") or _first(rest, meanings, ("cause", "moved"), wanted.get("output"))
+    output = wanted.get("output") or _output(path, [n for n in rest if n != given], meanings)
+    if output is None and given is not None and "input" not in wanted:
+        output, given = given, None  # the only signal is what was measured
+    if output is None:
+        raise InputError(f"{path} has no column that could be the output. Name one with --output. {_list(columns)}")
+    if given is not None and np.ptp(columns[given]) == 0.0:
+        given = None
+    used = {time, given, output}
+    return Signals(
+        header,
+        None if time is None else _signal(time, columns, meanings, "time"),
+        None if given is None else _signal(given, columns, meanings, "input"),
+        _signal(output, columns, meanings, "output"),
+        given is not None and meanings[given].role == "moved",
+        meanings[output].role == "height",
+        tuple(name for name in table.columns if name not in used),
+    )
+
+
+def _numbers(table: Table) -> dict[str, FloatArray]:
+    """Return the columns that hold numbers."""
+    found = {}
+    for name in table.columns:
+        try:
+            values = table.numbers(name)
+        except InputError:
+            continue
+        if np.isfinite(values).any():
+            found[name] = values
+    return found
+
+
+def _list(columns: Mapping[str, FloatArray]) -> str:
+    return f"Columns of numbers: {', '.join(columns)[:300] or 'none'}."
+
+
+def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], named: str | None) -> str:
+    """Return the column of times: the one that is called so, else the first that counts up in even steps."""
+    if named is not None:
+        return named
+    for name, values in columns.items():
+        if meanings[name].role == "time" and (np.diff(values) > 0).mean() > 0.5:
+            return name
+    for name, values in columns.items():
+        steps = np.diff(values)
+        if meanings[name].role == "" and steps.size and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
+            return name
+    raise InputError(
+        f"{path} has no column of times that could be recognised. Name it with --time, or say with --rate how many "
+        f"readings there are a second. {_list(columns)}"
+    )
+
+
+def _first(
+    names: Sequence[str], meanings: Mapping[str, Meaning], roles: Sequence[str], taken: str | None
+) -> str | None:
+    found = (name for role in roles for name in names if meanings[name].role == role and name != taken)
+    return next(found, None)
+
+
+def _output(path: Path, names: Sequence[str], meanings: Mapping[str, Meaning]) -> str | None:
+    """Return the column of the motion: by its name, or the only one whose name says nothing."""
+    known = _first(names, meanings, ("height", "motion", "moved"), None)
+    if known is not None:
+        return known
+    blank = [name for name in names if meanings[name].role == ""]
+    if len(blank) > 1:
+        raise InputError(
+            f"{path}: any of the columns {', '.join(blank)[:300]} could be the output. Name it with --output, and what "
+            "drives the system, if one of them does, with --input."
+        )
+    return next(iter(blank), None)
+
+
+def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], role: str) -> Signal:
+    values, unit = columns[name], meanings[name].unit
+    if unit is not None and (role != "time" or si_symbol(unit) == "s"):
+        return Signal(name, unit, False, values)
+    if role == "time":
+        step = float(np.median(np.diff(values)))
+        # Nobody samples a motion once a second: whole numbers count milliseconds or microseconds.
+        unit = "s" if step < 1.0 else "ms" if step < 500.0 else "us"
+    elif role == "output" and {"angle", "theta", "phi", "swing", "rotation"} & set(name.lower().split("_")):
+        unit = "deg" if float(np.nanmax(np.abs(values))) > _TURNS else "rad"
+    elif role == "output" and meanings[name].role == "height":
+        unit = "m"
+    else:
+        unit = "1"
+    return Signal(name, unit, True, values)

@@ -1,0 +1,53 @@
+"""Axes to draw on: those that are given, else new ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["axes_below", "detached_axes", "one_axes"]
+
+#: Width of a figure and height of one picture in it [inch].
+_WIDTH, _HEIGHT = 8.0, 2.4
+
+
+def one_axes(given: Axes | None) -> Axes:
+    """Return the axes that are given, or those of a new figure of pyplot."""
+    if given is not None:
+        return given
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(figsize=(_WIDTH, 1.6 * _HEIGHT), layout="constrained")[1]
+
+
+def axes_below(count: int, given: Sequence[Axes] | None) -> list[Axes]:
+    """Return a column of axes: those that are given, or of a new figure of pyplot.
+
+    Raises
+    ------
+    InputError
+        If the number that is given is another.
+    """
+    from discovery.foundation.errors import InputError
+
+    if given is None:
+        import matplotlib.pyplot as plt
+
+        figure = plt.figure(figsize=(_WIDTH, _HEIGHT * count), layout="constrained")
+        return list(figure.subplots(count, 1, squeeze=False)[:, 0])
+    if len(given) != count:
+        raise InputError(f"{count} axes are needed, and {len(given)} are given.")
+    return list(given)
+
+
+def detached_axes(count: int) -> tuple[Figure, list[Axes]]:
+    """Return a figure for a file, of which no window knows, and a column of axes in it."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH, _HEIGHT * count), layout="constrained")
+    return figure, list(figure.subplots(count, 1, squeeze=False)[:, 0])

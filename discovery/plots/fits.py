@@ -1,0 +1,64 @@
+"""Fits as pictures and tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from discovery.foundation.html_table import html_table
+from discovery.plots.axes import axes_below
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+__all__ = ["FitViews"]
+
+
+class FitViews:
+    """What a fit offers to a notebook."""
+
+    def __repr__(self: Any) -> str:
+        """Return the effects, the free parameters and how well they fit."""
+        free = ", ".join(f"{name} = {self.values[name]:.4g}" for name in self.problem.free)
+        return f"<Fit of {' + '.join(self.model.effects)}: {free}; reduced chi-square {self.reduced_chi2:.4g}>"
+
+    def _repr_html_(self: Any) -> str:
+        rows = [
+            (name, entry["value"], entry["sd"], entry["unit"]) for name, entry in self.summary()["parameters"].items()
+        ]
+        told = f"{self.status} Reduced chi-square {self.reduced_chi2:.4g}."
+        return html_table(" + ".join(self.model.effects), ("parameter", "value", "sd", "unit"), rows, below=told)
+
+    def to_pandas(self: Any) -> pd.DataFrame:
+        """Return a row for every parameter: value, standard deviation (NaN where there is none) and unit, SI."""
+        import pandas as pd
+
+        found = self.summary()["parameters"]
+        table = pd.DataFrame.from_dict(found, orient="index", columns=["value", "sd", "unit"])
+        return table.astype({"value": float, "sd": float}).rename_axis("parameter")
+
+    def plot_residuals(self: Any, axes: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draw what the fit leaves of every fitted recording, in standard deviations of its noise.
+
+        Parameters
+        ----------
+        axes : sequence of Axes, optional
+            One for each recording; new ones otherwise.
+
+        Returns
+        -------
+        list of Axes
+        """
+        experiments = self.problem.bench.experiments
+        drawn = axes_below(len(experiments), axes)
+        for ax, experiment, computed in zip(drawn, experiments, self.predict(), strict=True):
+            r = experiment.recording
+            for name, error, noise in zip(r.channels, (r.output - computed).T, r.noise, strict=True):
+                ax.plot(r.time, error / noise, ".", markersize=2, label=name)
+            ax.axhspan(-2.0, 2.0, color="0.9", zorder=0)
+            ax.set(title=r.name, xlabel="time [s]", ylabel="residual over noise")
+            if len(r.channels) > 1:
+                ax.legend(loc="upper right", fontsize="small")
+        return drawn

@@ -1,0 +1,72 @@
+"""Posteriors as pictures and tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from discovery.foundation.html_table import html_table
+from discovery.plots.axes import axes_below
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+__all__ = ["PosteriorViews"]
+
+_COLUMNS = ("mean", "sd", "q05", "q50", "q95", "unit", "r_hat", "ess")
+
+
+class PosteriorViews:
+    """What a posterior offers to a notebook."""
+
+    def __repr__(self: Any) -> str:
+        """Return how many draws there are of what, and how well they converged."""
+        ensembles, steps, walkers, d = self.draws.shape
+        worst = f"R-hat at most {max(self.r_hat.values()):.3f}, at least {min(self.ess.values()):.0f} effective"
+        return f"<Posterior of {d} quantities: {ensembles} ensembles, {ensembles * steps * walkers} draws; {worst}>"
+
+    def _repr_html_(self: Any) -> str:
+        rows = [(row["name"], *(row[key] for key in _COLUMNS)) for row in self.summary()]
+        return html_table(repr(self).strip("<>"), ("quantity", *_COLUMNS), rows, below=self.status)
+
+    def to_pandas(self: Any) -> pd.DataFrame:
+        """Return a row for every quantity: mean, standard deviation, quantiles, unit, R-hat, effective draws."""
+        import pandas as pd
+
+        return pd.DataFrame(self.summary()).set_index("name")[list(_COLUMNS)]
+
+    def plot_marginals(self: Any, names: Sequence[str] | None = None, axes: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draw the marginal posterior of quantities, with their 90 % intervals; for pairs see `to_arviz`.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Which; all but the initial states otherwise.
+        axes : sequence of Axes, optional
+            One for each; new ones otherwise.
+
+        Returns
+        -------
+        list of Axes
+
+        Raises
+        ------
+        InputError
+            For a name that was not sampled.
+        """
+        from discovery.foundation.errors import InputError, suggestion
+
+        rows = {row["name"]: row for row in self.summary()}
+        chosen = [n for n in self.names if "_init[" not in n] if names is None else list(names)
+        for name in chosen:
+            if name not in rows:
+                raise InputError(f"{name!r} was not sampled.{suggestion(name, rows)} Sampled are {', '.join(rows)}.")
+        drawn, values = axes_below(len(chosen), axes), self.flat()
+        for ax, name in zip(drawn, chosen, strict=True):
+            row = rows[name]
+            ax.hist(values[name], bins=80, density=True, histtype="step", color="tab:blue")
+            ax.axvspan(row["q05"], row["q95"], color="tab:blue", alpha=0.15)
+            ax.set(xlabel=f"{name} [{row['unit']}]", yticks=[])
+        return drawn

@@ -1,0 +1,139 @@
+"""Readings that draws of a posterior would make again, and how likely each makes the readings that were made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.special import log_ndtr
+
+from discovery.foundation.errors import InputError
+from discovery.posterior.instrument import noise_names
+from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
+from discovery.posterior.noise.quantised import Quantised
+from discovery.posterior.noise.student_t import StudentT
+from discovery.posterior.predictive import errors, noise_factor, simulated
+from discovery.recordings.quantisation import quantum
+
+if TYPE_CHECKING:
+    from discovery.posterior.draws import Posterior
+    from discovery.recordings.experiment import Experiment
+
+__all__ = ["Replicated", "check_pointwise", "replicated"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Replicated:
+    """The fitted readings of one recording beside what draws make of them.
+
+    Parameters
+    ----------
+    name : str
+        Of the recording.
+    time : ndarray, shape (n,)
+        When each was read [s].
+    channel : tuple of str
+        By which channel each was read.
+    observed : ndarray, shape (n,)
+        The readings.
+    again : ndarray, shape (n, k)
+        What the instrument would have read, noise included, by draw.
+    log_likelihood : ndarray, shape (n, k)
+        Log density of each reading by draw; NaN where it is not defined.
+    """
+
+    name: str
+    time: FloatArray
+    channel: tuple[str, ...]
+    observed: FloatArray
+    again: FloatArray
+    log_likelihood: FloatArray
+
+
+def check_pointwise(noise: str) -> None:
+    """Refuse a log likelihood of single readings where errors depend on each other.
+
+    Raises
+    ------
+    InputError
+        With what to do in its place.
+    """
+    if not is_independent(noise):
+        raise InputError(
+            f"Errors are taken as {words_of(noise)}, so that readings are not independent given the parameters: a log "
+            "likelihood of single readings, and leave-one-out with it, means nothing. Ask for pointwise=False, and "
+            "compare models by their evidence, with discovery.posterior.model_comparison.compare_models."
+        )
+
+
+def replicated(
+    posterior: Posterior, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
+) -> list[Replicated]:
+    """Return the fitted readings of recordings beside what draws make of them.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Where the draws are from.
+    experiments : sequence of Experiment
+        Recordings that were fitted.
+    draws : mapping of str to ndarray, shape (k,)
+        Draws of every quantity.
+    rng : Generator
+        Makes the noise.
+
+    Raises
+    ------
+    InputError
+        For a recording that was not fitted, or channels whose noise was not sampled.
+    """
+    for experiment in experiments:
+        _check_fitted(posterior, experiment)
+    parts = [experiment.fitted_part for experiment in experiments]
+    found = []
+    for experiment, motion in zip(parts, simulated(posterior, parts, draws), strict=True):
+        r = experiment.recording
+        seen = experiment.weights() > 0
+        shape = (*motion.shape[:2], next(iter(draws.values())).size)
+        motion = np.broadcast_to(motion, shape)
+        scale = np.broadcast_to(r.noise[:, None] * noise_factor(posterior, r.channels, draws), shape)
+        half = np.broadcast_to(0.5 * np.array([quantum(column) for column in r.output.T])[:, None], shape)
+        again = motion + scale * errors(r.channels, draws, shape, rng)
+        score = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, _degrees(r.channels, draws))
+        rows, columns = np.nonzero(seen)
+        channel = tuple(r.channels[c] for c in columns)
+        found.append(Replicated(r.name, r.time[rows], channel, r.output[seen], again[seen], score[seen]))
+    return found
+
+
+def _check_fitted(posterior: Posterior, experiment: Experiment) -> None:
+    name = experiment.recording.name
+    if posterior.model.mechanics.prescribed or f"rate_0_init[{name}]" in posterior.names:
+        return
+    known = [n.partition("[")[2][:-1] for n in posterior.names if n.startswith("rate_0_init[")]
+    raise InputError(f"The recording {name!r} was not fitted: the posterior is of {', '.join(known)}. Give those.")
+
+
+def _degrees(channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray | None:
+    found = (draws.get(name.replace("sigma", "nu", 1)) for name in noise_names(channels))
+    return next((values for values in found if values is not None), None)
+
+
+def _log_density(
+    noise: str, error: FloatArray, scale: FloatArray, half: FloatArray, degrees: FloatArray | None
+) -> FloatArray:
+    """Return the log density of errors (n, c, k), NaN where they depend on each other."""
+    if noise == StudentT.name and degrees is not None:
+        return np.asarray(stats.t.logpdf(error / scale, degrees) - np.log(scale))
+    if noise == Quantised.name:
+        # The probability of the cell, from the tail in which both its ends lie.
+        near, far = log_ndtr((half - np.abs(error)) / scale), log_ndtr((-half - np.abs(error)) / scale)
+        return np.asarray(near + np.log1p(-np.exp(far - near)) - np.log(2.0 * half))
+    return np.asarray(stats.norm.logpdf(error, scale=scale)) if noise == GAUSSIAN else np.full(error.shape, np.nan)

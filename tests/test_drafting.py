@@ -1,0 +1,240 @@
+"""A rig file drafted from a recording of any shape, and what is told of a data set before any model."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from test_cli import call
+
+from discovery.cli.begin import SYSTEM_KINDS
+from discovery.drafting.law_of_motion import own_period
+from discovery.drafting.names import meaning_of
+from discovery.drafting.overview import overview
+from discovery.drafting.rig_text import draft
+from discovery.foundation.errors import InputError
+from discovery.recordings.dataset import load_dataset
+from discovery.rigs.kinds import KINDS
+from discovery.rigs.rig_file import read_rig
+
+ARM = Path(__file__).parents[1] / "datasets" / "arm"
+RNG = np.random.default_rng(5)
+TIME = np.arange(1500) / 100.0
+SWING = np.exp(-0.1 * TIME) * np.cos(5.0 * TIME) + RNG.normal(0.0, 1e-3, TIME.size)
+HELD = np.repeat(RNG.uniform(-4.0, 4.0, 30), 50)
+
+
+def driven(spring: float) -> np.ndarray:
+    """Return q'' = -2 q' - spring q + u at the times, by semi-implicit Euler steps of a tenth of a sample."""
+    q, rate, found = 0.0, 0.0, []
+    for u in HELD:
+        found.append(q)
+        for _ in range(10):
+            rate += 1e-3 * (u - 2.0 * rate - spring * q)
+            q += 1e-3 * rate
+    return np.array(found) + RNG.normal(0.0, 1e-4, TIME.size)
+
+
+def written(folder: Path, name: str, header: str, *columns: np.ndarray, separator: str = ",") -> Path:
+    path = folder / name
+    np.savetxt(path, np.column_stack(columns), "%.6f", separator, header=header, comments="", encoding="utf-8")
+    return path
+
+
+def drafted(path: Path, **more: object) -> dict:
+    """Return a draft as a document, after it was found to be usable."""
+    place = path.parent / "rig.toml"
+    place.write_text(draft([path], path.parent, **more), encoding="utf-8")
+    load_dataset(place)
+    return tomllib.loads(place.read_text(encoding="utf-8"))
+
+
+def test_kinds_are_those_of_rig_files() -> None:
+    assert set(SYSTEM_KINDS) == set(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "unit"),
+    [
+        ("t [ms]", "time", "ms"),
+        ("Angle (°)", "motion", "deg"),
+        ("motor_torque_Nm", "cause", "N m"),
+        ("x / mm", "motion", "mm"),
+        ("cart_x_m", "moved", "m"),
+        ("height_m", "height", "m"),
+        ("angular_velocity_rad_s", "other", "s"),
+        ("channel 3", "", None),
+    ],
+)
+def test_names_say_what_they_measure(name: str, role: str, unit: str | None) -> None:
+    assert meaning_of(name) == (role, unit)
+
+
+def test_a_spring_is_felt_and_its_absence_too() -> None:
+    found = own_period(TIME, driven(30.0), HELD)
+    assert found == pytest.approx(2.0 * np.pi / 30.0**0.5, rel=0.03)
+    assert own_period(TIME, driven(0.0), HELD) is None
+
+
+def test_a_free_swing_in_other_units(tmp_path: Path) -> None:
+    document = drafted(written(tmp_path, "a.csv", "t_ms,x_mm", 1e3 * TIME, 30.0 * SWING))
+    assert document["kind"] == "oscillator"
+    assert document["columns"]["time"] == {"name": "t_ms", "unit": "ms"}
+    assert document["columns"]["output"] == {"name": "x_mm", "unit": "mm"}
+    assert document["model"]["effects"] == list(KINDS["oscillator"].declared)
+    assert document["records"]["train"] == [{"file": "a.csv"}]
+
+
+def test_a_reading_far_beside_rest_states_its_zero(tmp_path: Path) -> None:
+    document = drafted(written(tmp_path, "a.csv", "t_s,distance_mm", TIME, 312.0 + 30.0 * SWING))
+    assert document["columns"]["output"]["zero"] == pytest.approx(312.0, abs=2.0)
+
+
+def test_an_angle_that_swings_freely_is_a_pendulum_and_its_unit_is_seen(tmp_path: Path) -> None:
+    document = drafted(written(tmp_path, "a.csv", "time;angle", TIME, 50.0 * SWING, separator=";"))
+    assert document["kind"] == "pendulum"
+    assert document["columns"]["output"]["unit"] == "deg"
+
+
+@pytest.mark.parametrize(("spring", "kind"), [(30.0, "oscillator"), (0.0, "drive")])
+def test_a_driven_system_is_told_by_what_pulls_it_back(spring: float, kind: str, tmp_path: Path) -> None:
+    document = drafted(written(tmp_path, "a.csv", "time_s,voltage_V,position_m", TIME, HELD, driven(spring)))
+    assert document["kind"] == kind
+    assert document["columns"]["input"] == {"name": "voltage_V", "unit": "V", "interpolation": "hold"}
+
+
+def test_a_moved_base_is_an_input(tmp_path: Path) -> None:
+    base = 0.1 * np.sin(2.0 * TIME)
+    document = drafted(written(tmp_path, "a.csv", "time_s,hub_rad,deflection_rad", TIME, base, 0.1 * SWING))
+    assert document["kind"] == "base_excited"
+
+
+def test_an_arm_keeps_its_columns(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(draft([ARM / "train_paper.csv"], tmp_path))
+    load_dataset(tmp_path / "rig.toml")
+    rig = read_rig(tmp_path / "rig.toml")
+    assert rig.kind == "flexible_arm"
+    assert rig.length is not None
+    assert rig.length.value == pytest.approx(1.0, abs=0.01)
+
+
+def test_numbers_without_names_get_some(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.column_stack([TIME, SWING]), "%.6f", ",")
+    document = drafted(path)
+    assert document["columns"]["header"] == ["c1", "c2"]
+    assert document["columns"]["time"]["name"] == "c1"
+
+
+def test_a_rate_takes_the_place_of_times(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "reading", SWING)
+    with pytest.raises(InputError, match="--rate"):
+        draft([path], tmp_path)
+    assert drafted(path, rate=100.0)["columns"]["time"] == {"rate_hz": 100.0}
+
+
+def test_what_cannot_be_told_is_asked_for(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "time_s,one,two", TIME, SWING, HELD)
+    with pytest.raises(InputError, match=r"one, two could be the output\. Name it with --output"):
+        draft([path], tmp_path)
+    columns = drafted(path, chosen={"output": "one", "input": "two"})["columns"]
+    assert (columns["output"]["name"], columns["input"]["name"]) == ("one", "two")
+    with pytest.raises(InputError, match="Did you mean 'one'"):
+        draft([path], tmp_path, chosen={"output": "on"})
+
+
+def test_init_writes_once_and_says_what_it_understood(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "a.csv", "t_s,x_mm", TIME, 30.0 * SWING)
+    said = call(capsys, "init", path)
+    assert said.status == 0, said.err
+    assert "train a: 1500 readings over 14.99 s, 100 a second, the first 1000 are fitted" in said.out
+    assert f"written: {tmp_path / 'rig.toml'}" in said.out
+    before = (tmp_path / "rig.toml").read_text()
+    said = call(capsys, "init", path)
+    assert said.status == 2
+    assert "is there already" in said.err
+    assert (tmp_path / "rig.toml").read_text() == before
+
+
+def test_check_shows_noise_excitation_and_flags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stuck = driven(30.0)
+    stuck[700:760] = stuck[700]
+    path = written(tmp_path, "a.csv", "time_s,voltage_V,position_m", TIME, HELD, stuck)
+    drafted(path)
+    said = call(capsys, "check", tmp_path / "rig.toml", "--plot", tmp_path / "a.svg")
+    assert said.status == 0, said.err
+    assert "flag: 'position_m' is stuck" in said.out
+    assert "<svg" in (tmp_path / "a.svg").read_text()[:600]
+    content = json.loads(call(capsys, "check", tmp_path / "rig.toml", "--json").out)
+    (found,) = content["recordings"]
+    assert found["channels"][0]["noise"] == pytest.approx(1e-4, rel=0.2)
+    assert found["input"]["largest"] == pytest.approx(HELD.max(), abs=1e-6)
+    assert found["own_period"] == pytest.approx(1.15, rel=0.3)  # roughly, beside a stuck sensor
+    assert found["missing"] >= 59
+    assert len(found["flags"]) == 1
+
+
+def test_a_periodic_input_is_seen(tmp_path: Path) -> None:
+    wave = np.sin(2.0 * np.pi * TIME / 1.5) + 0.5 * np.cos(6.0 * np.pi * TIME / 1.5)
+    drafted(written(tmp_path, "a.csv", "time_s,force_N,x_m", TIME, wave, np.roll(wave, 9) + 1e-3 * SWING))
+    (found,) = overview(load_dataset(tmp_path / "rig.toml"))["recordings"]
+    assert found["input"]["period"] == pytest.approx(1.5)
+    assert found["input"]["band"] == pytest.approx([1 / 1.5, 3 / 1.5], abs=0.1)
+
+
+def test_a_picture_that_nobody_can_open_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "--plot" in call(capsys, "check", ARM / "rig.toml", "--open").err
+    assert call(capsys, "check", ARM / "rig.toml", "--plot", tmp_path / "a.txt").status == 2
+
+
+def test_the_version_names_its_revision(capsys: pytest.CaptureFixture[str]) -> None:
+    from importlib.metadata import version
+
+    from discovery.foundation.revision import git_revision
+
+    revision = git_revision()
+    assert call(capsys, "--version").out.strip() == f"discovery {version('discovery')}" + (
+        f", revision {revision}" if revision else ""
+    )
+
+
+def test_lists_are_printed_as_one_document(capsys: pytest.CaptureFixture[str]) -> None:
+    cards = json.loads(call(capsys, "effects", "--system", "oscillator", "--json").out)
+    assert "coulomb_friction" in {card["id"] for card in cards}
+    card = json.loads(call(capsys, "effects", "coulomb_friction", "--json").out)
+    assert card == next(c for c in cards if c["id"] == "coulomb_friction")
+    assert {p["name"] for p in card["parameters"]} == {"f_c", "v_c"}
+    assert json.loads(call(capsys, "data", "list", "--json").out)[0]["licence"]
+
+
+def test_a_new_user_gets_the_right_answer_from_init_and_loop(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pendulum in degrees with drag in air, whose user writes no line of a rig file."""
+
+    def released(name: str, angle: float) -> Path:
+        time = np.arange(800) / 40.0
+
+        def pull(_: float, state: np.ndarray) -> tuple[float, float]:
+            return state[1], -16.35 * np.sin(state[0]) - 0.03 * state[1] - 0.06 * abs(state[1]) * state[1]
+
+        seen = solve_ivp(pull, (0.0, 20.0), (np.radians(angle), 0.0), t_eval=time, rtol=1e-9, atol=1e-9).y[0]
+        return written(
+            tmp_path, name, "time;Angle (°)", time, np.degrees(seen) + RNG.normal(0.0, 0.15, 800), separator=";"
+        )
+
+    assert call(capsys, "init", released("a.csv", 70.0), "--holdout", released("b.csv", 40.0)).status == 0
+    out = tmp_path / "out"
+    said = call(capsys, "loop", tmp_path / "rig.toml", "--out", out, "--quiet", "--json")
+    assert said.status == 0, said.err
+    found = json.loads(said.out)
+    assert found["verdict"] == "explained"
+    assert [effect["id"] for effect in found["effects"]] == ["quadratic_drag"]
+    assert found["effects"][0]["parameters"]["c_2"]["value"] == pytest.approx(0.06, rel=0.05)
+    assert found["files"] == [str(out / "loop.json"), str(out / "report.html")]
+    kept = json.loads((out / "loop.json").read_text())
+    assert {key: found[key] for key in kept} == kept

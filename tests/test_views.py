@@ -1,0 +1,129 @@
+"""Results in a notebook: short texts, tables, pictures on matplotlib's axes; recordings given in any form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from test_drafting import drafted, written
+
+import discovery
+from discovery.foundation.errors import InputError
+from discovery.recordings.chosen import held_out_of, training_of
+from discovery.recordings.dataset import Dataset, load_dataset
+
+TIME = np.arange(600) / 50.0
+
+
+@pytest.fixture(autouse=True)
+def _no_windows() -> None:
+    plt.switch_backend("Agg")
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """A spring that hardens, which nobody declared: q'' = -25 q - 2000 q^3 - 0.2 q'."""
+    folder, rng = tmp_path_factory.mktemp("spring"), np.random.default_rng(3)
+
+    def swing(name: str, release: float) -> Path:
+        q, rate, seen = release, 0.0, []
+        for _ in TIME:
+            seen.append(q)
+            for _ in range(40):
+                rate += 5e-4 * (-25.0 * q - 0.2 * rate - 2000.0 * q**3)
+                q += 5e-4 * rate
+        return written(folder, name, "t_s,x_m", TIME, np.array(seen) + rng.normal(0.0, 1e-4, TIME.size))
+
+    first, other = swing("first.csv", 0.05), swing("other.csv", 0.03)
+    drafted(first, holdout=[other])
+    return load_dataset(folder / "rig.toml")
+
+
+@pytest.fixture(scope="module")
+def found(dataset: Dataset) -> discovery.LoopResult:
+    return discovery.close_loop(dataset, seed=2)
+
+
+def test_a_dataset_is_given_wherever_recordings_are(dataset: Dataset, found: discovery.LoopResult) -> None:
+    assert "cubic_stiffness" in found.added
+    assert [r.name for r in found.recordings] == ["first", "other"]
+    fitted = discovery.fit_model(discovery.declared_model(dataset), dataset)
+    same = discovery.fit_model(discovery.declared_model(dataset.train[0]), dataset.train)
+    assert fitted.values == same.values
+    assert training_of(dataset.train[0]) == dataset.train
+    assert held_out_of(dataset) == dataset.holdout
+    assert held_out_of(dataset.train, dataset) == dataset.holdout
+
+
+@pytest.mark.parametrize("wrong", ["rig.toml", 3.0, [1, 2], None])
+def test_a_mistake_gets_a_sentence(wrong: object) -> None:
+    with pytest.raises(InputError, match=r"load_dataset\(rig, train, holdout\)"):
+        discovery.close_loop(wrong)  # type: ignore[arg-type]
+
+
+def test_nothing_is_no_recording() -> None:
+    with pytest.raises(InputError, match="No recording is given"):
+        discovery.close_loop([])
+
+
+def test_texts_are_short_and_tables_hold_what_was_found(dataset: Dataset, found: discovery.LoopResult) -> None:
+    recording = dataset.train[0].recording
+    assert repr(recording) == "<Recording 'first': 600 readings of output [m]>"
+    assert repr(dataset) == "<Dataset 'first' (oscillator): 1 to fit, 1 held out>"
+    for shown in (found, found.after, dataset):
+        assert len(repr(shown)) < 300
+        assert shown._repr_html_().count("<tr>") >= 2
+    assert found.verdict in found._repr_html_()
+    table = found.to_pandas()
+    assert table.loc["beta", "effect"] == "cubic_stiffness"
+    assert table.loc["beta", "value"] == found.after.values["beta"] == pytest.approx(2000.0, rel=0.05)
+    assert table.loc["beta", "unit"] == found.after.model.parameters["beta"].unit
+
+
+def test_recordings_as_pandas_and_xarray(dataset: Dataset) -> None:
+    recording = dataset.train[0].recording
+    frame, labelled = recording.to_pandas(), recording.to_xarray()
+    assert np.array_equal(frame["output"], recording.output[:, 0])
+    assert np.array_equal(frame.index, recording.time)
+    assert labelled["output"].attrs == {"units": "m", "noise": float(recording.noise[0])}
+    assert np.array_equal(labelled["time"], recording.time)
+
+
+def test_pictures_are_drawn_on_axes(dataset: Dataset, found: discovery.LoopResult) -> None:
+    drawn = [*dataset.plot_recordings(), *found.after.plot_residuals(), *found.plot_residuals(), found.plot_errors()]
+    assert all(isinstance(ax, Axes) and ax.has_data() for ax in drawn)
+    figure, given = plt.subplots()
+    assert found.plot_errors(given) is given
+    heights = sorted({bar.get_height() for bar in given.patches})
+    assert heights[0] == pytest.approx(min(v["rms"] for v in found.errors["after"].values()))
+    assert found.after.plot_residuals([given]) == [given]
+    left = given.lines[-1].get_ydata()
+    recording = dataset.train[0].recording
+    assert np.allclose(left, ((recording.output - found.after.predict()[0]) / recording.noise)[:, 0])
+    with pytest.raises(InputError, match="2 axes are needed, and 1 are given"):
+        dataset.plot_recordings([given])
+    figure.clear()
+    plt.close("all")
+
+
+def test_a_posterior_in_a_notebook(found: discovery.LoopResult) -> None:
+    drawn = discovery.sample(found.before.specialised(), min_effective=400)
+    assert drawn.provenance["seed"] == 1
+    table = drawn.to_pandas()
+    row = next(row for row in drawn.summary() if row["name"] == "alpha")
+    assert table.loc["alpha", ["mean", "unit"]].tolist() == [row["mean"], row["unit"]]
+    assert drawn.status in drawn._repr_html_()
+    assert "4 ensembles" in repr(drawn)
+    axes = drawn.plot_marginals()
+    assert [ax.get_xlabel().split(" ")[0] for ax in axes] == [n for n in drawn.names if "_init[" not in n]
+    with pytest.raises(InputError, match="Did you mean 'alpha'"):
+        drawn.plot_marginals(["alph"])
+    plt.close("all")
+
+
+def test_a_name_that_is_not_public_is_suggested() -> None:
+    with pytest.raises(AttributeError, match="Did you mean 'close_loop'"):
+        _ = discovery.closed_loop
