@@ -15,7 +15,7 @@ from discovery.cli import cli
 
 PAGE = (Path(__file__).parents[1] / "docs" / "COMMAND_LINE.md").read_text(encoding="utf-8")
 #: They write a file whose place they print, and nothing else.
-WRITERS = {"export", "report", "simulate", "data fetch"}
+WRITERS = {"export", "feed-forward", "linearise", "report", "simulate", "data fetch"}
 
 
 def commands() -> dict[str, click.Command]:

@@ -11,7 +11,7 @@ import runpy
 from pathlib import Path
 
 import pytest
-from test_tutorial import agree, run
+from worked_page import agree, run
 
 import discovery
 

@@ -447,7 +447,7 @@ def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path) -> None:
     results["loop"]["separation"] = [found.summary()]
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
     page = build_report(tmp_path).read_text(encoding="utf-8")
-    assert "What would decide" in page
+    assert "What to do next: what would decide" in page
     assert "table tilt and encoder ripple" in page
     moves = pd.read_csv(tmp_path / "tables" / "moves.csv")
     assert moves["angle_rad"].tolist() == [m.angle for m in found.moves]

@@ -97,6 +97,11 @@ def _attributes_of(posterior: Posterior, name: str) -> dict[str, Any]:
     return attributes | ({"long_name": posterior.meanings[name]} if name in posterior.meanings else {})
 
 
+def _natural_units(stored: dict[str, Any]) -> NaturalUnits:
+    """Return natural units from JSON, which has no tuples."""
+    return NaturalUnits(**stored | {"places": tuple(tuple(place) for place in stored["places"])})
+
+
 def _attributes(posterior: Posterior) -> dict[str, Any]:
     return {
         "interval": posterior.interval,
@@ -135,7 +140,7 @@ def fields_of(tree: xr.DataTree) -> dict[str, Any]:
         stated_noise=attribute("stated_noise"),
         meanings={name: str(told["long_name"]) for name, told in said.items() if "long_name" in told},
         model=Model.from_dict(json.loads(dataset.attrs["model"])),
-        natural=NaturalUnits(**json.loads(dataset.attrs["natural_units"])),
+        natural=_natural_units(json.loads(dataset.attrs["natural_units"])),
         gaussian={name: (float(m), float(s)) for name, (m, s) in gaussian.items()},
         step=float(dataset.attrs["solver_step_s"]),
         provenance=json.loads(dataset.attrs["provenance"]),

@@ -267,7 +267,7 @@ def _rounding(experiments: Sequence[Experiment]) -> float:
 def _closed(context: Context) -> LoopResult:
     """Return what the loop finds."""
     train = context.train
-    context.tell("refitting the declared model")
+    context.progress("refitting the declared model")
     stated = {} if train[0].is_arm else rig_uncertainty(train[0])
     before = fit(declared_model(train[0]), train, units=context.units, gaussian=stated)
     search = Search(_start(before, context), context)
@@ -284,7 +284,7 @@ def _start(before: Fit, context: Context) -> Fit:
     """Return the fit to which effects are added: an arm's on its exact mechanics."""
     first = context.train[0]
     if first.is_arm:
-        context.tell("refitting on the exact mechanics of the arm")
+        context.progress("refitting on the exact mechanics of the arm")
         known = {n: v for n, v in before.values.items() if n in ("alpha", "xi")}
         return context.fit(before.model.on_base(_EXACT), known, rig_uncertainty(first))
     if before.problem.bench.effects == context.kernel_effects(before.model):
@@ -303,7 +303,7 @@ def _on_best_mechanics(
     """Return the set found on the mechanics with the highest evidence, the steps to it, and why."""
     if not context.train[0].is_arm:
         return search.best, (), []
-    context.tell("comparing mechanics")
+    context.progress("comparing mechanics")
     bases = ["constant_radius", *(base for base, _ in UPGRADES)]
     tasks = [partial(_with_base, base, before, search, context) for base in bases]
     answers = at_once(tasks, threads=THREADS)
@@ -392,10 +392,10 @@ def _contradiction(after: Fit, search: Search, context: Context, *, complete: bo
     """Test the final values against what the rig and the elastica predict; None where nothing asks for it."""
     if not context.settings.follow_up or not (complete or search.best.added):
         return None
-    context.tell("comparing with the rig")
+    context.progress("comparing with the rig")
     bench = search.best.refit.problem.bench
     rng = np.random.default_rng([context.settings.seed, 1])
-    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, progress=context.tell)
+    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, progress=context.progress)
 
 
 def _separations(search: Search, found: Mapping[str, Named], context: Context) -> tuple[Separation, ...]:
@@ -406,7 +406,7 @@ def _separations(search: Search, found: Mapping[str, Named], context: Context) -
     for effect, own in found.items():
         if not own.rivals:
             continue
-        context.tell(f"designing a manoeuvre that tells {effect} from {' and '.join(own.group[:_RIVALS])}")
+        context.progress(f"designing a manoeuvre that tells {effect} from {' and '.join(own.group[:_RIVALS])}")
         sets = dict(zip((effect, *own.group[:_RIVALS]), (search.best, *own.rivals[:_RIVALS]), strict=True))
         fits = {name: fit_near(c.refit.problem, c.refit.values) for name, c in sets.items()}
         steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())

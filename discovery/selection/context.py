@@ -46,7 +46,7 @@ class Context:
         The numbers that decide, and the budget.
     units : NaturalUnits
         Natural units.
-    tell : callable
+    progress : callable
         Receives one sentence before every longer piece of work.
     """
 
@@ -54,7 +54,7 @@ class Context:
     judge: HoldOut
     settings: LoopSettings
     units: NaturalUnits
-    tell: Tell
+    progress: Tell
 
     @cached_property
     def period(self) -> float:

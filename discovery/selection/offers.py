@@ -54,7 +54,7 @@ class Offers:
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
             names = self.context.candidates(problem.model)
             beside = f" beside {' and '.join(node.added)}" if node.added else ""
-            self.context.tell(f"screening the catalogue{beside} ({len(names)} effects)")
+            self.context.progress(f"screening the catalogue{beside} ({len(names)} effects)")
             self._scored[node.key] = tuple(screen(problem.model, minimum, problem, names))
         return self._scored[node.key]
 
@@ -67,7 +67,7 @@ class Offers:
     def _make(self, node: Contender) -> list[Contender]:
         scored = self.scored(node)
         beside = f" beside {' and '.join(node.added)}" if node.added else ""
-        self.context.tell(f"refitting every candidate{beside}")
+        self.context.progress(f"refitting every candidate{beside}")
         names = [c.effect for c in scored]
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
         far = node.evidence.error > _FAR
@@ -105,7 +105,7 @@ class Offers:
     def _paired(self, node: Contender) -> list[Contender]:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
         likely = likely_pairs(self.scored(node), minimum.residual, self.context.settings.budget.pairs)
-        self.context.tell("refitting pairs")
+        self.context.progress("refitting pairs")
         quick = refit_pairs(problem.model, minimum, problem, likely)
         near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: self.context.settings.budget.pairs // 2]
         full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])

@@ -122,7 +122,7 @@ class Search:
         """Weigh an unknown force beside the set found, where more than noise is left."""
         if self._leaves_noise() or not np.isfinite(self.best.joint):
             return
-        self.context.tell("weighing an unknown force")
+        self.context.progress("weighing an unknown force")
         self.unknown = found = unknown_force(self.context, self.best)
         numbers = {"train": found.train, "held": found.held, "odds": min(found.train, found.train + found.held)}
         if not self.best.added and numbers["odds"] > self.context.settings.nats:
