@@ -434,7 +434,7 @@ def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
     }  # fmt: skip
     check = {
         "parameter": "alpha", "unit": "s^-2", "value": 6.5, "sd": 0.01, "predicted": 8.1, "predicted_sd": 0.2,
-        "z": -7.99, "p": 1e-12, "source": "the rig", "contradicts": True,
+        "z": -7.99, "odds": 28.5, "source": "the rig", "contradicts": True,
     }  # fmt: skip
     said = {
         "parameter": "alpha", "reconciling": ["base_compliance"], "tried": [tried],
@@ -447,7 +447,7 @@ def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
     for part in (answer, story_told):
         assert "α = 6.5 ± 0.01 s⁻² contradicts the rig; base compliance reconciles them." in part
     assert "48.8" in story_told
-    assert "S. Holm, Scandinavian Journal of Statistics 6 (1979) 65." in story_told
+    assert "M. Evans, H. Moshonov, Bayesian Analysis 1 (2006) 893." in story_told
 
 
 def test_methods_that_a_run_did_not_use_are_not_cited(arm: Made) -> None:
@@ -1001,7 +1001,7 @@ def test_the_posterior_of_the_final_model_stands_below_its_equation(tmp_path: Pa
     results["rig"]["kind"] = "pendulum"
     models, check = results["loop"]["model"], {
         "parameter": "k_g", "unit": "s^-2", "value": 9.81, "sd": 0.01, "predicted": 9.8, "predicted_sd": 0.1,
-        "z": 0.1, "p": 0.9, "source": "g / L of the rig", "contradicts": False,
+        "z": 0.1, "odds": -3.4, "source": "g / L of the rig", "contradicts": False,
     }  # fmt: skip
     final = {**models["after"]["model"], "effects": [*models["after"]["model"]["effects"], "quadratic_drag"]}
     models["after"] = {**models["after"], "model": final}

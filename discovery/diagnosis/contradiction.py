@@ -1,27 +1,27 @@
-r"""Fitted values that contradict the rig or the elastica: an effect that free parameters absorb leaves no residual.
+r"""Prior-data conflict: fitted values that the rig file excludes. What free parameters absorb leaves no residual.
 
-Base compliance hides in alpha, a camera's scale in the length, a nonlinear material in beta. So each fitted value is
-tested against the distribution that first principles predict for it:
+Base compliance hides in alpha, a camera's scale in the length. So the log odds are asked that the rig file's statement
+of a quantity is too narrow: the evidence that is gained where its prior is made `WIDE` times as wide,
 
-* alpha against :math:`3EI / (m_\mathrm{eff} l^3)` of the rig, see `discovery.theory.prediction`;
+.. math:: \log \frac{N(v;\, m,\, s^2 + w^2 \sigma^2)}{N(v;\, m,\, s^2 + \sigma^2)},
+
+with m and :math:`\sigma` what is stated, and v and s what the recordings alone say (Evans and Moshonov, Bayesian
+Analysis 1 (2006) 893). Tested are
+
+* alpha of an exact arm against :math:`3EI / (m_\mathrm{eff} l^3)` of the rig, see `discovery.theory.prediction`;
 * the rod's mass ratio mu and, where it is free, the length against what the rig states;
-* on the bases with one coordinate alpha, beta / alpha and gamma against what the same model would find if the arm were
-  the exact one: fitted to the exact arm in the same manoeuvre, it has the same errors of its own.
-
-A contradiction is a difference of more than three combined standard deviations, with the error of the whole family of
-tests controlled (Holm, Scandinavian Journal of Statistics 6 (1979) 65).
+* the pull of gravity on a pendulum against its length.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from discovery.diagnosis.exact_counterpart import exact_counterpart
 from discovery.diagnosis.reconciliation import Reconciliation, reconcile
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -30,24 +30,22 @@ from discovery.estimation.fit import Fit, fit_near
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import correlation_length
 from discovery.foundation.errors import SimulationFailure
-from discovery.mechanics import get_base
+from discovery.mechanics.elastica import Elastica
 from discovery.screening.attribution import candidates as possible
 from discovery.theory.prediction import predict
 
 __all__ = ["Check", "Contradiction", "ContradictionReport", "check_contradictions"]
 
-#: A difference of so many standard deviations is a contradiction.
+#: Log odds of a contradiction: those that the search asks of an effect [nats].
 LIMIT = 3.0
-#: What is known of the rig alone is freed beyond so many of its standard deviations.
-_WIDE = 30.0
+#: A prior is made so many times as wide.
+WIDE = 30.0
 #: Where a value that was held back by its bound is looked for, in these standard deviations.
 _AWAY = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
 #: A value on quicker mechanics differs by at most this part of what is to be reconciled.
 _ALIKE = 0.1
 #: What is missing of a model shifts the stiffness that it finds by a smaller factor.
 _GROSS = 1.5
-#: Standard deviation of what the exact arm predicts for beta / alpha and gamma of a model of another kind.
-_LAW = 0.005
 
 
 @dataclass(frozen=True)
@@ -64,8 +62,8 @@ class Check:
         Mean and standard deviation of the prediction.
     z : float
         Their difference over the root of the sum of both variances.
-    p : float
-        Two-sided probability of such a difference, multiplied as Holm's method asks for the number of tests.
+    odds : float
+        Log odds that the prediction is too narrow [nats].
     source : str
         Where the prediction comes from.
     """
@@ -77,13 +75,13 @@ class Check:
     predicted: float
     predicted_sd: float
     z: float
-    p: float
+    odds: float
     source: str
 
     @property
     def contradicts(self) -> bool:
         """Whether the value and its prediction exclude each other."""
-        return self.p < math.erfc(LIMIT / math.sqrt(2))
+        return self.odds > LIMIT
 
     @property
     def gross(self) -> bool:
@@ -125,7 +123,7 @@ class Contradiction:
         c = self.check
         head = (
             f"{c.parameter} = {c.value:.5g} ± {c.sd:.2g} {c.unit} contradicts {c.source}, "
-            f"{c.predicted:.5g} ± {c.predicted_sd:.2g} (z = {c.z:.1f}, p = {c.p:.1g}); "
+            f"{c.predicted:.5g} ± {c.predicted_sd:.2g} ({abs(c.z):.2g} standard deviations apart); "
         )
         if not self.sought:
             return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
@@ -152,21 +150,7 @@ class ContradictionReport:
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
         return {
-            "checks": [
-                {
-                    "parameter": c.parameter,
-                    "unit": c.unit,
-                    "value": c.value,
-                    "sd": c.sd,
-                    "predicted": c.predicted,
-                    "predicted_sd": c.predicted_sd,
-                    "z": c.z,
-                    "p": c.p,
-                    "source": c.source,
-                    "contradicts": c.contradicts,
-                }
-                for c in self.checks
-            ],
+            "checks": [{**asdict(c), "contradicts": c.contradicts} for c in self.checks],
             "contradictions": [
                 {
                     "parameter": c.check.parameter,
@@ -214,27 +198,21 @@ def check_contradictions(
     experiments = fit.problem.bench.experiments
     arm = experiments[0].is_arm
     if candidates is None:
-        # What the exact arm contains is in the prediction already.
-        provided = get_base("elastica").provides if arm else frozenset()
-        candidates = [e for e in possible(fit.model, experiments[0].coordinate_unit) if e not in provided]
+        candidates = possible(fit.model, experiments[0].coordinate_unit)
     if not arm:
         checks = _against_length(fit)
         excluded = [c for c in checks if c.contradicts]
         pulls = [_gravity(fit, c, candidates, least_gain=least_gain, progress=progress) for c in excluded]
         return ContradictionReport(checks, tuple(pulls))
-    found: list[tuple[Check, Fit]] = [*_against_rig(fit), *_against_mechanics(fit, rng)]
-    adjusted = _adjusted([c for c, _ in found])
+    found = [*_against_rig(fit), *_stiffness(fit, rng)]
     contradictions = []
-    for check, (_, freed) in zip(adjusted, found, strict=True):
+    for check, freed in found:
         if check.contradicts:
-            name, scale = check.parameter, 1.0
-            if name == "beta/alpha":
-                name, scale = "beta", fit.values["alpha"]
-            target = (scale * check.predicted, abs(scale) * check.predicted_sd)
+            name, target = check.parameter, (check.predicted, check.predicted_sd)
             quick = _quicker(freed, bench, name, target[0], least_gain)
             tried = reconcile(quick, name, target, candidates, z=check.z, least_gain=least_gain, progress=progress)
             contradictions.append(Contradiction(check, tried, sought=bool(candidates)))
-    return ContradictionReport(tuple(adjusted), tuple(contradictions))
+    return ContradictionReport(tuple(c for c, _ in found), tuple(contradictions))
 
 
 def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, least_gain: float) -> Fit:
@@ -251,18 +229,12 @@ def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, least_gain
 
 
 def _check(parameter: str, unit: str, value: tuple[float, float], predicted: tuple[float, float], source: str) -> Check:
-    z = (value[0] - predicted[0]) / math.hypot(value[1], predicted[1])
-    return Check(parameter, unit, *value, *predicted, z, math.erfc(abs(z) / math.sqrt(2)), source)
-
-
-def _adjusted(checks: Sequence[Check]) -> list[Check]:
-    """Return the checks with Holm's adjusted probabilities: k times the smallest, then k - 1 times the next, ..."""
-    order = sorted(range(len(checks)), key=lambda i: checks[i].p)
-    adjusted, largest = list(checks), 0.0
-    for rank, i in enumerate(order):
-        largest = min(1.0, max(largest, (len(checks) - rank) * checks[i].p))
-        adjusted[i] = replace(checks[i], p=largest)
-    return adjusted
+    """Return the log odds of a prior that is wider than the prediction."""
+    (found, sd), (mean, spread) = value, predicted
+    narrow, wide = math.hypot(sd, spread), math.hypot(sd, WIDE * spread)
+    z = (found - mean) / narrow
+    odds = 0.5 * z**2 * (1 - (narrow / wide) ** 2) - math.log(wide / narrow)
+    return Check(parameter, unit, found, sd, mean, spread, z, odds, source)
 
 
 def _against_length(fit: Fit) -> tuple[Check, ...]:
@@ -336,7 +308,7 @@ def _spread_by_ratio(fit: Fit, freed: Fit, name: str, stated: tuple[float, float
 def _freed(fit: Fit, name: str, stated: tuple[float, float]) -> Fit:
     """Return the fit without what the rig says about one parameter."""
     old, (mean, sd) = fit.problem, stated
-    problem = Problem(old.model, old.bench, old.units, {**old.gaussian, name: (mean, _WIDE * sd)})
+    problem = Problem(old.model, old.bench, old.units, {**old.gaussian, name: (mean, WIDE * sd)})
     starts = [fit.minimum.x]
     if name in fit.reasons or fit.minimum.at_bound[fit.problem.names.index(name)]:
         # Held back by a bound: the nearest minimum beyond it need not be the lowest, for the rod rings.
@@ -351,37 +323,15 @@ def _freed(fit: Fit, name: str, stated: tuple[float, float]) -> Fit:
     return Fit(problem, minimum, covariance, reasons, directions, fit.solver_shift)
 
 
-def _stiffness(fit: Fit, rng: np.random.Generator, bias: float = 1.0) -> list[tuple[Check, Fit]]:
-    """Test alpha against the rig, where it is known and states enough; the model reads `bias` times what it is."""
+def _stiffness(fit: Fit, rng: np.random.Generator) -> list[tuple[Check, Fit]]:
+    """Test alpha of an exact arm against the rig, where it is known and states enough."""
     rig = fit.problem.bench.experiments[0].rig
     needed = (rig.length, rig.tip_mass, rig.beam_mass, rig.flexural_rigidity)
-    if "alpha" not in fit.problem.free or "alpha" in fit.reasons or None in needed:
+    known = "alpha" in fit.problem.free and "alpha" not in fit.reasons and None not in needed
+    # A simpler base reads another stiffness from the same arm.
+    if not known or not isinstance(fit.model.mechanics, Elastica):
         return []
     draws = predict(rig, rng).draws["rod_counted", "dynamic"]["alpha"]
-    predicted = (bias * float(np.mean(draws)), bias * float(np.std(draws)))
-    source = "3 EI / (m_eff l^3) of the rig"
-    return [(_check("alpha", "s^-2", (fit.values["alpha"], fit.sd["alpha"]), predicted, source), fit)]
-
-
-def _against_mechanics(fit: Fit, rng: np.random.Generator) -> list[tuple[Check, Fit]]:
-    """Test alpha against the rig, and the laws of bases with one coordinate against the exact arm."""
-    rig = fit.problem.bench.experiments[0].rig
-    exact = fit.model.base.startswith("elastica")
-    laws = [n for n in ("beta", "gamma") if n in fit.problem.free and n not in fit.reasons]
-    if not exact:
-        same = exact_counterpart(fit)
-        # A wrong length looks like another radius law.
-        longer = exact_counterpart(fit, longer=0.0 if rig.length is None else rig.length.sd / rig.length.value)
-        # Errors that the model has of its own are in the prediction too: only what is left beside them counts.
-        left = math.sqrt(max(1.0, fit.reduced_chi2 - same.chi2 / fit.problem.bench.n_data) / max(1.0, fit.reduced_chi2))
-    # A simpler base reads another stiffness from the same arm.
-    found = _stiffness(fit, rng, 1.0 if exact else same.found["alpha"] / same.arm["alpha"])
-    for law in () if exact else laws:
-        ratio = law == "beta"
-        name, unit = ("beta/alpha", "rad^-2") if ratio else (law, "1")
-        compared = (fit.values, same.found, longer.found)
-        value, mean, other = (v[law] / v["alpha"] if ratio else v[law] for v in compared)
-        sd = left * fit.sd[law] / (fit.values["alpha"] if ratio else 1.0)
-        predicted = (mean, math.hypot(_LAW, other - mean))
-        found.append((_check(name, unit, (value, sd), predicted, "the elastica"), fit))
-    return found
+    predicted = (float(np.mean(draws)), float(np.std(draws)))
+    value = (fit.values["alpha"], fit.sd["alpha"])
+    return [(_check("alpha", "s^-2", value, predicted, "3 EI / (m_eff l^3) of the rig"), fit)]

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.diagnosis.contradiction import LIMIT
 from discovery.estimation.fit import Fit
 from discovery.rigs.rig_schema import QUANTITIES
 
 __all__ = ["StandIn", "stand_in"]
+
+#: A rig file may err by so many of its standard deviations.
+_CREDIBLE = 3.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class StandIn:
     @property
     def doubtful(self) -> bool:
         """Whether the rig file may err by as much: it would contradict nothing."""
-        return abs(self.z) <= LIMIT
+        return abs(self.z) <= _CREDIBLE
 
     @property
     def sentence(self) -> str:

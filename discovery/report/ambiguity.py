@@ -135,7 +135,7 @@ def moves_table(run: Run) -> Table | None:
 
 def predictor(run: Run) -> str:
     """Return who predicts the fitted values, and that they do."""
-    return "the rig and the elastica predict" if run.is_arm else "the rig predicts"
+    return "the rig predicts"
 
 
 def contradictions_table(run: Run) -> Table | None:
@@ -156,16 +156,24 @@ def contradictions_table(run: Run) -> Table | None:
                 uncertain(c["predicted"], c["predicted_sd"]),
                 unit,
                 significant(c["z"], 2),
-                significant(c["p"], 2),
+                significant(c["odds"], 2),
                 outcome,
             ]
         )
-        keys = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "p")
+        keys = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "odds")
         raw.append([*(c[k] for k in keys), "; ".join(names)])
-    head = ("parameter", "fitted ± sd", "predicted ± sd", "unit", "difference [sds]", "p value", "reconciled by")
-    raw_head = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "p", "reconciled_by")
+    head = (
+        "parameter",
+        "fitted ± sd",
+        "predicted ± sd",
+        "unit",
+        "difference [sds]",
+        "log odds [nats]",
+        "reconciled by",
+    )
+    raw_head = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "odds", "reconciled_by")
     caption = (
-        f"Fitted values against what {predictor(run)}; p values two-sided, corrected for the number of tests. An "
+        f"Fitted values against what {predictor(run)}; log odds that what is stated is too narrow. An "
         "effect that free parameters absorb leaves no residual, but contradicts a prediction."
     )
     if any(c["parameter"] == "k_g" for c in tested["checks"]):
