@@ -7,12 +7,13 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.stats import multivariate_normal
 
-from discovery.estimation.model_error import Channel, ModelError
+from discovery.estimation.model_error import Channel
 from discovery.selection.belief import Belief
 from discovery.selection.evidence import Linearised, _bounded, evidence_of
 
 TIME = np.arange(0, 30, 0.05)
-MEMORY = 0.5
+#: Natural time of the motion, and the memory of the model error.
+NATURAL, MEMORY = 4.5, 0.5
 
 
 def belief(width: np.ndarray) -> Belief:
@@ -28,13 +29,17 @@ def problem(slopes: np.ndarray, y: np.ndarray, *, held: np.ndarray | None = None
     own = belief(np.full(slopes.shape[1], width))
     blocks = [Channel(TIME[: y.size], np.column_stack([-slopes[: y.size], y]))]
     others = [] if held is None else [[Channel(TIME[: held.size], np.column_stack([-slopes[: held.size], held]))]]
-    return Linearised(blocks, others, own, slopes.shape[1], MEMORY, 0.15)
+    return Linearised(blocks, others, own, slopes.shape[1], NATURAL, 0.15)
+
+
+def correlation() -> np.ndarray:
+    lag = np.abs(np.subtract.outer(TIME, TIME)) / MEMORY
+    return (1 + lag) * np.exp(-lag)
 
 
 def drawn(size: float, seed: int, noise: float = 1.0) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    lag = np.abs(np.subtract.outer(TIME, TIME))
-    return rng.multivariate_normal(np.zeros(TIME.size), noise**2 * np.eye(TIME.size) + size**2 * np.exp(-lag / MEMORY))
+    return rng.multivariate_normal(np.zeros(TIME.size), noise**2 * np.eye(TIME.size) + size**2 * correlation())
 
 
 SLOPES = np.column_stack([np.sin(1.3 * TIME), np.cos(0.4 * TIME)])
@@ -44,8 +49,7 @@ SLOPES = np.column_stack([np.sin(1.3 * TIME), np.cos(0.4 * TIME)])
 def test_the_evidence_of_a_linear_model_is_that_of_the_dense_gaussian(size: float) -> None:
     y = SLOPES @ [0.5, -1.0] + drawn(size, 3)
     found = problem(SLOPES, y).mode(size)
-    lag = np.abs(np.subtract.outer(TIME, TIME))
-    dense = np.eye(TIME.size) + size**2 * np.exp(-lag / MEMORY) + 9.0 * SLOPES @ SLOPES.T
+    dense = np.eye(TIME.size) + size**2 * correlation() + 9.0 * SLOPES @ SLOPES.T
     exact = multivariate_normal.logpdf(y, np.zeros(TIME.size), dense)
     # The noise may exceed what is stated, by as much as chance makes it seem to.
     assert found.log_evidence == pytest.approx(exact, abs=3.0)
@@ -55,8 +59,7 @@ def test_the_evidence_of_a_linear_model_is_that_of_the_dense_gaussian(size: floa
 def test_the_step_is_the_generalised_least_squares_estimate() -> None:
     y = SLOPES @ [0.5, -1.0] + drawn(4.0, 5)
     found = problem(SLOPES, y).mode(4.0)
-    lag = np.abs(np.subtract.outer(TIME, TIME))
-    inverse = np.linalg.inv(found.white**2 * (np.eye(TIME.size) + 16.0 * np.exp(-lag / MEMORY)))
+    inverse = np.linalg.inv(found.white**2 * (np.eye(TIME.size) + 16.0 * correlation()))
     precision = SLOPES.T @ inverse @ SLOPES + np.eye(2) / 9.0
     assert found.step == pytest.approx(np.linalg.solve(precision, SLOPES.T @ inverse @ y), rel=1e-6)
 
@@ -65,6 +68,24 @@ def test_the_step_is_the_generalised_least_squares_estimate() -> None:
 def test_the_size_of_the_model_error_is_found(size: float) -> None:
     found = [evidence_of(problem(SLOPES, drawn(size, seed))).error for seed in range(6)]
     assert np.mean(found) == pytest.approx(size, rel=0.15)
+
+
+def test_the_size_does_not_depend_on_the_sampling_rate() -> None:
+    # What a wrong model leaves is smooth: read ten times as often, it is no smaller.
+    def size(step: float) -> float:
+        time = np.arange(0, 30, step)
+        left = 20 * np.sin(1.1 * time + np.sin(0.21 * time)) + np.random.default_rng(1).normal(size=time.size)
+        columns = np.column_stack([np.zeros(time.size), left])
+        return evidence_of(Linearised([Channel(time, columns)], [], belief(np.ones(1)), 1, NATURAL, 0.15)).error
+
+    assert size(0.01) == pytest.approx(size(0.1), rel=0.25)
+
+
+def test_an_error_larger_than_what_is_left_is_none() -> None:
+    # A remainder that forgets at once asks a slow process for a size that it does not have.
+    fast = 10 * np.random.default_rng(3).normal(size=TIME.size)
+    found = evidence_of(problem(SLOPES, fast))
+    assert found.error <= 1.01 * np.sqrt(np.mean(fast**2))
 
 
 def test_noise_alone_has_no_model_error() -> None:
@@ -124,8 +145,7 @@ def test_the_held_out_score_is_that_of_the_posterior_predictive() -> None:
     both = problem(SLOPES, y, held=held)
     train = both.mode(0.0)
     judged = both.mode(0.0, both.held[0], train)
-    posterior = np.linalg.inv(train.precision)
-    dense = np.eye(TIME.size) + SLOPES @ posterior @ SLOPES.T
+    dense = np.eye(TIME.size) + SLOPES @ np.linalg.inv(train.precision) @ SLOPES.T
     exact = multivariate_normal.logpdf(held, SLOPES @ train.step, dense)
     assert judged.log_evidence == pytest.approx(exact, abs=3.0)
 
@@ -158,4 +178,3 @@ def test_a_bounded_step_is_that_of_bounded_least_squares(seed: int) -> None:
     cost, least = (np.sum((matrix @ x + target) ** 2) for x in (found, exact))
     assert np.all((found >= low) & (found <= high))
     assert cost <= 1.0001 * least
-    assert ModelError(1.0, 2.0).size == 1.0

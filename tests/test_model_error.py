@@ -10,8 +10,8 @@ from discovery.estimation.model_error import Channel, ModelError, innovations
 
 
 def covariance(time: np.ndarray, error: ModelError) -> np.ndarray:
-    lag = np.abs(np.subtract.outer(time, time))
-    return np.eye(time.size) + error.size**2 * np.exp(-lag / error.memory)
+    lag = np.abs(np.subtract.outer(time, time)) / error.memory
+    return np.eye(time.size) + error.size**2 * (1 + lag) * np.exp(-lag)
 
 
 @settings(max_examples=60, deadline=None)

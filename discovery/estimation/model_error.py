@@ -1,9 +1,10 @@
-"""The model's own error: a Gaussian process correlated over the natural time, beside the instrument's white noise.
+"""The model's own error: a smooth Gaussian process beside the instrument's white noise.
 
-y = M(theta) + delta + eps, with delta an Ornstein-Uhlenbeck process of size a and memory tau (Kennedy and O'Hagan,
-Journal of the Royal Statistical Society B 63 (2001) 425). Its likelihood is that of the innovations of a Kalman filter
-with one state (R. Kalman, Trans. ASME J. Basic Engineering 82 (1960) 35): exact for gaps and irregular times, and as
-cheap as reading the residual.
+y = M(theta) + delta + eps, with delta a process of size a (Kennedy and O'Hagan, Journal of the Royal Statistical
+Society B 63 (2001) 425) and Matern's covariance a^2 (1 + t / tau) exp(-t / tau) (Rasmussen and Williams, Gaussian
+Processes for Machine Learning (2006), 4.2.1). What a wrong model leaves has a rate: the size of a process without one
+would depend on the sampling. The likelihood is that of the innovations of a Kalman filter with two states (Hartikainen
+and Sarkka, IEEE MLSP (2010) 379): exact for gaps and irregular times, and as cheap as reading the residual.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from discovery.foundation.compiled_function import compiled
 __all__ = ["Channel", "ModelError", "innovations"]
 
 FloatArray = NDArray[np.float64]
+#: Memory of a model error over the natural time: a slower one takes the motion itself for an error.
+_MEMORY = 1 / 9
 
 
 @dataclass(frozen=True)
@@ -27,25 +30,42 @@ class ModelError:
     size: float
     memory: float
 
+    @classmethod
+    def of(cls, size: float, natural_time: float) -> ModelError:
+        """Return the model error of a motion with a natural time [s]."""
+        return cls(size, _MEMORY * natural_time)
+
 
 @compiled(nogil=True, error_model="numpy")
-def _filtered(time, columns, power, memory, out):
+def _filtered(time, columns, power, rate, out):
     n, k = columns.shape
-    mean = np.zeros(k)
-    variance, logarithms = power, 0.0
+    mean, slope = np.zeros(k), np.zeros(k)
+    # Variance of the process, of its slope over the rate, and their covariance.
+    own, both, steep = power, 0.0, power
+    logarithms = 0.0
     for i in range(n):
         if i > 0:
-            decay = np.exp((time[i - 1] - time[i]) / memory)
-            variance = power + decay * decay * (variance - power)
+            apart = (time[i] - time[i - 1]) * rate
+            decay = np.exp(-apart)
+            f, g, h = decay * (1.0 + apart), decay * apart, decay * (1.0 - apart)
+            # What the stationary process keeps of its variance, less what the readings took from it.
+            x, y, z = own - power, both, steep - power
+            own = power + f * f * x + 2.0 * f * g * y + g * g * z
+            both = -f * g * x + (f * h - g * g) * y + g * h * z
+            steep = power + g * g * x - 2.0 * g * h * y + h * h * z
             for j in range(k):
-                mean[j] *= decay
-        total = variance + 1.0
-        gain, scale = variance / total, 1.0 / np.sqrt(total)
+                before = mean[j]
+                mean[j] = f * before + g * slope[j]
+                slope[j] = -g * before + h * slope[j]
+        total = own + 1.0
+        gain, turn, scale = own / total, both / total, 1.0 / np.sqrt(total)
         for j in range(k):
             off = columns[i, j] - mean[j]
             out[i, j] = off * scale
             mean[j] += gain * off
-        variance = gain
+            slope[j] += turn * off
+        steep -= turn * both
+        own, both = gain, turn
         logarithms += np.log(total)
     return logarithms
 
@@ -67,7 +87,7 @@ def innovations(time: FloatArray, columns: FloatArray, error: ModelError) -> tup
     ndarray, shape (n, k), and float
     """
     out = np.empty(columns.shape)
-    logarithms = _filtered(time, np.ascontiguousarray(columns), error.size**2, error.memory, out)
+    logarithms = _filtered(time, np.ascontiguousarray(columns), error.size**2, 1.0 / error.memory, out)
     return out, float(logarithms)
 
 

@@ -110,7 +110,7 @@ def _generalised(sets: Sequence[Contender]) -> list[Refit]:
     """Return sets refitted by generalised least squares, each under its model error."""
     problems = [c.refit.problem for c in sets]
     errors = [
-        ModelError(c.evidence.error / c.evidence.white, p.units.time) for c, p in zip(sets, problems, strict=True)
+        ModelError.of(c.evidence.error / c.evidence.white, p.units.time) for c, p in zip(sets, problems, strict=True)
     ]
     weighted = [replace(p, error=error) for p, error in zip(problems, errors, strict=True)]
     starts = [c.refit.minimum.x + c.evidence.step for c in sets]

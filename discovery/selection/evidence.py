@@ -10,7 +10,7 @@ pieces of the recording times the logarithm by which it falls.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -116,8 +116,8 @@ class Linearised:
         Of every parameter; those of the held-out initial states last.
     fitted : int
         Number of parameters of the training recordings.
-    memory : float
-        Of the model error [s].
+    natural_time : float
+        Of the motion [s].
     scale : float
         Of the prior of its size [noise sds].
     stated : float
@@ -130,7 +130,7 @@ class Linearised:
     held: Sequence[Sequence[Channel]]
     belief: Belief
     fitted: int
-    memory: float
+    natural_time: float
     scale: float
     stated: float = 0.0
     form: float = 0.0
@@ -145,7 +145,7 @@ class Linearised:
         prior = prior if after is None else prior.after(after, self.belief)
         gram, logarithms = np.zeros(()), 0.0
         for block in blocks:
-            own, log = block.gram(ModelError(size, self.memory))
+            own, log = block.gram(ModelError.of(size, self.natural_time))
             gram, logarithms = gram + own, logarithms + log
         use = np.append(np.arange(len(prior.mean)), len(self.belief.width))
         count = sum(block.time.size for block in blocks)
@@ -294,8 +294,12 @@ class _Sizes:
 
     @property
     def size(self) -> float:
-        """Likeliest size of the model error [noise sds], no more than its scale where none explains as much."""
-        size = float(np.exp(self.best)) * self.likeliest.white
+        """Likeliest size of the model error [noise sds], no more than its scale where none explains as much.
+
+        Nor more than the rms of what is left: a remainder that forgets faster than the process has a larger one.
+        """
+        left = _left(self.channels, self.likeliest.step) / sum(c.time.size for c in self.channels)
+        size = min(float(np.exp(self.best)) * self.likeliest.white, float(np.sqrt(left)))
         return size if self.nil > 0 else min(size, self.problem.scale)
 
     @cached_property
@@ -318,7 +322,10 @@ def evidence_of(problem: Linearised) -> Evidence:
     """Return the evidence of a linearised set; its held-out score is zero where nothing is held out."""
     train = _Sizes(problem, problem.train)
     first, size, at = train.integrated, train.size, train.likeliest
-    held = [_Sizes(problem, part, at) for part in problem.held]
+    covariance = _covariance(problem, train)
+    # Predictions are as uncertain as the intervals say.
+    predictive = replace(at, precision=_inverse(covariance))
+    held = [_Sizes(problem, part, predictive) for part in problem.held]
     counts = [sum(c.time.size for c in part) for part in problem.held]
     return Evidence(
         train=first,
@@ -329,7 +336,7 @@ def evidence_of(problem: Linearised) -> Evidence:
         nil=train.nil + sum(h.nil for h in held),
         gained=at.gained,
         step=at.step,
-        covariance=_covariance(problem, train),
+        covariance=covariance,
         chi2_held=sum(_left(part, h.likeliest.step) for part, h in zip(problem.held, held, strict=True)),
         count_held=sum(counts),
     )
@@ -356,5 +363,5 @@ def _inverse(precision: FloatArray) -> FloatArray:
 
 
 def _left(channels: Sequence[Channel], step: FloatArray) -> float:
-    """Return the sum of squares that is left of channels after a step [noise variances]."""
-    return sum(float(np.sum((c.columns[:, :-1] @ step + c.columns[:, -1]) ** 2)) for c in channels)
+    """Return the sum of squares that is left of channels after a step of the first parameters [noise variances]."""
+    return sum(float(np.sum((c.columns[:, : step.size] @ step + c.columns[:, -1]) ** 2)) for c in channels)

@@ -71,7 +71,7 @@ def _settled(contender: Contender, problem: Problem, context: Context) -> Conten
 
 
 def _generalised(refit: Refit, contender: Contender, problem: Problem) -> Refit:
-    error = ModelError(contender.evidence.error / contender.evidence.white, problem.units.time)
+    error = ModelError.of(contender.evidence.error / contender.evidence.white, problem.units.time)
     weighted = replace(problem, error=error)
     start = weighted.start(contender.refit.values)
     (minimum,) = fit_problems([weighted], [start], iterations=_ITERATIONS, tolerance=1e-6, rough=True)
@@ -96,7 +96,7 @@ def prolonged(found: Fit, error: float, experiments: Sequence[Experiment]) -> Fi
         old.model.base, old.bench.effects, [replace(e, fitted_samples=None) for e in experiments], old.bench.step
     )
     whole = replace(old, bench=bench)
-    weighted = replace(whole, error=ModelError(error, old.units.time))
+    weighted = replace(whole, error=ModelError.of(error, old.units.time))
     (minimum,) = fit_problems(
         [weighted], [whole.start(found.values)], iterations=_ITERATIONS, tolerance=1e-6, rough=True
     )
