@@ -214,8 +214,8 @@ def _solve(mass: list[list[sp.Expr]], force: list[sp.Expr], out: Assignments) ->
         return symbol
 
     matrix = sp.Matrix(n, n, lambda i, j: mass[max(i, j)][min(i, j)])
-    cofactor = {(i, j): name(f"C_{i}{j}", matrix.cofactor(i, j)) for i in range(n) for j in range(i + 1)}
-    inverse = name("I", 1 / sum(mass[i][0] * cofactor[i, 0] for i in range(n)))
+    cofactor = {(i, j): name(f"cofactor_{i}{j}", matrix.cofactor(i, j)) for i in range(n) for j in range(i + 1)}
+    inverse = name("per_determinant", 1 / sum(mass[i][0] * cofactor[i, 0] for i in range(n)))
     return [
         name(f"qdd_{i}", inverse * sum(cofactor[max(i, j), min(i, j)] * force[j] for j in range(n))) for i in range(n)
     ]
