@@ -140,7 +140,7 @@ def _cos_poly(z2):
 
 @_fast
 def _sin_quadrant(x, shift):
-    n, bits = _nearest(x, _TWO_OVER_PI)  # type: ignore[call-arg]
+    n, bits = _nearest(x, _TWO_OVER_PI)  # type: ignore[call-arg, var-annotated]
     z = (x - n * _P1) - n * _P2
     z2 = z * z
     quadrant = bits + shift
@@ -166,7 +166,7 @@ def exp(x):
     """Return the exponential; that of -708 below it and of 709 above."""
     x = -708.0 if x < -708.0 else x
     x = 709.0 if x > 709.0 else x
-    n, bits = _nearest(x, _ONE_OVER_LN2)  # type: ignore[call-arg]
+    n, bits = _nearest(x, _ONE_OVER_LN2)  # type: ignore[call-arg, var-annotated]
     z = (x - n * _L1) - n * _L2
     z2 = z * z
     p = z * ((1.26177193074810590878e-4 * z2 + 3.02994407707441961300e-2) * z2 + 9.99999999999999999910e-1)
