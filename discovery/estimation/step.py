@@ -108,8 +108,10 @@ def _longest(error: Callable[[float], float], step: float, tried: Mapping[float,
         # Where what rings is not resolved, the error falls in no order of the step.
         order = np.log(tried[min(known)] / tried[step]) / np.log(min(known) / step)
         longer = float(step * (_AIM * tolerance / tried[step]) ** (1 / order))
-        # Next to a blow-up the error falls in no time: candidates need some of what is left.
-        if error(longer) > tolerance or error(_SPARE * longer) > _SPARE_ERROR * tolerance:
+        if error(longer) > tolerance:
             break
+        # Next to a blow-up the error falls in no time: candidates need some of what is left.
+        if error(_SPARE * longer) > _SPARE_ERROR * tolerance:
+            return max(step, longer / _SPARE)
         step = longer
     return step

@@ -179,9 +179,13 @@ class Elastica(ArmBase):
 
         mass = [[sp.Integer(0)] * n for _ in range(n)]
         for j in range(n):
-            row = [name(f"G{j}_{b}", shaped(j, along[b])) for b in range(nodes)]
             for i in range(j, n):
-                mass[i][j] = mass[j][i] = name(f"M_{i}{j}", shaped(i, row))
+                shares = [
+                    (phi[i][b] * phi[j][c] + phi[i][c] * phi[j][b] if b != c else phi[i][b] * phi[j][b]) * along[b][c]
+                    for b in range(nodes)
+                    for c in range(b + 1)
+                ]
+                mass[i][j] = mass[j][i] = name(f"M_{i}{j}", sum(shares))
         if self.heavier:
             mass[-1][-1] = name("M_last", mass[-1][-1] + tip_share * self.heavier * self._own_inertia * self.mu)
         stiffness = bending_matrix(self._weights) / 3

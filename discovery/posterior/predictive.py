@@ -109,7 +109,7 @@ def predictive(
     for experiment, channels in zip(experiments, simulated(posterior, experiments, draws, initial), strict=True):
         recording = experiment.recording
         factor = noise_factor(posterior, recording.channels, draws)
-        noise = recording.noise[:, None] * factor * errors(recording.channels, draws, channels.shape, rng)
+        noise = recording.scatter[:, :, None] * factor * errors(recording.channels, draws, channels.shape, rng)
         bands.append(
             Band(
                 recording.name,

@@ -103,7 +103,7 @@ def replicated(
         seen = experiment.weights() > 0
         shape = (*motion.shape[:2], next(iter(draws.values())).size)
         motion = np.broadcast_to(motion, shape)
-        scale = np.broadcast_to(r.noise[:, None] * noise_factor(posterior, r.channels, draws), shape)
+        scale = np.broadcast_to(r.scatter[:, :, None] * noise_factor(posterior, r.channels, draws), shape)
         half = np.broadcast_to(0.5 * np.array([quantum(column) for column in r.output.T])[:, None], shape)
         again = motion + scale * errors(r.channels, draws, shape, rng)
         score = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, _degrees(r.channels, draws))

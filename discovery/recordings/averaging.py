@@ -68,6 +68,7 @@ def averaged(recording: Recording, length: int) -> Recording:
         input=None if recording.input is None else _means(recording.input[:, None], length)[:, 0],
         output=_means(recording.output, length),
         noise=_noise(recording, _alike(recording), length),
+        jitter=float(recording.jitter / np.sqrt(length)),
         notes=(*recording.notes, note),
     )
 

@@ -164,7 +164,7 @@ class Experiment:
     def weights(self) -> FloatArray:
         """Return 1/noise of every fitted sample and channel, zero in gaps and held-out parts, shape (n, c)."""
         out = self.recording.output
-        weights = np.where(np.isfinite(out), 1.0 / self.recording.noise, 0.0)
+        weights = np.where(np.isfinite(out), 1.0 / self.recording.scatter, 0.0)
         keep = np.zeros(len(out), bool)
         keep[self.fitted] = True
         weights[~keep] = 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,7 @@ from discovery.recordings.recording_columns import (
     suggest,
     without_tip,
 )
+from discovery.recordings.time_jitter import estimate_jitter, jitter_note, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ForceView, Rig
@@ -59,7 +61,7 @@ class Recording(RecordingViews):
     units : tuple of str
         SI unit of each channel.
     noise : array, shape (c,)
-        Standard deviation of each channel, in its unit.
+        Standard deviation of each channel, in its unit, where it does not move.
     sha256 : str
         Of the file's bytes.
     source : str
@@ -68,6 +70,8 @@ class Recording(RecordingViews):
         Whether `noise` was estimated from this recording because the rig does not state it.
     notes : tuple of str
         What is unusual: coarse readings, stuck or clipped ones (which are gaps of `output`), spikes, odd times.
+    jitter : float
+        Standard deviation of the error of a time stamp [s]: a reading that moves errs by slope times that, too.
     """
 
     name: str
@@ -81,6 +85,12 @@ class Recording(RecordingViews):
     source: str
     noise_estimated: bool = False
     notes: tuple[str, ...] = ()
+    jitter: float = 0.0
+
+    @cached_property
+    def scatter(self) -> FloatArray:
+        """Standard deviation of each reading, shape (n, c): its noise, and what the error of its stamp adds."""
+        return scatter(self.time, self.output, self.noise, self.jitter)
 
 
 def read_recording(
@@ -177,6 +187,7 @@ def read_recording(
         read[channel], found = clean_output(names[channel], unit, time, read[channel], noise[-1], returns)
         notes += found if known is None else found + noise_note(names[channel], unit, time, read[channel], known)
     check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
+    jitter = _jitter(rig, time, [read[channel] for channel in channels], noise, notes)
     if rig.view is not None and inputs is not None:
         rate = sampling_rate(time, source)
         inputs = zero_phase(inputs, rate, rig.view.motion_cutoff)
@@ -195,7 +206,19 @@ def read_recording(
         source=source,
         noise_estimated=bool(channels) and any(known is None for known in stated),
         notes=tuple(notes),
+        jitter=jitter,
     )
+
+
+def _jitter(rig: Rig, time: FloatArray, read: Sequence[FloatArray], noise: Sequence[float], notes: list[str]) -> float:
+    """Return by how much stamps err [s], and tell of it where nobody stated it; a filtered force does not feel it."""
+    if rig.view is not None or not read:
+        return 0.0
+    if rig.columns.time.jitter is not None:
+        return rig.columns.time.jitter
+    found = estimate_jitter(time, np.column_stack(read), np.array(noise))
+    notes += [jitter_note(found, float(np.median(np.diff(time))))] if found > 0 else []
+    return found
 
 
 def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:

@@ -40,13 +40,15 @@ class Quantity:
 class TimeColumn:
     """Where the time comes from: a column of the file, or a sampling rate [Hz] where the file has none.
 
-    ``assumed`` says that nobody knows the rate: times and rates are then per sample, not per second.
+    ``assumed`` says that nobody knows the rate: times and rates are then per sample, not per second. ``jitter`` is the
+    standard deviation of the error of a stamp [s], None where it is not known.
     """
 
     name: str | None = "time"
     unit: str = "s"
     rate: float | None = None
     assumed: bool = False
+    jitter: float | None = None
 
 
 @dataclass(frozen=True)

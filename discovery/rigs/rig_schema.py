@@ -97,6 +97,7 @@ class _Time(_Table):
     name: _Text | None = None
     unit: _Text = "s"
     assumed: bool = False
+    jitter: Annotated[FiniteFloat, Field(ge=0)] | None = None
 
 
 class _Input(_Table):

@@ -81,7 +81,7 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
             'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }; only a rate can be assumed.'
         )
     factor = _factors(path, text)
-    factor("time", time.unit, "s")
+    second = factor("time", time.unit, "s")
     scale = factor("output", columns.output.unit, None if table.view else kind.unit)
     if columns.input is not None:
         factor("input", columns.input.unit, None)
@@ -103,7 +103,9 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
             f'needed; with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
         )
     found = Columns(
-        time=TimeColumn(time.name, time.unit, time.rate_hz, time.assumed),
+        time=TimeColumn(
+            time.name, time.unit, time.rate_hz, time.assumed, None if time.jitter is None else time.jitter * second
+        ),
         input=InputColumn(**given) if given else None,
         output=OutputColumn(**columns.output.model_dump() | {"noise": None if noise is None else noise * scale}),
         header=None if columns.header is None else tuple(columns.header),

@@ -80,7 +80,7 @@ def fused_reading(
     body: Sequence[str],
     rows: Mapping[str, Mapping[str, int]],
 ) -> str:
-    """Return functions that read at a fraction of a step: one that stores readings, one that adds up what they miss.
+    """Return functions that read at a fraction of a step: one gives readings, one what they miss, and adds it up.
 
     Parameters
     ----------
@@ -112,6 +112,7 @@ def fused_reading(
     scored = [f"_top = w[{largest} + i]"]
     for k, (name, row) in enumerate(zip(rows["R"], rows["C"].values(), strict=True)):
         scored += [f"_miss = _share_{k} * ({name} - _goal_{k})", f"w[{row} + i] += _miss * _miss"]
+        scored.append(f"w[{rows['R'][name]} + i] = _miss")
         scored += ["_size = abs(_miss)", "_top = _size if _size > _top else _top"]
     scored.append(f"w[{largest} + i] = _top")
     aims = [f"_goal_{k}, _share_{k} = target[{k}], weight[{k}]" for k in range(len(rows["R"]))]
@@ -131,7 +132,7 @@ def fused_reading(
         + "\n\n"
         + function(
             "_score(w, f, h, t, r_0, r_1, r_2, target, weight)",
-            "Add what the readings miss to the sums of squares C and to the largest miss M.",
+            "Put what the readings miss in their place, add its squares to the sums C, its size to the largest miss M.",
             [*aims, *weights],
             [*inner, *scored],
         )

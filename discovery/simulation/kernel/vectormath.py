@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["atan2", "barrier", "cos", "exp", "rolled", "sin", "sqrt"]
+__all__ = ["atan2", "barrier", "cos", "exp", "put", "rolled", "sin", "sqrt"]
 
 _fast = njit(forceinline=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 
@@ -42,14 +42,76 @@ def barrier(context):
 def rolled(context):
     """Keep the compiler from unrolling short loops of the function that calls this before it vectorises them.
 
-    Unrolled, they stay scalar in part, and lanes may be rounded differently.
+    Unrolled, they stay scalar in part, and lanes may be rounded differently. Vectors may be as wide as registers are:
+    by default the compiler takes half of them on some processors, and a step up to 1.5 times as long.
     """
 
     def build(context, builder, signature, arguments):
-        builder.function.attributes.add("optsize")
+        attributes = builder.function.attributes
+        attributes.add("optsize")
+        # One of the target, which the list of common ones does not know.
+        set.add(attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()
 
     return types.none(), build
+
+
+@intrinsic
+def put(context, out, j, k, place, w, row, count):
+    """Copy `count` numbers of an array from `row` on to out[j, k], from `place` on.
+
+    A loop would take them one by one, for the compiler cannot know that the arrays do not overlap.
+    """
+
+    def build(context, builder, signature, arguments):
+        array, one, two, three, source, first, length = arguments
+        kind = signature.args[0]
+        target = context.make_array(kind)(context, builder, array)
+        there = cgutils.get_item_pointer(context, builder, kind, target, [one, two, three])
+        here = builder.gep(context.make_array(signature.args[4])(context, builder, source).data, [first], inbounds=True)
+        cgutils.raw_memcpy(builder, there, here, length, 8)
+        return context.get_dummy_value()
+
+    whole = types.int64
+    return types.none(out, whole, whole, whole, w, whole, whole), build
+
+
+@intrinsic
+def _number(context, whole):
+    """Return the floating-point number that has given bits."""
+
+    def build(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], context.get_value_type(types.float64))
+
+    return types.float64(types.int64), build
+
+
+@intrinsic
+def _bits(context, number):
+    """Return the bits of a floating-point number."""
+
+    def build(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], context.get_value_type(types.int64))
+
+    return types.int64(types.float64), build
+
+
+@intrinsic
+def _nearest(context, x, scale):
+    """Return the whole number nearest to a product, and bits whose lowest are those of it; |product| < 2^51.
+
+    A sum with 1.5 2^52 has no digits behind the point. Its own flags keep the compiler from taking the sum apart.
+    """
+
+    def build(context, builder, signature, arguments):
+        big = arguments[0].type(1.5 * 2.0**52)
+        product = builder.fmul(*arguments, flags=("contract",))
+        shifted = builder.fadd(product, big, flags=("contract",))
+        whole = builder.fsub(shifted, big, flags=("contract",))
+        bits = builder.bitcast(shifted, context.get_value_type(types.int64))
+        return context.make_tuple(builder, signature.return_type, (whole, bits))
+
+    return types.Tuple((types.float64, types.int64))(types.float64, types.float64), build
 
 
 @_fast
@@ -78,41 +140,25 @@ def _cos_poly(z2):
 
 @_fast
 def _sin_quadrant(x, shift):
-    n = np.floor(x * _TWO_OVER_PI + 0.5)
+    n, bits = _nearest(x, _TWO_OVER_PI)  # type: ignore[call-arg, var-annotated]
     z = (x - n * _P1) - n * _P2
     z2 = z * z
-    m = n + shift
-    quadrant = m - 4.0 * np.floor(m * 0.25)
-    odd = quadrant - 2.0 * np.floor(quadrant * 0.5)
-    sign = 1.0 - 2.0 * np.floor(quadrant * 0.5)
-    value = _cos_poly(z2) if odd > 0.5 else _sin_poly(z, z2)
-    return sign * value
+    quadrant = bits + shift
+    value = _cos_poly(z2) if quadrant & 1 else _sin_poly(z, z2)
+    # The second lowest bit becomes the sign.
+    return _number(_bits(value) ^ ((quadrant & 2) << 62))
 
 
 @_fast
 def sin(x):
     """Return the sine of an angle [rad], |x| up to 1e5."""
-    return _sin_quadrant(x, 0.0)
+    return _sin_quadrant(x, 0)
 
 
 @_fast
 def cos(x):
     """Return the cosine of an angle [rad], |x| up to 1e5."""
-    return _sin_quadrant(x, 1.0)
-
-
-@intrinsic
-def _power_of_two(context, n):
-    """Return 2^n of a whole number in floating point, -1022 <= n <= 1023."""
-
-    def build(context, builder, signature, arguments):
-        # Adding 1.5 2^52 brings n, with the bias of exponents, into the low bits of the mantissa.
-        shifted = builder.fadd(arguments[0], arguments[0].type(1.5 * 2.0**52 + 1023.0))
-        whole = context.get_value_type(types.int64)
-        bits = builder.bitcast(shifted, whole)
-        return builder.bitcast(builder.shl(bits, whole(52)), shifted.type)
-
-    return types.float64(types.float64), build
+    return _sin_quadrant(x, 1)
 
 
 @_fast
@@ -120,12 +166,13 @@ def exp(x):
     """Return the exponential; that of -708 below it and of 709 above."""
     x = -708.0 if x < -708.0 else x
     x = 709.0 if x > 709.0 else x
-    n = np.floor(x * _ONE_OVER_LN2 + 0.5)
+    n, bits = _nearest(x, _ONE_OVER_LN2)  # type: ignore[call-arg, var-annotated]
     z = (x - n * _L1) - n * _L2
     z2 = z * z
     p = z * ((1.26177193074810590878e-4 * z2 + 3.02994407707441961300e-2) * z2 + 9.99999999999999999910e-1)
     q = ((3.00198505138664455042e-6 * z2 + 2.52448340349684104192e-3) * z2 + 2.27265548208155028766e-1) * z2 + 2.0
-    return (1.0 + 2.0 * (p / (q - p))) * _power_of_two(n)  # type: ignore[call-arg]
+    # The bits of 2^n.
+    return (1.0 + 2.0 * (p / (q - p))) * _number((bits + 1023) << 52)
 
 
 @_fast
@@ -155,11 +202,11 @@ def atan2(y, x):
     ax, ay = abs(x), abs(y)
     big = ax if ax > ay else ay
     small = ay if ax > ay else ax
-    ratio = small / (big if big > 0.0 else 1.0)
     # Beyond tan(pi/8) turn by pi/4.
-    turned = (ratio - 1.0) / (ratio + 1.0)
-    steep = ratio > 0.4142135623730950488
-    reduced = turned if steep else ratio
+    steep = small > 0.4142135623730950488 * big
+    above = small - big if steep else small
+    below = small + big if steep else big
+    reduced = above / (below if below > 0.0 else 1.0)
     angle = _atan_reduced(reduced) + (0.7853981633974483 if steep else 0.0)
     angle = angle if ax >= ay else 1.5707963267948966 - angle
     angle = angle if x >= 0.0 else 3.141592653589793 - angle
