@@ -69,6 +69,8 @@ class Effect(ABC):
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
+    #: True for a law of parts that touch through a spring: it has no meaning where gravity holds them.
+    jointed: ClassVar[bool] = False
     #: Where it acts on a declared system, see `discovery.declarations.place`.
     place: ClassVar[str] = ""
 
