@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_export import with_stiffness
 
+from discovery.estimation.physical import physical_parameters
 from discovery.export import FittedModel, from_json, to_c, to_json, to_latex, to_numpy, to_sympy_file
-from discovery.export.physical import physical_parameters
 from discovery.rigs.rig import Quantity, Rig
 
 
