@@ -2,7 +2,7 @@
 
 import sympy as sp
 
-from discovery.declarations.effect import OSCILLATOR, Load
+from discovery.declarations.effect import OSCILLATOR, SPRING, Load
 from discovery.declarations.parameters import HalfNormal, Parameter
 from discovery.declarations.symbols import alpha, delta, delta_dot, xi
 
@@ -21,7 +21,7 @@ class Play(Load):
 
     systems = frozenset({OSCILLATOR})
     anchored = True
-    jointed = True
+    needs = SPRING
     on = delta_dot
     cite = "Nordin and Gutman, Automatica 38 (2002) 1633, the dead-zone model"
     w_b = Parameter(

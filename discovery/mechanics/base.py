@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM, Effect
+from discovery.declarations.effect import ARM, ROTOR, SPRING, Effect
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.declarations.units import dimension, in_coordinate, named_unit
 from discovery.mechanics.rod import STRAIGHT, Rod
@@ -107,8 +107,9 @@ class Place:
     def suits(self, effect: Effect) -> bool:
         """Return whether an effect has a meaning here; one of a spring needs a spring, which is declared itself."""
         angle = self.unit in ("rad", "1") or not effect.angular
-        held = (self.tied or not effect.anchored) and (self.sprung or not effect.jointed)
-        return angle and held and effect.id() != "linear_stiffness"
+        held = self.tied or not effect.anchored
+        there = {"": True, SPRING: self.sprung, ROTOR: not self.tied}[effect.needs]
+        return angle and held and there and effect.id() != "linear_stiffness"
 
     def unit_of(self, parameter: Parameter) -> str:
         """Return the SI unit of the values of a parameter of an effect at this place."""

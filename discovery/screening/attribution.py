@@ -153,7 +153,7 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         and (base.system == ARM or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
         and (base.anchored or not effect.anchored)
-        and not effect.jointed
+        and not effect.needs
     )
 
 

@@ -54,9 +54,9 @@ class Sample:
 def every_effect(base_name: str) -> tuple[str, ...]:
     """Return the ids of all effects that mean something on a base and that it does not contain already.
 
-    What joints of declared systems have is tried on the oscillator's spring.
+    What only places of declared systems have is tried on the oscillator.
     """
-    joints = [e for e, effect in catalogue().items() if effect.jointed] if base_name == "oscillator" else []
+    joints = [e for e, effect in catalogue().items() if effect.needs] if base_name == "oscillator" else []
     return (*candidates(Model(base_name, ())), *joints)
 
 
