@@ -55,6 +55,7 @@ CASES = {
     "quarter car: dry friction": Case(machines.quarter_car(), "suspension", laws.dry(60.0, 1e-3)),
     "motor, speed: nothing": Case(machines.motor(), "shaft", laws.NOTHING),
     "motor, speed: dry friction": Case(machines.motor(), "shaft", laws.dry(8e-3, 0.01)),
+    "motor, speed: cogging": Case(machines.motor(), "shaft", laws.cogging(0.015, 18.0)),
     "motor, position: nothing": Case(machines.motor("drive"), "shaft", laws.NOTHING),
     "motor, position: dry friction": Case(machines.motor("drive"), "shaft", laws.dry(8e-3, 0.01)),
     "spring bench: dry friction": Case(machines.spring_bench(), "", laws.dry(0.6, 1e-3), posterior=4000),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import tanh
+from math import sin, tanh
 
-__all__ = ["NOTHING", "Law", "cubic", "drag", "dry", "hysteresis", "lopsided", "play"]
+__all__ = ["NOTHING", "Law", "cogging", "cubic", "drag", "dry", "hysteresis", "lopsided", "play"]
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,11 @@ def hysteresis(stiffness: float, slip: float) -> Law:
         {"w_h": slip},
         lambda d, v, z: v - (abs(v) * abs(z) * z + v * z * z) / (2 * slip**2),
     )
+
+
+def cogging(size: float, periods: float) -> Law:
+    """A torque that comes and goes so many times in a turn."""
+    return Law(lambda d, v, z: size * sin(periods * d), ("cogging",), {"N_c": periods, "n_b": size})
 
 
 def lopsided(size: float) -> Law:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.declarations.effect import ARM
 from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.foundation.errors import InputError
@@ -55,7 +56,8 @@ class FittedModel:
         What is known in kilograms and newtons: value, standard deviation, unit, see
         `discovery.estimation.physical.physical_parameters`.
     coordinate : str
-        SI unit of the coordinate.
+        SI unit of the coordinate; of an oscillator whose numbers were given without recordings it is not known, and
+        written q.
 
     Raises
     ------
@@ -72,9 +74,11 @@ class FittedModel:
     step: float = math.nan
     provenance: Mapping[str, Any] = field(default_factory=dict)
     physical: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
-    coordinate: str = "rad"
+    coordinate: str = ""
 
     def __post_init__(self) -> None:
+        if not self.coordinate:
+            object.__setattr__(self, "coordinate", "rad" if self.model.mechanics.system == ARM else "q")
         # Plain numbers, whatever kind of float was given: they are written with `repr`.
         object.__setattr__(self, "values", {n: _plain(n, v) for n, v in self.values.items()})
         object.__setattr__(self, "step", float(self.step))
@@ -173,7 +177,7 @@ class FittedModel:
                 n: (_number(p["value"]), _number(p["sd"]), str(p["unit"]))
                 for n, p in description.get("physical", {}).items()
             },
-            coordinate=description.get("coordinate_unit", "rad"),
+            coordinate=description.get("coordinate_unit", ""),
         )
 
 
