@@ -20,6 +20,7 @@ from discovery.estimation.guess import restoring, scan
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import LIGHT_ROD, NaturalUnits, Problem, known_values, natural_units
+from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.plots.fits import FitViews
@@ -300,6 +301,8 @@ def fit(
     if (stiffness := restoring(model)) is not None and stiffness not in values:
         values = scan(model, experiments, units, values)
     own_step = bench is None
+    if own_step and not values and any(model.parameters[n].physical for n in model.free):
+        values = start_of_system(model, experiments, units, gaussian)
     if bench is None:
         bench = Bench(model.base, model.effects, experiments, choose_step(model, experiments, units, values, tolerance))
     problem = Problem(model, bench, units, {n: g for n, g in gaussian.items() if n in model.parameters})
