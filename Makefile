@@ -31,7 +31,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/report.html)
 
-.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults datasets docs lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults systems datasets docs lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -141,6 +141,9 @@ blind: $(READY) ## Generate blind cases with sealed truth, run the loop and its 
 
 faults: $(READY) ## Try the corpus of bad input and faults; the table is written to reports/faults (half an hour)
 	$(BIN)/python -m benchmarks.faults reports/faults --workers $(WORKERS)
+
+systems: $(READY) ## Run the loop on simulated machines that lack one effect; the table is in reports/systems
+	$(BIN)/python -m benchmarks.systems reports/systems --seed $(SEED)
 
 datasets: $(READY) ## Simulate the twin's recordings again
 	$(BIN)/python -m discovery_datasets.generate datasets

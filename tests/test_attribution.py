@@ -20,11 +20,10 @@ from discovery.screening.attribution import Candidate, candidates, grid_of, scre
 from discovery.screening.likeness import similarity
 from discovery.screening.refits import Refit, refit
 from discovery.screening.responses import Grid, plan, respond
-from discovery.testing.states import every_effect
 
 TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}
 DECLARED = ("viscous_damping", "linear_stiffness")
-EFFECTS = every_effect("oscillator")
+EFFECTS = candidates(Model("oscillator", ()))
 UNITS = NaturalUnits(1 / 3, 0.3, 1.0)
 NOISE = 1e-3
 TIME = np.linspace(0.0, 20.0, 801)

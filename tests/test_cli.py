@@ -510,7 +510,8 @@ def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
         }  # fmt: skip
         assert set(effect["evidence"]) in (set(), {"train", "held", "size", "against_error", "gain", "odds"})
         for parameter in effect["parameters"].values():
-            assert set(parameter) == {"value", "sd", "unit"}
+            assert set(parameter) in ({"value", "sd", "unit"}, {"value", "sd", "unit", "physical"})
+            assert set(parameter.get("physical", ())) in (set(), {"value", "sd", "unit"})
     assert set(result["model_error"]) == {"before", "after", "unit", "share", "least", "depends_on"}
     assert result["complete"] is True
     for step in result["steps"]:

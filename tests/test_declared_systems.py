@@ -16,6 +16,7 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import system_base
 from discovery.rigs.rig_file import read_rig
 from discovery.rigs.rig_system import ready_made
+from discovery.screening.attribution import candidates
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.testing.systems import SystemContract
 
@@ -52,6 +53,38 @@ def test_motor_with_its_back_voltage() -> None:
     assert np.allclose(
         accelerations("dc_motor", (voltage, 0, 0), [0.0, w]), [(0.05 * (voltage - 0.05 * w) - 1e-4 * w) / 1e-4]
     )
+
+
+def test_play_asks_for_a_spring_and_cogging_for_a_rotor() -> None:
+    offered = {
+        name: {e for e in candidates(Model(system_base(system).name, ())) if e.startswith(("play", "cogging"))}
+        for name, system in ready_made().items()
+    }
+    assert offered == {
+        "cart_pendulum": set(),
+        "dc_motor": {"cogging_at_shaft"},
+        "furuta_pendulum": {"cogging_at_axis"},
+        "pendulum_on_cart": set(),
+        "quarter_car": {"play_at_suspension", "play_at_tyre_contact"},
+        "two_mass_drive": {"play_at_joint", "cogging_at_motor", "cogging_at_load"},
+    }
+    assert not {"play", "cogging"} & set(candidates(Model("oscillator", ("linear_stiffness",))))
+
+
+def test_a_joint_with_play_is_as_declared_beyond_it() -> None:
+    """In the gap nothing acts; beyond it spring and damper do, from where the parts touch."""
+    base = system_base(ready_made()["two_mass_drive"])
+    program = build_program(base.name, ("play_at_joint",))
+    values = {x.name: value for x, value in base.guess.items()} | {"w_b_joint": 0.1}
+    slopes = numpy_derivative(program)
+
+    def torque(twist: float, rate: float) -> float:
+        moved = slopes(0.0, (0.0, 0.0, 0.0), [twist, 0.0, rate, 0.0], [values[p] for p in program.parameters])
+        return float(-1e-3 * moved[2])
+
+    assert torque(0.05, 2.0) == pytest.approx(0.0, abs=1e-5)
+    assert torque(0.3, 2.0) == pytest.approx(1.0 * (0.3 - 0.1) + 1e-3 * 2.0, rel=1e-3)
+    assert torque(-0.3, 0.0) == pytest.approx(-0.2, rel=1e-6)
 
 
 @pytest.mark.parametrize("system", list(ready_made()))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_export import with_stiffness
 
+from discovery.estimation.physical import physical_parameters
 from discovery.export import FittedModel, from_json, to_c, to_json, to_latex, to_numpy, to_sympy_file
-from discovery.export.physical import physical_parameters
 from discovery.rigs.rig import Quantity, Rig
 
 
@@ -56,6 +56,17 @@ def test_a_force_tells_the_mass_of_an_oscillator() -> None:
     turning = physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("N m"), "rad"))
     assert turning["inertia"] == (2.0, 0.0, "kg m^2")
     assert turning["alpha"][2] == "N m"
+
+
+def test_a_stated_mass_tells_forces_where_no_input_does() -> None:
+    model = with_stiffness("base_excited", "coulomb_friction")
+    values = {"alpha": 100.0, "f_c": 0.2, "v_c": 1e-3}
+    rig = Rig("table", mass=Quantity(0.5, 0.005))
+    found = physical_parameters(model, values, ("alpha",), np.array([[1.0]]), stand_in(rig, "m"))
+    assert {n: (v, u) for n, (v, _, u) in found.items()} == {
+        "inertia": (0.5, "kg"), "alpha": (50.0, "N m^-1"), "f_c": (0.1, "N"),
+    }  # fmt: skip
+    assert found["alpha"][1] == pytest.approx(50 * np.hypot(0.01, 0.01))
 
 
 def test_an_inverse_rig_reads_the_force() -> None:

@@ -56,9 +56,9 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> N
         return
     for label, found in fits.models.items():
         values = ", ".join(
-            f"{n} = {estimate_text(found.values[n], None if n in found.reasons else found.sd[n], parameter.value_unit)}"
-            for n in found.problem.free
-            for parameter in (found.model.parameters[n],)
+            f"{n} = {estimate_text(p['value'], p['sd'], p['unit'])}"
+            for n, p in found.summary()["parameters"].items()
+            if n in found.problem.free
         )
         click.echo(f"{label}: {values}; {found.status}")
 

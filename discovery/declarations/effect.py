@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = [
     "ARM",
     "OSCILLATOR",
+    "ROTOR",
+    "SPRING",
     "Closure",
     "Dissipation",
     "Drive",
@@ -43,6 +45,8 @@ __all__ = [
 
 #: Kinds of system on which an effect can act.
 ARM, OSCILLATOR = "flexible_arm", "oscillator"
+#: What an effect may need: a linear spring between two parts, or an angle that nothing ties.
+SPRING, ROTOR = "spring", "rotor"
 
 
 class Effect(ABC):
@@ -69,6 +73,8 @@ class Effect(ABC):
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
+    #: What the place of a declared system must have for it, `SPRING` or `ROTOR`; the built-in kinds are not asked.
+    needs: ClassVar[str] = ""
     #: Where it acts on a declared system, see `discovery.declarations.place`.
     place: ClassVar[str] = ""
 

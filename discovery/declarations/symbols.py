@@ -43,6 +43,7 @@ __all__ = [
     "w2",
     "x",
     "x_g",
+    "xi",
     "y",
     "y_g",
 ]
@@ -100,6 +101,8 @@ push = sp.Symbol("push", real=True)
 acceleration = sp.Symbol("acceleration", real=True)
 #: Linear stiffness per unit inertia [s^-2], declared by `linear_stiffness`; relative effects scale with it.
 alpha = sp.Symbol("alpha", real=True)
+#: Linear damping per unit inertia [s^-1], declared by `viscous_damping`; relative effects scale with it.
+xi = sp.Symbol("xi", real=True)
 #: Length of the arm [m].
 length = sp.Symbol("length", real=True)
 

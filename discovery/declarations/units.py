@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "dimension",
     "homogeneous",
+    "in_coordinate",
     "named_unit",
     "quoted",
     "si_factor",
@@ -226,6 +227,34 @@ def si_symbol(unit: str) -> str:
         if _base("dimensionless" if symbol == "1" else symbol)[1] == base:
             return symbol
     return f"{_registry().Unit(base):~C}".replace("**", "^").replace("*", " ")
+
+
+def in_coordinate(unit: str, coordinate: str) -> str:
+    """Write a unit of declarations with that of the coordinate in the place of q, positive powers first.
+
+    Examples
+    --------
+    >>> in_coordinate("s^-2 q", "rad"), in_coordinate("q^-2 s^-2", "m"), in_coordinate("q^-1", "m / s")
+    ('rad s^-2', 'm^-2 s^-2', 's m^-1')
+    """
+    powers: dict[str, Fraction] = {}
+    for symbol, power in _factors(unit):
+        for own, exponent in _factors(coordinate) if symbol == "q" else [(symbol, Fraction(1))]:
+            powers[own] = powers.get(own, Fraction(0)) + exponent * power
+    ordered = sorted((n for n, power in powers.items() if power and n != "1"), key=lambda n: powers[n] < 0)
+    return " ".join(n if powers[n] == 1 else f"{n}^{powers[n]}" for n in ordered) or "1"
+
+
+def _factors(unit: str) -> list[tuple[str, Fraction]]:
+    """Return the symbols of a unit with their powers; what follows a slash divides."""
+    found, sign = [], 1
+    for word in unit.replace("/", " / ").split():
+        if word == "/":
+            sign = -1
+            continue
+        symbol, _, power = word.partition("^")
+        found.append((symbol, sign * Fraction(power.strip("()") or 1)))
+    return found
 
 
 def suffix_unit(suffix: str) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from discovery.declarations.units import in_coordinate
 from discovery.diagnosis.force_dependence import ForceDependence, Sites, dependences, depends_on
 from discovery.diagnosis.force_law import Judge, Patch, sparse_law, spline_law, tried
 from discovery.diagnosis.latent_force import LatentForce, reconstruct
@@ -39,12 +40,15 @@ class MissingForce:
         The simplest sets that predict nearly as much as the best one; more than one cannot be told apart here.
     patches : tuple of Patch
         Those tried, the best on the held-out recordings first.
+    coordinate : str
+        SI unit of the coordinate; the force is per unit inertia.
     """
 
     forces: tuple[LatentForce, ...]
     dependence: tuple[ForceDependence, ...]
     depends: tuple[ForceDependence, ...]
     patches: tuple[Patch, ...]
+    coordinate: str = "rad"
 
     @property
     def patch(self) -> Patch | None:
@@ -54,7 +58,7 @@ class MissingForce:
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
         return {
-            "unit": "q s^-2",
+            "unit": in_coordinate("q s^-2", self.coordinate),
             "recordings": [f.summary() for f in self.forces],
             "dependence": [d.summary() for d in self.dependence],
             "depends_on": [list(d.variables) for d in self.depends],
@@ -84,9 +88,10 @@ def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
         If no motion beside a fitted run is found.
     """
     period = 2 * np.pi * fit.problem.units.time
+    coordinate = fit.problem.bench.experiments[0].coordinate_unit
     forces = tuple(reconstruct(fit, i) for i in range(len(fit.problem.bench.experiments)))
     if max(f.gain for f in forces) < LEAST_GAIN:
-        return MissingForce(forces, (), (), ())
+        return MissingForce(forces, (), (), (), coordinate)
     sites = Sites.of(forces, period)
     found = dependences(sites)
     depends = depends_on(found)
@@ -97,4 +102,4 @@ def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
         laws = [law(sites, d, fit.problem.free) for d in known[:_MOST_SETS] for law in (sparse_law, spline_law)]
         patches = [tried(law, fit, judge) for law in laws]
         patches.sort(key=lambda p: np.inf if p.after is None else p.after)
-    return MissingForce(forces, found, depends, tuple(patches))
+    return MissingForce(forces, found, depends, tuple(patches), coordinate)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
+from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -97,7 +98,8 @@ class Reconciliation:
 
 
 def _unit(effect: str, name: str) -> str:
-    return next(p.unit for p in get_effect(effect).parameters() if p.name == name)
+    # What contradicts a rig file is an arm or a pendulum: the coordinate is an angle.
+    return next(in_coordinate(p.unit, "rad") for p in get_effect(effect).parameters() if p.name == name)
 
 
 def reconcile(

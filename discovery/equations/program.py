@@ -261,6 +261,9 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     for effect in effects:
         for channel, force in _channel_forces(effect).items():
             forces[channel] = forces.get(channel, sp.Integer(0)) + force
+    if s.xi.name not in parameters:
+        # Where no linear loss is declared there is none.
+        forces = {channel: force.xreplace({s.xi: sp.Integer(0)}) for channel, force in forces.items()}
     end = loaded_end(mechanics, effects)
     if end is not None:
         forces[s.slope] = forces.get(s.slope, sp.Integer(0)) + end.moment

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
+from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
 from discovery.estimation.guess import restoring, scan
 from discovery.estimation.least_squares import Minimum
+from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import LIGHT_ROD, NaturalUnits, Problem, known_values, natural_units
+from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.plots.fits import FitViews
@@ -137,10 +141,18 @@ class Fit(FitViews):
         leaping = Bench(bench.base, self.model.effects, bench.experiments, bench.step, leap)
         return replace(self, problem=Problem(self.model, leaping, units, gaussian))
 
+    @cached_property
+    def physical(self) -> dict[str, tuple[float, float, str]]:
+        """Return what is known in kilograms and newtons, see `discovery.estimation.physical.physical_parameters`."""
+        problem = self.problem
+        parameters, _ = problem.expand(self.minimum.x[:, None])
+        values = dict(zip(problem.bench.names, parameters[:, 0].tolist(), strict=True))
+        return physical_parameters(self.model, values, problem.names, self.covariance, problem.bench.experiments[0])
+
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready report row."""
         coordinate = self.problem.bench.experiments[0].coordinate_unit
-        units = {n: p.value_unit for n, p in self.model.parameters.items()}
+        units = {n: in_coordinate(p.value_unit, coordinate) for n, p in self.model.parameters.items()}
         units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
         return {
             "model": self.model.free_parameter(*self.problem.free).to_dict(),
@@ -153,6 +165,7 @@ class Fit(FitViews):
                 }
                 for n, v in self.values.items()
             },
+            **({"physical": physical} if (physical := physical_rows(self.physical)) else {}),
             "chi2": self.chi2,
             "n_data": self.problem.bench.n_data,
             "reduced_chi2": self.reduced_chi2,
@@ -288,6 +301,8 @@ def fit(
     if (stiffness := restoring(model)) is not None and stiffness not in values:
         values = scan(model, experiments, units, values)
     own_step = bench is None
+    if own_step and not values and any(model.parameters[n].physical for n in model.free):
+        values = start_of_system(model, experiments, units, gaussian)
     if bench is None:
         bench = Bench(model.base, model.effects, experiments, choose_step(model, experiments, units, values, tolerance))
     problem = Problem(model, bench, units, {n: g for n, g in gaussian.items() if n in model.parameters})

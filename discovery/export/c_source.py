@@ -14,7 +14,7 @@ from sympy.printing.c import C99CodePrinter
 from discovery.declarations.effect import ARM
 from discovery.equations.model import Model
 from discovery.export.c_text import INPUT_AT, INPUT_NODE, POWER
-from discovery.export.fitted import FittedModel, fitted_model, reader_unit
+from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import comment, origin
 from discovery.export.source import integration_step
 from discovery.export.source_text import ARM_WORDS, FREE_WORDS, MOVED_WORDS, OSCILLATOR_WORDS
@@ -108,10 +108,9 @@ def _head(found: FittedModel) -> str:
 
 
 def _places(found: FittedModel, name: str) -> str:
-    system = found.model.mechanics.system
     rows = []
     for parameter, declared in found.model.parameters.items():
-        about = comment([f"{reader_unit(declared.unit, system)}: {declared.meaning}"]).removeprefix(" * ")
+        about = comment([f"{found.unit_of(parameter)}: {declared.meaning}"]).removeprefix(" * ")
         rows.append(f"{name.upper()}_{parameter}, /* {about} */")
     return _indented(rows)
 

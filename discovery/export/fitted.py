@@ -14,23 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM
+from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["FittedModel", "fitted_model", "given_numbers", "reader_unit"]
+__all__ = ["FittedModel", "fitted_model", "given_numbers"]
 
 FloatArray = NDArray[np.float64]
 
 #: Initial states, as a fit names them beside its parameters.
 _INITIAL = re.compile(r"(?:delta|rate)_0_init\[.*\]", re.DOTALL)
-
-
-def reader_unit(unit: str, system: str) -> str:
-    """Return a unit as it is read outside: q is rad for an arm, and the unit of the output otherwise."""
-    return re.sub(r"\bq\b", "rad", unit) if system == ARM else unit
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,10 @@ class FittedModel:
         Where the numbers come from: version, rig file and recordings with their hashes.
     physical : mapping of str to (float, float, str)
         What is known in kilograms and newtons: value, standard deviation, unit, see
-        `discovery.export.physical.physical_parameters`.
+        `discovery.estimation.physical.physical_parameters`.
+    coordinate : str
+        SI unit of the coordinate; of an oscillator whose numbers were given without recordings it is not known, and
+        written q.
 
     Raises
     ------
@@ -75,8 +74,11 @@ class FittedModel:
     step: float = math.nan
     provenance: Mapping[str, Any] = field(default_factory=dict)
     physical: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
+    coordinate: str = ""
 
     def __post_init__(self) -> None:
+        if not self.coordinate:
+            object.__setattr__(self, "coordinate", "rad" if self.model.mechanics.system == ARM else "q")
         # Plain numbers, whatever kind of float was given: they are written with `repr`.
         object.__setattr__(self, "values", {n: _plain(n, v) for n, v in self.values.items()})
         object.__setattr__(self, "step", float(self.step))
@@ -93,7 +95,6 @@ class FittedModel:
     @classmethod
     def from_fit(cls, fit: Fit) -> FittedModel:
         """Return what a fit found, the parameters that it held included."""
-        from discovery.export.physical import physical_parameters
         from discovery.results.provenance import surroundings
 
         bench = fit.problem.bench
@@ -119,12 +120,16 @@ class FittedModel:
                 "rig": {"name": rig.name, "sha256": rig.sha256},
                 "data": [{"name": r.name, "source": Path(r.source).name, "sha256": r.sha256} for r in recordings],
             },
-            physical=physical_parameters(fit.model, values, fitted, fit.covariance, bench.experiments[0]),
+            physical=fit.physical,
+            coordinate=bench.experiments[0].coordinate_unit,
         )
+
+    def unit_of(self, parameter: str) -> str:
+        """Return the SI unit of a parameter."""
+        return in_coordinate(self.model.parameters[parameter].value_unit, self.coordinate)
 
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-ready description; numbers that are missing are null."""
-        system = self.model.mechanics.system
         sd = self.sd
         rows = []
         for name, parameter in self.model.parameters.items():
@@ -133,7 +138,7 @@ class FittedModel:
                     "name": name,
                     "value": self.values[name],
                     "sd": _null(sd.get(name, math.nan)),
-                    "unit": reader_unit(parameter.value_unit, system),
+                    "unit": self.unit_of(name),
                     "meaning": parameter.meaning,
                     "fitted": name in self.fitted,
                 }
@@ -150,6 +155,7 @@ class FittedModel:
             "step_s": _null(self.step),
             "provenance": dict(self.provenance),
             "physical": {n: {"value": v, "sd": _null(sd), "unit": u} for n, (v, sd, u) in self.physical.items()},
+            "coordinate_unit": self.coordinate,
         }
 
     @classmethod
@@ -171,6 +177,7 @@ class FittedModel:
                 n: (_number(p["value"]), _number(p["sd"]), str(p["unit"]))
                 for n, p in description.get("physical", {}).items()
             },
+            coordinate=description.get("coordinate_unit", ""),
         )
 
 

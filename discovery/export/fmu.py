@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from discovery.declarations.effect import ARM
+from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.export.c_source import to_c
-from discovery.export.fitted import FittedModel, fitted_model, reader_unit
+from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import origin
 from discovery.export.source import integration_step
 from discovery.foundation.errors import InputError
@@ -97,14 +98,14 @@ def _library(sources: Mapping[str, str]) -> tuple[str, bytes] | None:
 def _variables(found: FittedModel) -> Iterable[dict[str, str]]:
     """Return the attributes of every variable, in the order of their references."""
     base = found.model.mechanics
-    arm, system = base.system == ARM, base.system
+    arm = base.system == ARM
     held = {"causality": "parameter", "variability": "fixed", "initial": "exact"}
     for name, parameter in found.model.parameters.items():
-        unit = reader_unit(parameter.unit, system)
+        unit = found.unit_of(name)
         yield {"name": name, "description": parameter.meaning, **held, "start": repr(found.values[name]), "unit": unit}
-    q = "rad" if arm else "q"
+    q = found.coordinate
     yield {"name": "deflection_0", "description": "initial deflection", **held, "start": "0.0", "unit": q}
-    yield {"name": "rate_0", "description": "its rate", **held, "start": "0.0", "unit": f"{q} s^-1"}
+    yield {"name": "rate_0", "description": "its rate", **held, "start": "0.0", "unit": in_coordinate("q s^-1", q)}
     step = repr(integration_step(found))
     yield {"name": "step", "description": "longest integration step", **held, "start": step, "unit": "s"}
     inputs: tuple[str, ...] = ("input",)

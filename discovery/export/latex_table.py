@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import sympy as sp
 
-from discovery.export.fitted import FittedModel, reader_unit
+from discovery.export.fitted import FittedModel
 
 __all__ = ["parameter_table", "words_in_text"]
 
@@ -53,7 +53,7 @@ def parameter_table(found: FittedModel, write: Callable[[sp.Expr], str]) -> list
     """
     lines = [r"\begin{tabular}{llll}", r"parameter & value & unit & meaning \\ \hline"]
     for name, parameter in found.model.parameters.items():
-        unit = _unit(reader_unit(parameter.value_unit, found.model.mechanics.system))
+        unit = _unit(found.unit_of(name))
         value = _number(found.values[name], found.sd.get(name, math.nan))
         letter = write(sp.Symbol(name, real=True))
         note = parameter.meaning + (

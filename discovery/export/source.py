@@ -14,7 +14,7 @@ from sympy.printing.numpy import NumPyPrinter
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM
 from discovery.equations.model import Model
-from discovery.export.fitted import FittedModel, fitted_model, reader_unit
+from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import docstring, origin
 from discovery.export.source_text import (
     ARM_WORDS,
@@ -100,7 +100,7 @@ def _parameters(found: FittedModel) -> str:
     for name, parameter in found.model.parameters.items():
         sd = found.sd.get(name, math.nan)
         spread = f" +- {sd:.2g}" if math.isfinite(sd) else ""
-        unit = reader_unit(parameter.value_unit, found.model.mechanics.system)
+        unit = found.unit_of(name)
         lines.append(f'    "{name}": {found.values[name]!r},  # {unit}: {parameter.meaning}{spread}')
     return "\n".join(lines)
 

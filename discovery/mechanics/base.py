@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
+from discovery.declarations.effect import ARM, ROTOR, SPRING, Effect
 from discovery.declarations.parameters import Normal, Parameter
-from discovery.declarations.units import dimension, named_unit
+from discovery.declarations.units import dimension, in_coordinate, named_unit
 from discovery.mechanics.rod import STRAIGHT, Rod
 
 if TYPE_CHECKING:
@@ -95,14 +95,27 @@ class Place:
         Whether springs answer a force there with a finite deflection.
     inertia : float
         Its reference inertia [J s^2 over the square of `unit`].
+    sprung: bool
+        Whether a linear spring acts across it.
     """
 
     unit: str
     tied: bool
     inertia: float
+    sprung: bool = False
+
+    def suits(self, effect: Effect) -> bool:
+        """Return whether an effect has a meaning here; one of a spring needs a spring, which is declared itself."""
+        angle = self.unit in ("rad", "1") or not effect.angular
+        held = self.tied or not effect.anchored
+        there = {"": True, SPRING: self.sprung, ROTOR: not self.tied}[effect.needs]
+        return angle and held and there and effect.id() != "linear_stiffness"
 
     def unit_of(self, parameter: Parameter) -> str:
         """Return the SI unit of the values of a parameter of an effect at this place."""
+        if self.unit == "1" and not parameter.forced:
+            # What has no unit and can be displaced is an angle.
+            return in_coordinate(parameter.unit, "rad")
         found = {base: power for base, power in dimension(parameter.unit).items() if base != "q"}
         powers = [(dimension(self.unit), dimension(parameter.unit).get("q", Fraction(0)) - 2 * parameter.forced)]
         powers += [(dimension("J s^2"), Fraction(1))] if parameter.forced else []

@@ -88,9 +88,10 @@ class DeclaredBase(Base):
         assignments: list[tuple[sp.Symbol, sp.Expr]] = []
         places: dict[str, Strand] = {}
         for name, (expression, _) in e.places.items():
-            own, inertia, stiffness = self._place(expression)
+            own, inertia, stiffness = self._place(name, expression)
             channels |= {local(c, name): channel for c, channel in own.items()}
             assignments += [(local(INERTIA, name), sp.Float(inertia)), (local(s.alpha, name), stiffness)]
+            assignments += [(local(s.xi, name), self._across(name, self._loss()) / inertia)]
             places[name] = (own[s.delta].value, own[s.delta_dot].value, own[s.delta].jacobian)
         # What is not named after a place acts at the first one: a force that stands for whatever is unknown.
         first = next(iter(e.places))
@@ -102,7 +103,7 @@ class DeclaredBase(Base):
         heard = {c: self._heard(channel) for c, channel in channels.items()}
         return Mechanics(q, rates, tuple(assignments), heard, mass, told, tuple(places.values())[:1], places=places)
 
-    def _place(self, value: sp.Expr) -> tuple[dict[sp.Symbol, Channel], float, sp.Expr]:
+    def _place(self, name: str, value: sp.Expr) -> tuple[dict[sp.Symbol, Channel], float, sp.Expr]:
         """Return the channels of a place, its inertia as a force there feels it, and its stiffness over that."""
         q, rates, _ = coordinates_of(type(self).n_coordinates)
         jacobian = tuple(sp.diff(value, a) for a in q)
@@ -124,10 +125,34 @@ class DeclaredBase(Base):
         way = self._numbers(sp.Matrix([jacobian]))[0]
         shape = np.linalg.solve(self.inertia, way)
         inertia = 1.0 / float(way @ shape)
-        shape *= inertia
-        stiffness = sp.Add(*[a * b * k for a, row in zip(shape, self._stiffness().tolist(), strict=True)
-                             for b, k in zip(shape, row, strict=True)])  # fmt: skip
+        stiffness = self._across(name, self._stiffness())
+        if stiffness == 0:
+            shape *= inertia
+            stiffness = (sp.Matrix([shape.tolist()]) * self._stiffness() * sp.Matrix(shape.tolist()))[0]
         return found, inertia, sp.sympify(stiffness) / inertia
+
+    def _across(self, place: str, matrix: sp.Matrix) -> sp.Expr:
+        """Return what of a stiffness or loss matrix acts across a place alone: zero where nothing does.
+
+        Between two coordinates that is what couples them, on one coordinate whatever holds that.
+        """
+        way = self._way(place)
+        moving = np.flatnonzero(way)
+        if moving.size > 2:
+            return sp.Integer(0)
+        i, j = int(moving[0]), int(moving[-1])
+        return sp.sympify(matrix[i, j] / (way[i] * way[j]))
+
+    def _loss(self) -> sp.Matrix:
+        """Return the matrix of the linear losses at rest."""
+        _, rates, _ = coordinates_of(type(self).n_coordinates)
+        return self._at_rest(sp.hessian(self.equations.dissipation, rates))
+
+    def _is_sprung(self, place: str) -> bool:
+        """Return whether a linear spring acts across a place, not gravity or another law."""
+        q, _, _ = coordinates_of(type(self).n_coordinates)
+        stiffness = self._across(place, sp.hessian(self.equations.potential, q))
+        return stiffness != 0 and not stiffness.free_symbols & {*q, *INPUT, s.u}
 
     @cached_property
     def inertia(self) -> NDArray:
@@ -147,7 +172,7 @@ class DeclaredBase(Base):
     @cached_property
     def _places(self) -> dict[str, Place]:
         return {
-            name: Place(unit, self._is_tied(name), self._place(law)[1])
+            name: Place(unit, self._is_tied(name), self._place(name, law)[1], self._is_sprung(name))
             for name, (law, unit) in self.equations.places.items()
         }
 

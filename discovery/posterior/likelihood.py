@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Normal, Prior
+from discovery.declarations.units import in_coordinate
 from discovery.foundation.errors import NotIdentifiable
 from discovery.posterior.instrument import Instrument, instruments
 from discovery.posterior.noise import GAUSSIAN, Noise, NoiseParameter, noise_of
@@ -93,7 +94,7 @@ class LogPosterior:
         """Units of the sampled quantities, ``q`` written out."""
         problem = self.problem
         coordinate = problem.bench.experiments[0].coordinate_unit
-        physical = [_written(problem.model.parameters[n].value_unit, coordinate) for n in problem.free]
+        physical = [in_coordinate(problem.model.parameters[n].value_unit, coordinate) for n in problem.free]
         initial = [coordinate, f"{coordinate} s^-1"] * _released(problem)
         noise = [*(part.unit for part in self.instruments), *(p.unit for _, p in self._extra)]
         return (*physical, *initial, *noise)
@@ -200,11 +201,6 @@ class LogPosterior:
         if inside.any():
             total[inside] += self.log_likelihood(vectors[inside])
         return total
-
-
-def _written(unit: str, coordinate: str) -> str:
-    """Return a unit string with the symbol of the coordinate in place of q."""
-    return " ".join(coordinate + part[1:] if part == "q" or part.startswith("q^") else part for part in unit.split())
 
 
 def _released(problem: Problem) -> int:

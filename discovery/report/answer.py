@@ -13,7 +13,7 @@ from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters
 from discovery.report.latex import latex
 from discovery.report.mathml import block, number, symbol
-from discovery.report.numbers import MISSING, significant, uncertain, unit_text
+from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.words import effect_name, error_groups, error_scale
 from discovery.selection.sentences import chances, probability_words
@@ -89,6 +89,7 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
     """Return the parameters of the final model: symbol, value with its deviation, unit, and what it is."""
     after = run.loop["model"]["after"]
     declared = declared_parameters(after["model"])
+    physical = after.get("physical", {})
     found = []
     for name, p in _parameters(run).items():
         latex = declared[name].latex if name in declared else ""
@@ -98,6 +99,18 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
                 "value": uncertain(p["value"], p["sd"]),
                 "unit": unit_text(p["unit"], run.coordinate_unit),
                 "meaning": str(declared[name].meaning) if name in declared else "",
+                "physical": in_newtons(physical.get(name)),
+            }
+        )
+    if "inertia" in physical:
+        weight = physical["inertia"]
+        found.append(
+            {
+                "symbol": "",
+                "value": uncertain(weight["value"], weight["sd"]),
+                "unit": unit_text(weight["unit"]),
+                "meaning": "inertia that the force or the rig file tells",
+                "physical": "",
             }
         )
     return found

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.mechanics import get_base
-from discovery.report.numbers import MISSING, interval, rounded, significant, uncertain, unit_text
+from discovery.report.numbers import MISSING, in_newtons, interval, rounded, significant, uncertain, unit_text
 from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table, name_cell
@@ -31,6 +31,8 @@ _DIAGNOSTICS = ("r_hat", "ess", "mcse", "ess_tail")
 _ORDER = ("alpha", "beta", "beta/alpha", "gamma")
 #: Columns of the final model on a narrow screen: values before words.
 _NARROW = (0, 3, 2, 4, 1, 5)
+#: The same with a column in newtons and kilograms before the last one.
+_NARROW_TOLD = (0, 3, 2, 5, 4, 1, 6)
 
 
 def published(run: Run) -> Mapping[str, Any]:
@@ -147,7 +149,7 @@ def nuisance_table(run: Run) -> Table | None:
 def final_table(run: Run) -> Table:
     """Return the parameters of the final model, with the reason where an interval is missing."""
     after, before = run.loop["model"]["after"], run.loop["model"]["before"]["parameters"]
-    declared = declared_parameters(after["model"])
+    declared, physical = declared_parameters(after["model"]), after.get("physical", {})
     cells, raw = [], []
     for name, p in after["parameters"].items():
         if "[" in name:
@@ -160,15 +162,18 @@ def final_table(run: Run) -> Table:
                 unit_text(p["unit"], run.coordinate_unit),
                 uncertain(p["value"], p["sd"]),
                 uncertain(old["value"], old["sd"]) if old else MISSING,
+                *([in_newtons(physical.get(name))] if physical else []),
                 p.get("reason", ""),
             ]
         )
         raw.append([name, p["unit"], p["value"], p["sd"], p.get("reason", "")])
-    head = ("", "meaning", "unit", "final ± sd", "before ± sd", "why no interval")
+    told = ["in newtons and kilograms"] if physical else []
+    head = ("", "meaning", "unit", "final ± sd", "before ± sd", *told, "why no interval")
     caption = "Parameters of the final model, least squares, one standard deviation; initial states are not listed."
     return Table(
-        "final_model", caption, head, cells, ("name", "unit", "value", "sd", "reason"), raw, (0, 1, 2, 5), _NARROW
-    )
+        "final_model", caption, head, cells, ("name", "unit", "value", "sd", "reason"), raw,
+        (0, 1, 2, 6) if physical else (0, 1, 2, 5), _NARROW_TOLD if physical else _NARROW,
+    )  # fmt: skip
 
 
 def elastica_table(run: Run) -> Table:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 __all__ = [
     "MISSING",
     "Scale",
     "fixed",
+    "in_newtons",
     "interval",
     "near_one",
     "ratio",
@@ -98,6 +101,13 @@ def significant(value: float | None, digits: int = 3) -> str:
     if -4 < exponent < 7:
         return fixed(value, digits - 1 - exponent)
     return f"{fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{_power(exponent)}"
+
+
+def in_newtons(known: Mapping[str, Any] | None) -> str:
+    """Return what is known of a parameter in newtons and kilograms, with its unit; nothing where nothing is."""
+    if known is None:
+        return ""
+    return f"{uncertain(known['value'], known['sd'])}\N{NO-BREAK SPACE}{unit_text(known['unit'])}"
 
 
 def _decimals(sd: float) -> int:

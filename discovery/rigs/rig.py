@@ -181,6 +181,8 @@ class Rig:
         One of `discovery.rigs.kinds.KINDS`.
     length, tip_mass, beam_mass, flexural_rigidity : Quantity or None
         Of the arm: m, kg, kg, N m^2. The length of a pendulum goes from its axis to the centre of mass.
+    mass, inertia : Quantity or None
+        Of what moves along a line [kg], or turns [kg m^2]: forces are told with it.
     position_noise : float or None
         Standard deviation of the camera per axis [m].
     angle_noise : float or None
@@ -217,6 +219,8 @@ class Rig:
     tip_mass: Quantity | None = None
     beam_mass: Quantity | None = None
     flexural_rigidity: Quantity | None = None
+    mass: Quantity | None = None
+    inertia: Quantity | None = None
     position_noise: float | None = None
     angle_noise: float | None = None
     columns: Columns = ARM_COLUMNS

@@ -18,7 +18,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from discovery.declarations.registry import get_effect
-from discovery.declarations.units import si_factor, split_suffix
+from discovery.declarations.units import homogeneous, si_factor, si_symbol, split_suffix
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
 from discovery.mechanics import get_base
@@ -106,6 +106,8 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         tip_mass=quantities.get("tip_mass"),
         beam_mass=quantities.get("beam_mass"),
         flexural_rigidity=quantities.get("flexural_rigidity"),
+        mass=quantities.get("mass"),
+        inertia=quantities.get("inertia"),
         position_noise=values.get("position_noise"),
         angle_noise=values.get("angle_noise"),
         columns=columns_of(path, text, table) if system is None else read_columns(path, text, table, system),
@@ -178,6 +180,14 @@ def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str,
             f"{' or '.join(MEANT_FOR[stem])}; kind {table.kind!r} has no use for it. "
             f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
         )
+    turns = table.columns is not None and homogeneous(si_symbol(table.columns.output.unit), "rad")
+    for stem, other in (("mass", "inertia"), ("inertia", "mass")):
+        if stem in keys and turns == (stem == "mass"):
+            moves = "turns: its output is an angle" if turns else "does not turn: its output is no angle"
+            raise InputError(
+                f"The rig file {path}, line {line_of(text, (keys[stem],))}: the key {keys[stem]!r} gives no force "
+                f"on what {moves}. State {key_of(other)!r} instead, or remove it."
+            )
 
 
 def _check_effects(path: Path, text: str, table: RigTable, base: str) -> None:

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
+from discovery.declarations.units import in_coordinate
 from discovery.diagnosis.contradiction import ContradictionReport, check_contradictions
 from discovery.diagnosis.separation import Separation, separate
 from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.fit import Fit, declared_model, fit, fit_near, rig_uncertainty
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
+from discovery.estimation.physical import physical_rows
 from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine
 from discovery.estimation.solver_error import error_unit
@@ -168,11 +170,14 @@ class LoopResult(LoopViews):
             # No reading is surer than the ruler.
             sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
         names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
+        physical = physical_rows(self.after.physical)
+        coordinate = self.after.problem.bench.experiments[0].coordinate_unit
         parameters = {
             n: {
                 "value": values[n],
                 "sd": None if n in self.after.reasons else sd[n],
-                "unit": self.after.model.parameters[n].value_unit,
+                "unit": in_coordinate(self.after.model.parameters[n].value_unit, coordinate),
+                **({"physical": physical[n]} if n in physical else {}),
             }
             for n in names
             if n in values

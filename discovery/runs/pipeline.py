@@ -54,6 +54,8 @@ def _describe(dataset: Dataset) -> dict[str, Any]:
         ("tip_mass", "kg"),
         ("beam_mass", "kg"),
         ("flexural_rigidity", "N m^2"),
+        ("mass", "kg"),
+        ("inertia", "kg m^2"),
         ("gravity", "m s^-2"),
     )
     quantities = {

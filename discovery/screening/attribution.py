@@ -23,7 +23,6 @@ from discovery.equations.model import Model
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import NaturalUnits, Problem
 from discovery.foundation.workers import single_algebra
-from discovery.mechanics.base import Place
 from discovery.screening.bounded_gain import bounded_gains
 from discovery.screening.responses import Grid, Responses, plan, respond
 from discovery.screening.scalar_products import grams
@@ -154,6 +153,7 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         and (base.system == ARM or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
         and (base.anchored or not effect.anchored)
+        and not effect.needs
     )
 
 
@@ -164,14 +164,8 @@ def _at_places(model: Model) -> tuple[str, ...]:
         if effect.kind in ("drive", "sensor") and OSCILLATOR in effect.systems:
             found.append(e)
         elif can_be_placed(effect):
-            found += [placed(e, name) for name, place in model.mechanics.places().items() if _suits(effect, place)]
+            found += [placed(e, name) for name, place in model.mechanics.places().items() if place.suits(effect)]
     return tuple(e for e in found if e not in model.effects)
-
-
-def _suits(effect: Effect, place: Place) -> bool:
-    """Return whether an effect has a meaning at a place; one of a spring needs a spring, which is declared itself."""
-    angle = place.unit in ("rad", "1") or not effect.angular
-    return angle and (place.tied or not effect.anchored) and effect.id() != "linear_stiffness"
 
 
 def _sizes(parameter: Parameter) -> list[float]:

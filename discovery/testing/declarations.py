@@ -54,7 +54,16 @@ _SYMBOL_UNITS = {
         s.root: "q",
         s.root_dot: "q s^-1",
     },
-    **{s.rho: "1", s.theta_m: "q", s.omega_m: "q s^-1", s.alpha_m: "q s^-2", s.alpha: "s^-2", s.length: "m", s.u: "q"},
+    **{
+        s.rho: "1",
+        s.theta_m: "q",
+        s.omega_m: "q s^-1",
+        s.alpha_m: "q s^-2",
+        s.alpha: "s^-2",
+        s.xi: "s^-1",
+        s.length: "m",
+        s.u: "q",
+    },
     s.push: "q s^-2",
 }
 #: Lengths along the axes are relative to the arm; those of an oscillator are its coordinate.

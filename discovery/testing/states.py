@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.effect import OSCILLATOR
-from discovery.declarations.registry import get_effect
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
 from discovery.mechanics import get_base
@@ -52,8 +52,12 @@ class Sample:
 
 
 def every_effect(base_name: str) -> tuple[str, ...]:
-    """Return the ids of all effects that mean something on a base and that it does not contain already."""
-    return candidates(Model(base_name, ()))
+    """Return the ids of all effects that mean something on a base and that it does not contain already.
+
+    What only places of declared systems have is tried on the oscillator.
+    """
+    joints = [e for e, effect in catalogue().items() if effect.needs] if base_name == "oscillator" else []
+    return (*candidates(Model(base_name, ())), *joints)
 
 
 def derivative(f: Callable[[float], FloatArray]) -> FloatArray:

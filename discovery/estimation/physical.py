@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -16,7 +17,7 @@ from discovery.declarations.units import dimension, si_symbol
 from discovery.equations.model import Model
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["physical_parameters"]
+__all__ = ["physical_parameters", "physical_rows"]
 
 Dimension = dict[str, Fraction]
 #: What a drive gives whose input is a force or a torque.
@@ -70,11 +71,12 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
     if base.prescribed:
         force = dimension(experiment.recording.units[0])
         return ("m_0", 0.0, _product((force, 1), (acceleration, -1))) if force in _FORCES else None
+    stated, unit = (rig.inertia, "kg m^2") if rig.inertia else (rig.mass, "kg")
     told = rig.columns.input
-    if told is None or base.name not in {"oscillator", "accelerometer"}:
-        return None
-    force = dimension(si_symbol(told.unit))
-    return ("g", 0.0, _product((force, 1), (acceleration, -1))) if force in _FORCES else None
+    force = {} if told is None else dimension(si_symbol(told.unit))
+    if base.name in {"oscillator", "accelerometer"} and force in _FORCES:
+        return "g", 0.0, _product((force, 1), (acceleration, -1))
+    return None if stated is None else (stated.value, stated.sd / stated.value, dimension(unit))
 
 
 def physical_parameters(
@@ -85,6 +87,8 @@ def physical_parameters(
     experiment: Experiment,
 ) -> dict[str, tuple[float, float, str]]:
     """Return parameters that are forces, in newtons and kilograms; none where nothing tells the inertia.
+
+    The parameters of a declared system are in these units by themselves.
 
     Parameters
     ----------
@@ -139,3 +143,10 @@ def _power_of_q(unit: str) -> int:
     """Return the power of the coordinate in a declared unit."""
     powers = [factor.partition("^")[2] or "1" for factor in unit.split() if factor.partition("^")[0] == "q"]
     return sum(int(p) for p in powers)
+
+
+def physical_rows(found: Mapping[str, tuple[float, float, str]]) -> dict[str, dict[str, Any]]:
+    """Return what `physical_parameters` found, JSON-ready: an interval that is missing is null."""
+    return {
+        n: {"value": v, "sd": sd if math.isfinite(sd) else None, "unit": unit} for n, (v, sd, unit) in found.items()
+    }

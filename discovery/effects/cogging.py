@@ -1,0 +1,39 @@
+"""A motor whose magnets hold on to its teeth."""
+
+import numpy as np
+import sympy as sp
+
+from discovery.declarations.effect import OSCILLATOR, ROTOR, Potential
+from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.symbols import delta
+
+
+class Cogging(Potential):
+    r"""A torque that comes and goes with the angle of a rotor, as between the magnets and teeth of a motor.
+
+    .. math:: V = -\frac{n_a \sin N_c\, q - n_b \cos N_c\, q}{N_c}
+
+    The torque is :math:`n_a \cos N_c q + n_b \sin N_c q`; N_c counts its periods in one turn: for a motor the least
+    common multiple of its poles and slots. It is offered where nothing ties an angle.
+    """
+
+    systems = frozenset({OSCILLATOR})
+    angular = True
+    anchored = False
+    needs = ROTOR
+    pliable = True
+    cite = "Hanselman, Brushless Permanent Magnet Motor Design (2006), chapter 4"
+    n_a = Parameter(
+        "s^-2 q", "cosine amplitude of the cogging", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.01,), latex="n_a"
+    )
+    n_b = Parameter(
+        "s^-2 q", "sine amplitude of the cogging", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.01,), latex="n_b"
+    )
+    N_c = Parameter(
+        "1", "periods in one turn", (0.5, 500.0), LogNormal(24.0, 1.0), default=24.0, shape=True, latex="N_c",
+        starts=tuple(np.arange(1.0, 97.0)),
+    )  # fmt: skip
+
+    def expression(self):
+        """Return V."""
+        return -(self.n_a * sp.sin(self.N_c * delta) - self.n_b * sp.cos(self.N_c * delta)) / self.N_c
