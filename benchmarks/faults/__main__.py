@@ -8,21 +8,13 @@ import sys
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
-from benchmarks.faults.case import OUTCOMES, Outcome, run
-from benchmarks.faults.corpus import corpus
+from benchmarks.faults.case import OUTCOMES, Outcome
+from benchmarks.faults.corpus import corpus, outcome_of
 from discovery.runs.spread import spread
 
 #: Seconds after which a case counts as hanging.
 LIMIT = 60.0
-
-
-def work(name: str, _seed: object) -> dict[str, Any]:
-    """Run the case of a name in a folder of its own."""
-    with TemporaryDirectory() as folder:
-        return asdict(run(corpus()[name], Path(folder)))
 
 
 def table(outcomes: dict[str, Outcome]) -> str:
@@ -55,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     names = [name for name in corpus() if any(part in name for part in given.only)]
     found: dict[str, Outcome] = {}
-    for done in spread(work, [(name, name) for name in names], workers=given.workers, limit=LIMIT):
+    for done in spread(outcome_of, [(name, name) for name in names], workers=given.workers, limit=LIMIT):
         found[done.name] = (
             Outcome(**done.result)
             if done.result
