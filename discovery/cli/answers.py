@@ -48,12 +48,11 @@ def run(
     max_time: float | None,
 ) -> None:  # fmt: skip
     """Run the whole pipeline: first the answer of the loop and its page, then the posterior."""
-    from discovery.results.manifest import RESULTS, remove_unfinished
+    from discovery.results.manifest import RESULTS
 
     began = time.monotonic()
     dataset = load(rig, train, holdout, quiet)
     folder = results_folder(out, *RESULTS, "report.html")
-    remove_unfinished(folder)
     from discovery.report import build_report
     from discovery.runs import pipeline
 
@@ -126,7 +125,6 @@ def loop(
     initial_state: str | None,
 ) -> None:  # fmt: skip
     """Find what the declared model lacks, and write it with its page."""
-    from discovery.results.manifest import remove_unfinished
     from discovery.runs.stages import loop as close
     from discovery.runs.stages import unexplained
 
@@ -137,7 +135,6 @@ def loop(
     check_state(initial, dataset)
     wanted = None if target is None else _wanted(target, dataset, initial)
     folder = results_folder(out, "loop.json", "prediction.csv", "report.html")
-    remove_unfinished(folder)
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, progress=tell)
         missing = unexplained(result, dataset, progress=tell)
