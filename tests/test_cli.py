@@ -561,7 +561,8 @@ def test_export_writes_the_models_of_a_loop(
     result = json.loads((looped[1] / "loop.json").read_text())
     said = call(capsys, "export", looped[1], "--out", tmp_path / "after")
     assert said.status == 0, said.err
-    files = ["model_sympy.py", "model.tex", "model.py", "model.json", "model.h", "model.c", "model.fmu"]
+    files = ["model_sympy.py", "model.tex", "model.py", "model.json", "model.h", "model.c", "model_c.py"]
+    files.append("model.fmu")
     assert said.out.splitlines() == [str(tmp_path / "after" / name) for name in files]
     for when, chosen in (("after", "json"), ("before", "json,latex")):
         out = tmp_path / f"{when}_chosen"

@@ -19,7 +19,7 @@ OUT = "out"
 #: Rigs of the campaign.
 _RIGS = ("first", "second", "third")
 #: Seconds after which a command that was not killed hangs.
-_LIMIT = 900.0
+_LIMIT = 7200.0
 
 
 @dataclass(frozen=True)
