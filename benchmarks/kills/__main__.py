@@ -51,8 +51,11 @@ def of_command(name: str, folder: Path, kills: int, seed: int) -> Row:
     command, rng = COMMANDS[name], np.random.default_rng(seed)
     prepared = folder / "prepared"
     prepared.mkdir()
-    command.prepare(prepared)
-    known = reference(command, prepared, folder / "alone")
+    try:
+        command.prepare(prepared)
+        known = reference(command, prepared, folder / "alone")
+    except RuntimeError as error:
+        return Row(np.nan, faults=[str(error)])
     row = Row(known.seconds)
     while row.kills.total() < kills:
         trial = tried(command, prepared, folder / f"trial_{row.trials}", known, _KILLS, rng)
