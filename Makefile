@@ -31,7 +31,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/report.html)
 
-.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults systems datasets docs lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults kills scale systems datasets docs lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -139,8 +139,14 @@ blind: $(READY) ## Generate blind cases with sealed truth, run the loop and its 
 	$(BIN)/python -m benchmarks.blind.run reports/blind_rough --workers $(WORKERS) --holdout
 	$(BIN)/python -m benchmarks.blind.score reports/blind_rough
 
-faults: $(READY) ## Try the corpus of bad input and faults; the table is written to reports/faults (half an hour)
-	$(BIN)/python -m benchmarks.faults reports/faults --workers $(WORKERS)
+faults: $(READY) ## Try the corpus of bad input and faults; docs/FAULTS.md (half an hour)
+	$(BIN)/python -m benchmarks.faults reports/faults --workers $(WORKERS) --page docs/FAULTS.md
+
+kills: $(READY) ## Kill commands at random moments and give them again; docs/FAULTS.md (half an hour)
+	$(BIN)/python -m benchmarks.kills reports/kills --page docs/FAULTS.md
+
+scale: $(READY) ## Do a campaign of a thousand rigs whose workers are killed; docs/FAULTS.md
+	$(BIN)/python -m benchmarks.scale reports/scale --workers $(WORKERS) --page docs/FAULTS.md
 
 systems: $(READY) ## Run the loop on simulated machines that lack one effect; the table is in reports/systems
 	$(BIN)/python -m benchmarks.systems reports/systems --seed $(SEED)

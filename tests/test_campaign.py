@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -103,10 +104,13 @@ def test_no_scheduler_at_an_address_is_told(monkeypatch):
         list(spread(drawn, CASES))
 
 
-def test_workers_of_a_scheduler_are_used(cluster, monkeypatch):
+def test_workers_of_a_scheduler_are_used_and_its_dashboard_is_told(cluster, monkeypatch):
     monkeypatch.setenv(SCHEDULER, cluster)
-    found = {o.result["process"] for o in spread(where, CASES, workers=1)}
+    links = []
+    found = {o.result["process"] for o in spread(where, CASES, workers=1, heard=links.append)}
     assert os.getpid() not in found
+    (link,) = links
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/status", link)
 
 
 def test_what_raises_dies_or_hangs_on_this_machine_takes_no_other_with_it():
@@ -453,6 +457,7 @@ def test_the_command_runs_every_case_and_tells_what_failed(tmp_path, monkeypatch
         "bad: InputError: there is nothing to fit",
         "good: explained: sensor_delay",
         str(out / "results.parquet"),
+        str(out / "campaign.html"),
     ]
     table = pd.read_parquet(out / "results.parquet").set_index("name")
     assert table.loc["good", "verdict"] == "explained"
@@ -470,7 +475,7 @@ def test_a_finished_campaign_says_so_and_what_changed_is_done_again(tmp_path, mo
     again = invoke(rigs, "--out", out)
     assert "3 of 3 cases were done before" in again.stderr
     assert "━" not in again.stderr
-    assert again.stdout == f"{out / 'results.parquet'}\n"
+    assert again.stdout == f"{out / 'results.parquet'}\n{out / 'campaign.html'}\n"
     changes = {
         "rig file": lambda: (rigs / "a" / "rig.toml").write_text(RIG + "# another\n"),
         "training recordings": lambda: (rigs / "a" / "train_1.csv").write_text("another"),
@@ -559,7 +564,11 @@ def looped(monkeypatch):
         "verdict": "explained",
         "model_error": synthetic_run.model_error(1e-3, 1e-5, "m"),
         "effects": [{"id": "quadratic_drag", "parameters": {"c_2": {}}}],
-        "errors": {"unit": "m", **{w: {r: {"rms": 1e-3} for r in ("train", "holdout")} for w in ("before", "after")}},
+        "errors": {
+            "unit": "m",
+            "noise_floor": 4e-4,
+            **{w: {r: {"rms": 1e-3} for r in ("train", "holdout")} for w in ("before", "after")},
+        },
         "model": {
             "after": {
                 "parameters": {
@@ -584,6 +593,7 @@ def test_one_case_returns_verdict_errors_and_parameters(tmp_path, looped):
     result = campaigns.close(case, case_seed(0, "arm"))
     assert not (tmp_path / "loop.json").exists()
     assert result["verdict"] == "explained"
+    assert (result["noise_floor"], result["kind"], result["coordinate_unit"]) == (4e-4, "flexible_arm", "rad")
     assert result["because"] == ("the model error falls from 1.00 to 0.0100 mm, which counts as none (up to 0.0450 mm)")
     assert [result[f"{r}_rms_{w}"] for r in ("train", "holdout") for w in ("before", "after")] == [1e-3] * 4
     assert result["parameters"] == [

@@ -407,7 +407,10 @@ def _interruptible() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("_interruptible")
-def test_an_interruption_does_not_wait_for_the_compiler(film: Film, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interruption_does_not_wait_for_the_compiler(
+    sent: signal.Signals, status: int, film: Film, tmp_path: Path
+) -> None:
     cache, out = tmp_path / "cache", tmp_path / "of" / "this"
     command = [sys.executable, "-m", "discovery", "loop", film.rig, "--train", film.train, "--out", out]
     environment = {**os.environ, "DISCOVERY_CACHE": str(cache)}
@@ -415,9 +418,9 @@ def test_an_interruption_does_not_wait_for_the_compiler(film: Film, tmp_path: Pa
         assert process.stderr is not None
         while "compiling a simulator" not in process.stderr.readline():
             assert process.poll() is None
-        process.send_signal(signal.SIGINT)
+        process.send_signal(sent)
         assert "interrupted: no file is half-written" in process.stderr.read()
-        assert process.wait() == 130
+        assert process.wait() == status
     # The program is kept, what was being compiled is not, and nothing lies half-written beside.
     assert {path.suffix for path in cache.iterdir()} <= {".kept", ".lock"}
     # Nothing was written, so nothing is left.
@@ -559,7 +562,8 @@ def test_export_writes_the_models_of_a_loop(
     result = json.loads((looped[1] / "loop.json").read_text())
     said = call(capsys, "export", looped[1], "--out", tmp_path / "after")
     assert said.status == 0, said.err
-    files = ["model_sympy.py", "model.tex", "model.py", "model.json", "model.h", "model.c", "model.fmu"]
+    files = ["model_sympy.py", "model.tex", "model.py", "model.json", "model.h", "model.c", "model_c.py"]
+    files.append("model.fmu")
     assert said.out.splitlines() == [str(tmp_path / "after" / name) for name in files]
     for when, chosen in (("after", "json"), ("before", "json,latex")):
         out = tmp_path / f"{when}_chosen"

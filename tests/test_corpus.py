@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -115,6 +118,16 @@ def answer(verdict: str, *effects: str, value: float = 0.0425) -> dict:
 )
 def test_each_end_is_seen(status: int, err: str, found: dict | None, outcome: str) -> None:
     assert judged(status, "", err, found, ("a.csv",)).outcome == outcome
+
+
+def test_the_command_runs_its_cases_in_processes_of_its_own(tmp_path: Path) -> None:
+    # As a user starts it: what a package's __main__ defines is not found by the processes that it starts.
+    command = [sys.executable, "-m", "benchmarks.faults", str(tmp_path), "--only", "arguments: no such command"]
+    run = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    (outcome,) = json.loads((tmp_path / "faults.json").read_text()).values()
+    assert outcome["outcome"] == "refused"
+    assert 0.0 < outcome["seconds"] < LIMIT
 
 
 def test_the_table_counts_every_family_and_tells_what_may_not_be() -> None:

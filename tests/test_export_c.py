@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
 import subprocess
 from functools import cache
@@ -25,7 +26,7 @@ from test_export import (
 
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
-from discovery.export import FittedModel, to_c, to_numpy
+from discovery.export import FittedModel, export_model, to_c, to_numpy
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import read_recording
@@ -67,6 +68,32 @@ def test_slopes_are_those_of_the_program(base: str, whole) -> None:
         state, motor = rng.uniform(-0.4, 0.4, len(program.states)), rng.uniform(-1, 1, 3)
         expected = numpy_derivative(program)(0.7, motor, state, [values[n] for n in program.parameters])
         np.testing.assert_allclose(found.derivative(0.7, state, motor), expected, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("base", ["reduced", "oscillator"])
+def test_the_c_is_called_from_python_as_the_numpy_file_is(base: str, tmp_path: Path) -> None:
+    model, values, namespace = everything(base)
+    export_model(FittedModel(model, values), tmp_path, ["c"])
+    specification = importlib.util.spec_from_file_location("model_c", tmp_path / "model_c.py")
+    assert specification is not None
+    assert specification.loader is not None
+    found = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(found)
+    time = TIME[::3]
+    driven = inputs(model, time)
+    for parameter, value in found.PARAMETERS.items():
+        assert value == pytest.approx(values[parameter], rel=1e-15)
+    got = found.simulate(time, *driven, deflection=0.2, rate=-0.3, step=STEP)
+    _, expected = CModel(*to_c(model, values), tmp_path / "other").simulate(time, driven, 0.2, -0.3, STEP)
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-10)
+    assert got.shape == namespace["simulate"](time, *driven, deflection=0.2, rate=-0.3, step=STEP).shape
+    name = next(iter(found.PARAMETERS))
+    other = found.simulate(time, *driven, deflection=0.2, parameters={**found.PARAMETERS, name: 0.5}, step=STEP)
+    assert not np.allclose(other, got)
+    with pytest.raises(ValueError, match="never decrease"):
+        found.simulate(time[::-1], *driven)
+    with pytest.raises(ValueError, match="inputs"):
+        found.simulate(time, *driven, driven[0])
 
 
 @pytest.mark.parametrize("base", BASES)

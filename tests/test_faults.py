@@ -224,11 +224,17 @@ def test_files_of_two_runs_are_refused(change: str, tmp_path: Path, capsys: pyte
 
 def test_what_was_ended_is_removed_and_other_files_are_not(tmp_path: Path) -> None:
     gathered(tmp_path, "old", "trajectories.nc")
-    (tmp_path / ".results.0123abcd.json").touch()
+    (tmp_path / ".discovery-0123abcd-results.json").touch()
     for name in (".results.json", ".notes.0123abcd.json", "loop.json"):
         (tmp_path / name).touch()
-    remove_unfinished(tmp_path)
-    assert sorted(p.name for p in tmp_path.iterdir()) == [".notes.0123abcd.json", ".results.json", "loop.json"]
+    for name in ("figures", "of_another_command"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / ".discovery-0123abcd-fit.svg").touch()
+    with folder_lock(tmp_path / "of_another_command"):
+        remove_unfinished(tmp_path)
+    assert sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()) == [
+        ".notes.0123abcd.json", ".results.json", "loop.json", "of_another_command/.discovery-0123abcd-fit.svg",
+    ]  # fmt: skip
 
 
 # --- names and numbers

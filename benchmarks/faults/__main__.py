@@ -8,21 +8,14 @@ import sys
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
-from benchmarks.faults.case import OUTCOMES, Outcome, run
-from benchmarks.faults.corpus import corpus
+from benchmarks.faults.case import OUTCOMES, Outcome
+from benchmarks.faults.corpus import LIMIT, corpus, outcome_of
+from benchmarks.faults.page import put
 from discovery.runs.spread import spread
 
-#: Seconds after which a case counts as hanging.
-LIMIT = 60.0
-
-
-def work(name: str, _seed: object) -> dict[str, Any]:
-    """Run the case of a name in a folder of its own."""
-    with TemporaryDirectory() as folder:
-        return asdict(run(corpus()[name], Path(folder)))
+#: Times the processor's time of a case that it may take on a machine that does other things, too.
+_BUSY = 10.0
 
 
 def table(outcomes: dict[str, Outcome]) -> str:
@@ -31,6 +24,7 @@ def table(outcomes: dict[str, Outcome]) -> str:
     for name, outcome in outcomes.items():
         families.setdefault(name.split(": ")[0], Counter())[outcome.outcome] += 1
     total = sum(families.values(), Counter())
+    slowest = max(outcomes.values(), key=lambda outcome: outcome.seconds, default=None)
     lines = [
         f"| family | attempted | {' | '.join(OUTCOMES)} |",
         "|---|" + "---|" * (len(OUTCOMES) + 1),
@@ -39,6 +33,7 @@ def table(outcomes: dict[str, Outcome]) -> str:
             for name, count in [*families.items(), ("all", total)]
         ),
         "",
+        *([] if slowest is None else [f"The slowest takes {slowest.seconds:.0f} s of a processor's time.", ""]),
     ]
     for name, outcome in outcomes.items():
         if not OUTCOMES[outcome.outcome]:
@@ -51,11 +46,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.faults")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--page", type=Path, help="a page that is given the table")
     parser.add_argument("--only", nargs="*", default=[""], help="parts of the names of the cases to run")
     given = parser.parse_args(arguments)
     names = [name for name in corpus() if any(part in name for part in given.only)]
     found: dict[str, Outcome] = {}
-    for done in spread(work, [(name, name) for name in names], workers=given.workers, limit=LIMIT):
+    for done in spread(outcome_of, [(name, name) for name in names], workers=given.workers, limit=_BUSY * LIMIT):
         found[done.name] = (
             Outcome(**done.result)
             if done.result
@@ -68,6 +64,8 @@ def main(arguments: list[str] | None = None) -> int:
     records = {name: asdict(outcome) for name, outcome in outcomes.items()}
     (given.folder / "faults.json").write_text(json.dumps(records, indent=1, ensure_ascii=True) + "\n", encoding="utf-8")
     (given.folder / "faults.md").write_text(table(outcomes), encoding="utf-8")
+    if given.page is not None:
+        put(given.page, "corpus", table(outcomes))
     print(f"written: {given.folder / 'faults.md'}")
     return sum(not OUTCOMES[outcome.outcome] for outcome in outcomes.values())
 

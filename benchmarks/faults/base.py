@@ -36,9 +36,9 @@ def film(start: float, seed: int, rate: float = 30.0, seconds: float = 20.0) -> 
     return pd.DataFrame({"t_s": time.round(4), "angle_deg": angle.round(4)})
 
 
-def write(folder: Path) -> Path:
-    """Write the sound case into a folder, and return its rig file."""
+def write(folder: Path, seed: int = 0) -> Path:
+    """Write the sound case into a folder, and return its rig file; another seed is other noise."""
     for name, start in (("high", 60.0), ("low", 15.0), ("middle", 35.0)):
-        film(start, round(start)).to_csv(folder / f"{name}.csv", index=False)
+        film(start, 100 * seed + round(start)).to_csv(folder / f"{name}.csv", index=False)
     (folder / "rig.toml").write_text(RIG, encoding="utf-8")
     return folder / "rig.toml"

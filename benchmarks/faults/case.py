@@ -77,11 +77,12 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case: one of `OUTCOMES`, exit status, and what was said."""
+    """What became of a case: one of `OUTCOMES`, exit status, what was said, and the processor's time [s]."""
 
     outcome: str
     status: int
     said: str
+    seconds: float = 0.0
 
 
 def judged(status: int, out: str, err: str, answer: dict[str, Any] | None, place: tuple[str, ...]) -> Outcome:

@@ -6,6 +6,7 @@ Every command imports what it needs when it runs, so that the help is there at o
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from contextlib import suppress
 from typing import NoReturn
@@ -72,15 +73,16 @@ def main(arguments: list[str] | None = None) -> None:
 
     if arguments is None:
         open_streams()
+        signal.signal(signal.SIGTERM, _end_at_once)
     try:
         cli.main(arguments, prog_name="discovery", standalone_mode=False)
-    except click.exceptions.Abort:
-        _leave(arguments)
+    except click.exceptions.Abort as error:
+        _leave(arguments, error.__cause__)
     except BrokenPipeError as error:
         # Whoever reads in a pipe may have been interrupted, too.
         if not isinstance(error.__context__, KeyboardInterrupt):
             raise
-        _leave(arguments)
+        _leave(arguments, error.__context__)
     except click.ClickException as error:
         with suppress(OSError):
             error.show()
@@ -123,8 +125,17 @@ def _lost(error: OSError) -> str:
     )
 
 
-def _leave(arguments: list[str] | None) -> None:
+class _Terminated(KeyboardInterrupt):
+    """The system asks the process to end, as when the machine shuts down: it ends as by Ctrl-C."""
+
+
+def _end_at_once(*_: object) -> NoReturn:
+    raise _Terminated
+
+
+def _leave(arguments: list[str] | None, reason: BaseException | None) -> None:
     """Say what an interruption leaves, and exit."""
+    status = 128 + (signal.SIGTERM if isinstance(reason, _Terminated) else signal.SIGINT)
     # The group's own options end the call: what comes first is the command.
     given = (sys.argv[1:] if arguments is None else arguments)[:1]
     left = _RESUMED.get(given[0] if given else "", "give the same command to start over")
@@ -133,5 +144,5 @@ def _leave(arguments: list[str] | None) -> None:
         sys.stdout.flush()
     if arguments is None:
         # The process would wait for threads that compile or simulate.
-        os._exit(130)
-    sys.exit(130)
+        os._exit(status)
+    sys.exit(status)

@@ -11,6 +11,7 @@ import click
 
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state, read_state
+from discovery.cli.loop_page import write_page
 from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress, results_folder
 from discovery.cli.say import say_doubts, say_left_out, say_loop, say_missing
 
@@ -48,12 +49,11 @@ def run(
     max_time: float | None,
 ) -> None:  # fmt: skip
     """Run the whole pipeline: first the answer of the loop and its page, then the posterior."""
-    from discovery.results.manifest import RESULTS, remove_unfinished
+    from discovery.results.manifest import RESULTS
 
     began = time.monotonic()
     dataset = load(rig, train, holdout, quiet)
     folder = results_folder(out, *RESULTS, "report.html")
-    remove_unfinished(folder)
     from discovery.report import build_report
     from discovery.runs import pipeline
 
@@ -126,7 +126,6 @@ def loop(
     initial_state: str | None,
 ) -> None:  # fmt: skip
     """Find what the declared model lacks, and write it with its page."""
-    from discovery.results.manifest import remove_unfinished
     from discovery.runs.stages import loop as close
     from discovery.runs.stages import unexplained
 
@@ -137,7 +136,6 @@ def loop(
     check_state(initial, dataset)
     wanted = None if target is None else _wanted(target, dataset, initial)
     folder = results_folder(out, "loop.json", "prediction.csv", "report.html")
-    remove_unfinished(folder)
     with progress(quiet) as tell:
         result = close(dataset, seed=seed, progress=tell)
         missing = unexplained(result, dataset, progress=tell)
@@ -150,7 +148,7 @@ def loop(
         say_missing(missing)
     with progress(quiet) as tell:
         tell("writing the report")
-        page = _loops_page(folder, dataset, result, missing, seed)
+        page = write_page(folder, dataset, result, missing, seed)
     files = [folder / "loop.json", page, *sorted(folder.glob("manoeuvre_*.csv"))]
     files += [folder / "prediction.csv"] if wanted is not None and failed is None else []
     if as_json:
@@ -202,19 +200,6 @@ def _predicted(
     if why:
         note(f"{target}: the declared model does not predict it, its columns are left empty. {why}")
     return None
-
-
-def _loops_page(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> Path:
-    """Write the page of a loop, one file beside its loop.json."""
-    from tempfile import TemporaryDirectory
-
-    from discovery.report import build_report
-    from discovery.results.manifest import SAVING
-    from discovery.runs.pipeline import gather_loop
-
-    with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
-        gather_loop(Path(beside), dataset, result, missing, seed)
-        return build_report(beside).replace(folder / "report.html")
 
 
 COMMANDS: tuple[click.Command, ...] = (run, loop)

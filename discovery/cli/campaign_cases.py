@@ -32,6 +32,8 @@ class Case:
         Where loop.json goes.
     seed : int
         Seed of the loop.
+    page : bool
+        It gets a page of its own.
     """
 
     rig: Path
@@ -41,6 +43,7 @@ class Case:
     only: int | None
     out: Path
     seed: int
+    page: bool = False
 
 
 def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
@@ -90,7 +93,7 @@ def _is_rig(path: Path) -> bool:
 
 
 def found_cases(
-    rigs: Sequence[Path], root: Path, out: Path, *, seed: int = 1, each: bool = False
+    rigs: Sequence[Path], root: Path, out: Path, *, seed: int = 1, each: bool = False, page: bool = False
 ) -> list[tuple[str, Case]]:
     """Return the cases of rig files, named by where they are.
 
@@ -105,8 +108,8 @@ def found_cases(
         Folder of the campaign.
     seed : int
         Seed of every loop.
-    each : bool
-        Every training recording is a case of its own.
+    each, page : bool
+        Every training recording is a case of its own; every case gets a page.
     """
     cases: dict[str, Case] = {}
     for rig in rigs:
@@ -122,7 +125,7 @@ def found_cases(
             while name in cases or name == "cases":
                 count += 1
                 name = f"{wanted}_{count}"
-            cases[name] = Case(rig.resolve(), files, holdout, own, only, out.resolve() / name, seed)
+            cases[name] = Case(rig.resolve(), files, holdout, own, only, out.resolve() / name, seed, page)
     return list(cases.items())
 
 

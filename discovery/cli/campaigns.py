@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from discovery.cli.campaign_cases import Case, beside, found_cases, listed, origins, rig_files
+from discovery.cli.loop_page import write_page
 from discovery.cli.options import PATH, note, options, print_json, results_folder
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     from discovery.selection.sentences import verdict_sentence
 
     # A case that is done again and fails leaves nothing of before.
-    for stale in (case.out / "loop.json", *case.out.glob("manoeuvre_*.csv")):
+    for stale in (case.out / "loop.json", case.out / "report.html", *case.out.glob("manoeuvre_*.csv")):
         stale.unlink(missing_ok=True)
     if not case.train:
         read_rig(case.rig)
@@ -44,7 +45,10 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
         dataset = replace(dataset, train=(dataset.train[case.only],))
     dataset = choose_interpolation(dataset)
     result = loop(dataset, seed=case.seed, progress=lambda _: None)
-    content = write_loop(case.out, result, missing=unexplained(result, dataset, progress=lambda _: None))
+    missing = unexplained(result, dataset, progress=lambda _: None)
+    content = write_loop(case.out, result, missing=missing)
+    if case.page:
+        write_page(case.out, dataset, result, missing, case.seed)
     errors = {
         f"{role}_rms_{when}": content["errors"][when][role]["rms"]
         for when in ("before", "after")
@@ -57,7 +61,10 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
         "because": verdict_sentence(content),
         "unit": content["errors"]["unit"],
         **errors,
+        "noise_floor": content["errors"]["noise_floor"],
         "rig": dataset.rig.name,
+        "kind": dataset.rig.kind,
+        "coordinate_unit": dataset.train[0].coordinate_unit,
         "recordings": "[records]" if case.own else "beside the rig file",
         "parameters": [
             {"parameter": name, "effect": of.get(name, ""), **entry, "reason": entry.get("reason", "")}
@@ -81,12 +88,29 @@ def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases
             note(f"{rig}: not in its [records], not used: {', '.join(unused)}")
 
 
-def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], table: Path) -> None:
+def _page(folder: Path, names: Sequence[str]) -> Path:
+    """Pool the parameters of some cases, and write the page over all of them."""
+    from discovery.report.campaign import build_campaign
+    from discovery.results.provenance import write_json
+    from discovery.runs.campaign import rows
+    from discovery.runs.pooling import pooled_parameters
+
+    pooled = pooled_parameters(rows(folder, names))
+    write_json(folder / "pooled.json", {"pooled": pooled})
+    return build_campaign(folder, [_slim(row) for row in rows(folder, names)], pooled)
+
+
+def _slim(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an outcome without its parameters, which are pooled: the page holds many at once."""
+    return {key: value for key, value in row.items() if key != "parameters"}
+
+
+def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], files: Sequence[Path]) -> None:
     """Print the outcomes of all cases as one JSON document."""
     from discovery.results.provenance import read_json
 
     kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
-    print_json({"cases": kept, "files": [table]})
+    print_json({"cases": kept, "files": files})
 
 
 def _count(number: int, word: str) -> str:
@@ -97,6 +121,7 @@ def _count(number: int, word: str) -> str:
 @click.argument("where", metavar="RIG_OR_FOLDER", type=PATH)
 @options("out", "seed", "quiet", "json")
 @click.option("--each", is_flag=True, help="Every training recording is a case of its own.")
+@click.option("--pages", is_flag=True, help="A page for every case that is done now, CASE/report.html.")
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1), help="Processes on this machine.")
 @click.option(
     "--scheduler",
@@ -117,6 +142,7 @@ def campaign(
     quiet: bool,
     as_json: bool,
     each: bool,
+    pages: bool,
     workers: int,
     scheduler: str | None,
     insecure: bool,
@@ -130,23 +156,26 @@ def campaign(
 
     Into the folder of --out go CASE/loop.json for every case, cases/CASE.json with its outcome or its error, and two
     tables of the cases of this call, as Parquet and as CSV: results (verdict and why, effects added, errors before
-    and after) and parameters (a row for every parameter of every final model: value, sd, unit, effect).
+    and after) and parameters (a row for every parameter of every final model: value, sd, unit, effect). The page
+    campaign.html shows them all, and pooled.json holds each parameter's mean over at least three specimens, the spread
+    between them, and what each specimen's value is with the others' help. With --pages every case has a page, too.
 
     The same command again does what is left after an interruption, what failed, and every case whose rig file,
     recordings or version of discovery have changed.
 
     With --scheduler, or the address in DISCOVERY_SCHEDULER, a Dask cluster works instead of this machine. Its workers
     must have this package installed and see rig files, recordings and --out under the same paths. A scheduler of
-    another machine needs a tls:// address. Without a scheduler nothing listens on any port.
+    another machine needs a tls:// address; the address of its dashboard is said. Without a scheduler nothing listens
+    on any port.
     """
     from discovery.foundation.errors import ComputationError
     from discovery.runs.campaign import campaign as run
     from discovery.runs.campaign import collect, unfinished, watched
 
     rigs, skipped = rig_files(where)
-    cases = found_cases(rigs, where if where.is_dir() else where.parent, out, seed=seed, each=each)
+    cases = found_cases(rigs, where if where.is_dir() else where.parent, out, seed=seed, each=each, page=pages)
     made = origins(cases)
-    folder = results_folder(out, "campaign.json", "results.parquet", "results.csv")
+    folder = results_folder(out, "campaign.json", "results.parquet", "results.csv", "campaign.html")
     outcomes = run(
         close,
         cases,
@@ -157,6 +186,7 @@ def campaign(
         scheduler=scheduler,
         insecure=insecure,
         limit=limit,
+        heard=lambda link: None if quiet else note(f"dashboard of the cluster: {link}"),
     )
     left = list(unfinished(cases, folder, made))
     if not quiet:
@@ -173,10 +203,11 @@ def campaign(
         if not as_json:
             click.echo(f"{outcome.name}: {said.rstrip(': ')}")
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
+    page = _page(folder, [name for name, _ in cases])
     if as_json:
-        _print_cases(folder, cases, table)
+        _print_cases(folder, cases, [table, page])
     else:
-        click.echo(f"{table}")
+        click.echo(f"{table}\n{page}")
     if failed:
         raise ComputationError(f"{failed} of {len(cases)} cases failed; their errors are in {folder / 'cases'}.")
 

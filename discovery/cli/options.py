@@ -212,13 +212,18 @@ def results_folder(out: Path, *files: str) -> Path:
 
 
 def held(folder: Path) -> Path:
-    """Return a folder that no other command writes to until this one ends; refuse one to which another does."""
+    """Return a folder that no other command writes to until this one ends; refuse one to which another does.
+
+    What commands that were ended from outside left in it is removed.
+    """
     from discovery.foundation.errors import InputError
     from discovery.foundation.locks import folder_lock
+    from discovery.results.manifest import remove_unfinished
 
     if not click.get_current_context().with_resource(folder_lock(folder)):
         raise InputError(
             f"Another discovery command is writing to {folder}. Wait until it has ended, or give this one another "
             "folder."
         )
+    remove_unfinished(folder)
     return folder

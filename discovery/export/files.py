@@ -49,13 +49,17 @@ class Format:
         return cls((file,), lambda found: (write(found),))
 
 
+#: Calls the C from Python; the same for every model.
+_PYTHON = Path(__file__).with_name("c_python.txt")
 #: Every format by its name.
 FORMATS: dict[str, Format] = {
     "sympy": Format.of("model_sympy.py", to_sympy_file),
     "latex": Format.of("model.tex", to_latex),
     "numpy": Format.of("model.py", to_numpy),
     "json": Format.of("model.json", to_json),
-    "c": Format(("model.h", "model.c"), to_c),
+    "c": Format(
+        ("model.h", "model.c", "model_c.py"), lambda found: (*to_c(found), _PYTHON.read_text(encoding="utf-8"))
+    ),
     "fmu": Format.of("model.fmu", to_fmu),
 }
 

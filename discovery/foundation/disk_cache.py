@@ -113,6 +113,9 @@ def save(key: str, content: bytes) -> None:
     path = _path(folder, key)
     beside = path.with_suffix(f".{secrets.token_hex(4)}.tmp")
     with suppress(OSError):
+        # Those of processes that were ended while they wrote this entry.
+        for draft in folder.glob(f"{path.stem}.*.tmp"):
+            draft.unlink(missing_ok=True)
         try:
             beside.write_bytes(_digest(key, content) + content)
             if path.is_dir():

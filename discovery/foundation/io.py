@@ -18,11 +18,15 @@ import numpy.typing as npt
 from discovery.foundation.errors import ComputationError, InputError, suggestion
 from discovery.foundation.text_table import parse_text
 
-__all__ = ["Table", "atomic_write", "read_table", "reason", "shown"]
+__all__ = ["DRAFT", "Table", "atomic_write", "read_table", "reason", "shown"]
 
 _CSV = (".csv", ".tsv", ".txt", ".dat")
 #: Larger numbers leave the range of floating-point numbers in another unit.
 _LARGEST = 1e200
+#: Begin of the names of files that are not finished.
+DRAFT = ".discovery-"
+#: Letters of its own name that a draft keeps: with more, a long name would have no draft.
+_STEM = 40
 #: Letters of a path in a message.
 _SHOWN = 300
 _KNOWN = (*_CSV, ".parquet", ".pq", ".mat", ".h5", ".hdf5")
@@ -257,7 +261,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     ...     temporary.write_text("{}")
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    temporary = path.with_name(f"{DRAFT}{secrets.token_hex(4)}-{path.stem[-_STEM:]}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary

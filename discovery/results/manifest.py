@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from discovery.foundation.errors import InputError
+from discovery.foundation.io import DRAFT
+from discovery.foundation.locks import folder_lock
 
 __all__ = ["RESULTS", "SAVING", "check_whole", "hashes", "move_in_place", "remove_unfinished"]
 
@@ -86,11 +88,21 @@ def move_in_place(beside: Path, out: Path, *, same_answer: bool = False) -> None
 
 
 def remove_unfinished(out: Path) -> None:
-    """Remove what runs that were ended from outside left in a folder; no run may be writing to it."""
+    """Remove what commands that were ended from outside left in a folder and in those right below it.
+
+    No other command may be writing to it; a folder below to which one does is left alone.
+    """
+    _remove_drafts(out)
+    for folder in (path for path in out.iterdir() if path.is_dir() and not path.is_symlink()):
+        with folder_lock(folder) as free:
+            if free:
+                _remove_drafts(folder)
+
+
+def _remove_drafts(folder: Path) -> None:
     import shutil
 
-    for folder in out.glob(f"{SAVING}*"):
-        shutil.rmtree(folder, ignore_errors=True)
-    for name in map(Path, RESULTS):
-        for draft in out.glob(f".{name.stem}.{'[0-9a-f]' * 8}{name.suffix}"):
-            draft.unlink(missing_ok=True)
+    for gathered in folder.glob(f"{SAVING}*"):
+        shutil.rmtree(gathered, ignore_errors=True)
+    for draft in folder.glob(f"{DRAFT}{'[0-9a-f]' * 8}-*"):
+        draft.unlink(missing_ok=True)

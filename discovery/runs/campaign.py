@@ -39,6 +39,7 @@ def campaign(
     scheduler: str | None = None,
     insecure: bool = False,
     limit: float | None = None,
+    heard: Callable[[str], object] | None = None,
 ) -> Iterator[Outcome]:
     """Do the cases that are not done yet, and keep every outcome on disk as it comes.
 
@@ -47,7 +48,7 @@ def campaign(
 
     Parameters
     ----------
-    work, cases, seed, workers, scheduler, insecure, limit
+    work, cases, seed, workers, scheduler, insecure, limit, heard
         See `discovery.runs.spread.spread`.
     folder : path
         Every outcome is written to ``cases/<name>.json`` in it, whole or not at all.
@@ -75,9 +76,8 @@ def campaign(
         if (first := next(waiting, None)) is None:
             return
         left = chain([first], waiting)
-        for outcome in spread(
-            work, left, seed=seed, workers=workers, scheduler=scheduler, insecure=insecure, limit=limit
-        ):
+        where: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "insecure": insecure}
+        for outcome in spread(work, left, seed=seed, limit=limit, heard=heard, **where):
             origin = {"origin": known[outcome.name]} if outcome.name in known else {}
             write_json(_file(folder, outcome.name), asdict(outcome) | origin)
             yield outcome

@@ -129,6 +129,7 @@ def spread(
     scheduler: str | None = None,
     insecure: bool = False,
     limit: float | None = None,
+    heard: Callable[[str], object] | None = None,
 ) -> Iterator[Outcome]:
     """Do cases on several processes, or on a cluster, and yield the outcome of each as it is done.
 
@@ -152,6 +153,8 @@ def spread(
         Accept a scheduler of another machine without TLS, through which others of its network can run code.
     limit : float, optional
         Seconds that a case may take. A worker whose work does not heed them is ended; this process is not.
+    heard : callable, optional
+        Receives the address of the cluster's dashboard, where it has one.
 
     Yields
     ------
@@ -170,7 +173,7 @@ def spread(
         return
     if address is None and workers < 1:
         raise InputError(f"{workers} workers cannot work; give at least one.")
-    with _here(workers) if address is None else _client(address, insecure) as crew:
+    with _here(workers) if address is None else _client(address, insecure, heard) as crew:
         yield from _stream(crew, work, iter(cases), seed, limit)
 
 
@@ -264,7 +267,7 @@ def _is_loopback(host: str) -> bool:
 
 
 @contextmanager
-def _client(address: str, insecure: bool) -> Iterator[_Crew]:
+def _client(address: str, insecure: bool, heard: Callable[[str], object] | None) -> Iterator[_Crew]:
     """Yield the workers of the scheduler at an address."""
     if not (insecure or _is_safe(address)):
         raise InputError(
@@ -288,6 +291,8 @@ def _client(address: str, insecure: bool) -> Iterator[_Crew]:
             except TimeoutError as error:
                 said = f"The Dask scheduler at {address!r} has no workers. Start some: dask worker {address}"
                 raise InputError(said) from error
+            if heard is not None and "dashboard" in client.scheduler_info()["services"]:
+                heard(client.dashboard_link)
             yield _Cluster(client)
 
 

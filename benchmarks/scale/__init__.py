@@ -1,0 +1,1 @@
+"""A campaign of many small rigs whose workers are killed at random."""
