@@ -147,7 +147,7 @@ datasets: $(READY) ## Simulate the twin's recordings again
 
 # What is made from the results of `make reproduce` is made again where they are at hand, and stays as it is elsewhere.
 RESULTS := $(wildcard reports/arm/trajectories.nc)
-docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/in_out.png docs/images/page.png $(if $(RESULTS),docs/images/arm.png) ## Write the catalogue page, the pictures and the README's table again
+docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/in_out.png docs/images/page.png docs/images/way.svg $(if $(RESULTS),docs/images/arm.png) ## Write the catalogue page, the pictures and the README's table again
 	$(BIN)/python docs/results_table.py reports README.md
 
 docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrades.py docs/catalogue_page.py | $(READY)
@@ -165,6 +165,9 @@ docs/images/in_out.png: docs/draw_in_out.py $(wildcard datasets/spring_bench/*) 
 docs/images/page.png: docs/draw_page.py $(wildcard datasets/spring_bench/*) $(PAGE) | $(READY)
 	$(BIN)/discovery loop datasets/spring_bench/rig.toml --quiet --out build/spring_bench
 	$(BIN)/python $< build/spring_bench/report.html $@
+
+docs/images/way.svg: docs/trace_modules.py $(CODE) | $(READY)
+	$(BIN)/python $< docs/ARCHITECTURE.md $@ >/dev/null
 
 # The generator and its theme are installed beside the package when they are first needed.
 SITE := $(VENV)/.docs-installed
