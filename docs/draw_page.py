@@ -18,7 +18,8 @@ def screenshot(page: Path, out: Path) -> None:
     """Write the picture, in few colours."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
-        sys.exit(f"draw_page: none of {', '.join(BROWSERS)} is installed; the picture is left as it is")
+        print(f"{out} is left as it is: none of {', '.join(BROWSERS)} is installed")
+        return
     with TemporaryDirectory() as folder:
         seen = Path(folder) / "page.png"
         options = [
