@@ -31,7 +31,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/report.html)
 
-.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults kills scale systems datasets docs lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults kills scale systems datasets docs docs-site lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -154,7 +154,9 @@ systems: $(READY) ## Run the loop on simulated machines that lack one effect; th
 datasets: $(READY) ## Simulate the twin's recordings again
 	$(BIN)/python -m discovery_datasets.generate datasets
 
-docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/arm.png ## Write the catalogue page, the pictures and the README's table again
+# What is made from the results of `make reproduce` is made again where they are at hand, and stays as it is elsewhere.
+RESULTS := $(wildcard reports/arm/trajectories.nc)
+docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/in_out.png docs/images/page.png docs/images/way.svg $(if $(RESULTS),docs/images/arm.png) ## Write the catalogue page, the pictures and the README's table again
 	$(BIN)/python docs/results_table.py reports README.md
 
 docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrades.py docs/catalogue_page.py | $(READY)
@@ -163,8 +165,29 @@ docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrad
 docs/images/architecture.svg: docs/draw_architecture.py | $(READY)
 	$(BIN)/python $< $@
 
-docs/images/arm.png: docs/draw_result.py reports/index.html | $(READY)
+docs/images/arm.png: docs/draw_result.py $(RESULTS) | $(READY)
 	$(BIN)/python $< reports/arm $@
+
+docs/images/in_out.png: docs/draw_in_out.py $(wildcard datasets/spring_bench/*) | $(READY)
+	$(BIN)/python $< $@
+
+docs/images/page.png: docs/draw_page.py $(wildcard datasets/spring_bench/*) $(PAGE) | $(READY)
+	$(BIN)/discovery loop datasets/spring_bench/rig.toml --quiet --out build/spring_bench
+	$(BIN)/python $< build/spring_bench/report.html $@
+
+docs/images/way.svg: docs/trace_modules.py $(CODE) | $(READY)
+	$(BIN)/python $< docs/ARCHITECTURE.md $@ >/dev/null
+
+# The generator and its theme are installed beside the package when they are first needed.
+SITE := $(VENV)/.docs-installed
+$(SITE): docs/requirements.lock | $(READY)
+	@echo "installing the generator of the documentation"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
+	@touch $@
+
+docs-site: $(SITE) ## Build the documentation with its gallery; any warning fails (three minutes)
+	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/docs-site/doctrees docs build/docs-site/html
+	@echo "open build/docs-site/html/index.html"
 
 lock: ## Pin the dependencies again (needs the network)
 	$(PYTHON) -m venv --clear build/lock
@@ -173,10 +196,12 @@ lock: ## Pin the dependencies again (needs the network)
 		--group build --group test --group lint pyproject.toml -o requirements.lock
 	build/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate \
 		--group bench -c requirements.lock pyproject.toml -o benchmarks/requirements.lock
+	build/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate \
+		--group docs -c requirements.lock pyproject.toml -o docs/requirements.lock
 
 clean: ## Remove results and caches; the virtual environment stays
 	@find reports -mindepth 1 ! -name README.md -delete
-	@rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	@rm -rf build docs/examples docs/reference .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	@find discovery datasets tests benchmarks docs -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean ## Remove the virtual environment too

@@ -48,8 +48,9 @@ def _errors(result: dict, which: str) -> str:
     return f"{1e3 * before[measure]:.2f} → {1e3 * after[measure]:.3f} {unit} {measure}"
 
 
-def table(reports: Path) -> str:
-    """Return the table of every run that is there, in the order of `HIDDEN`."""
+def table(reports: Path, before: str = "") -> str:
+    """Return the table in the order of `HIDDEN`; a run that is not there keeps its row of the table before, if any."""
+    rows = {name: line for line in before.splitlines() for name in HIDDEN if line.startswith(f"| `{name}` |")}
     lines = [
         "| recordings | hidden in them | verdict | added | held out, before → after | beyond the trained deflection |",
         "|---|---|---|---|---|---|",
@@ -57,6 +58,7 @@ def table(reports: Path) -> str:
     for name, hidden in HIDDEN.items():
         path = reports / name / "loop.json"
         if not path.exists():
+            lines += [rows[name]] if name in rows else []
             continue
         result = read_json(path)
         added = ", ".join(map(_effect, result["effects"])) or "nothing"
@@ -76,7 +78,9 @@ def insert(readme: str, content: str) -> str:
 def main() -> None:
     """Write the table."""
     readme = Path(sys.argv[2])
-    readme.write_text(insert(readme.read_text(encoding="utf-8"), table(Path(sys.argv[1]))), encoding="utf-8")
+    text = readme.read_text(encoding="utf-8")
+    before = text.partition(BEGIN)[2].partition(END)[0]
+    readme.write_text(insert(text, table(Path(sys.argv[1]), before)), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 SCRIPT = runpy.run_path(str(DOCS / "catalogue_page.py"))
 catalogue_page, main = SCRIPT["catalogue_page"], SCRIPT["main"]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -153,6 +153,15 @@ def attribution() -> str:
     return (DOCS / "ATTRIBUTION.md").read_text(encoding="utf-8")
 
 
+@pytest.fixture(scope="module")
+def loop_json() -> str:
+    return (DOCS / "LOOP_JSON.md").read_text(encoding="utf-8")
+
+
+def test_the_attribution_page_is_short(attribution: str) -> None:
+    assert sum(any(c.isalnum() for c in word) for word in attribution.split()) <= 2500
+
+
 def numbers_of(text: str) -> dict[str, float]:
     """Return the values of the rows "| `name` | value | ..." of a page."""
     return {name: float(value) for name, value in re.findall(r"^\| `(\w+)` \| ([\d.e-]+) \|", text, re.MULTILINE)}
@@ -165,18 +174,17 @@ def test_the_attribution_page_states_the_numbers_that_decide(attribution: str) -
     assert numbers_of(work) == asdict(LoopSettings().budget)
 
 
-def test_the_attribution_page_explains_every_field_of_the_evidence(attribution: str) -> None:
-    rows = attribution.partition("| in `effects[].evidence` |")[2].partition("\n\n")[0]
+def test_every_field_of_the_evidence_is_explained(loop_json: str) -> None:
+    rows = loop_json.partition("| in `effects[].evidence` |")[2].partition("\n\n")[0]
     assert re.findall(r"^\| `(\w+)` \|", rows, re.MULTILINE) == [*(f.name for f in fields(Odds)), "odds"]
 
 
-def test_the_attribution_page_names_every_verdict_and_record(attribution: str) -> None:
+def test_every_verdict_and_record_is_named(attribution: str, loop_json: str) -> None:
     shown = re.findall(r"^\| `(\w+)` \| [^|]+ \| [^|]+ \|$", attribution.partition("## 8.")[2], re.MULTILINE)
     assert set(shown[: len(VERDICTS)]) == set(VERDICTS)
-    content = attribution.partition("## 9.")[2].partition("## 10.")[0]
     for record in (ModelErrorReport, Lead, Decision, Candidacy):
-        assert not [f.name for f in fields(record) if f"`{f.name}`" not in content], record.__name__
-    assert not [code for code in OUTCOMES if f"`{code}`" not in attribution]
+        assert not [f.name for f in fields(record) if f"`{f.name}`" not in loop_json], record.__name__
+    assert not [code for code in OUTCOMES if f"`{code}`" not in attribution + loop_json]
 
 
 def test_the_picture_is_what_its_script_draws(tmp_path: Path) -> None:
@@ -189,3 +197,32 @@ def test_the_picture_is_what_its_script_draws(tmp_path: Path) -> None:
 
 def test_pictures_are_small() -> None:
     assert all(p.stat().st_size < 200_000 for p in (DOCS / "images").iterdir())
+
+
+def slug(heading: str) -> str:
+    """Return the anchor of a heading."""
+    words = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower().replace("`", "")
+    return re.sub(r"[^\w\- ]", "", words).strip().replace(" ", "-")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_to_headings_lead_to_one(page: Path) -> None:
+    for target, anchor in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", page.read_text(encoding="utf-8")):
+        other = page.parent / target if target else page
+        headings = re.findall(r"^#+ (.+)$", other.read_text(encoding="utf-8"), re.MULTILINE)
+        assert anchor in map(slug, headings), f"{page.name} links to {target}#{anchor}"
+
+
+@pytest.mark.slow
+def test_the_way_of_the_data_is_what_is_traced(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    script = runpy.run_path(str(DOCS / "trace_modules.py"))
+    page.write_text(f"{script['BEGIN']}\n{script['END']}\n", encoding="utf-8")
+    traced = [sys.executable, str(DOCS / "trace_modules.py"), str(page), str(tmp_path / "way.svg")]
+    subprocess.run(traced, check=True, capture_output=True)
+    stated = (DOCS / "ARCHITECTURE.md").read_text(encoding="utf-8").partition(script["BEGIN"])[2]
+    numbers = [
+        [int(n) for n in re.findall(r"\b\d+\b", text)][:4] for text in (stated, page.read_text(encoding="utf-8"))
+    ]
+    # A module more or less is not worth a new picture.
+    assert numbers[0] == pytest.approx(numbers[1], rel=0.1), "run `make docs`"

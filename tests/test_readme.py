@@ -27,19 +27,30 @@ def test_the_session_is_true(monkeypatch: pytest.MonkeyPatch) -> None:
     assert results.failed == 0
 
 
-def test_the_command_to_paste_prints_what_is_quoted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    command, _, rest = README.read_text(encoding="utf-8").partition("```\n.venv/bin/")[2].partition("```\n")
-    quoted = rest.partition("```\n")[2].partition("```")[0]
+def pasted() -> list[tuple[str, str]]:
+    """Return the commands to paste of the page, and what is quoted after each."""
+    text = README.read_text(encoding="utf-8")
+    return re.findall(r"^```\n\.venv/bin/(discovery .*?)```\n\n```\n(.*?)```$", text, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("place", ["build/spring_bench", "build/arm_delay"])
+def test_a_command_to_paste_prints_what_is_quoted(place: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    ((command, quoted),) = [(command, quoted) for command, quoted in pasted() if place in command]
     monkeypatch.chdir(ROOT)
     # What is run goes elsewhere; the page says where it went.
-    printed = run(command.replace("\\\n", "").replace("build/arm_delay", str(tmp_path)))
-    assert agree(quoted, printed.replace(str(tmp_path), "build/arm_delay")), printed
+    printed = run(command.replace("\\\n", "").replace(place, str(tmp_path)))
+    assert agree(quoted, printed.replace(str(tmp_path), place)), printed
+
+
+def test_every_command_to_paste_is_run() -> None:
+    assert len(pasted()) == README.read_text(encoding="utf-8").count("\n.venv/bin/discovery ") == 2
 
 
 def test_every_environment_variable_is_explained() -> None:
     sources = [*(ROOT / "discovery").rglob("*.py"), *(ROOT / "datasets").rglob("*.py"), *(ROOT / "tests").glob("*.py")]
     read = {name for path in sources for name in re.findall(r"DISCOVERY_[A-Z]+", path.read_text(encoding="utf-8"))}
-    shown = re.findall(r"^\| `(DISCOVERY_[A-Z]+)` \|", README.read_text(encoding="utf-8"), re.MULTILINE)
+    page = (ROOT / "docs" / "COMMAND_LINE.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^\| `(DISCOVERY_[A-Z]+)` \|", page, re.MULTILINE)
     assert len(shown) == len(set(shown))
     # A constant of `discovery.runs.stages`, and what shells ask the library of the command line with.
     assert set(shown) == read - {"DISCOVERY_SAMPLES", "DISCOVERY_COMPLETE"}
@@ -75,6 +86,9 @@ def test_the_table_is_made_from_result_files(tmp_path: Path) -> None:
     assert len(rows) == 3
     assert rows[2].startswith("| `arm_delay` | a camera 10 ms late | explained | `radius_inertia`, `sensor_delay` ")
     assert "(tau = 0.01000 ± 0.00002 s) | 1.00 → 0.400 mm mean |" in rows[2]
+    # A run that is not at hand keeps its row.
+    kept = SCRIPT["table"](tmp_path, "| `arm` | as it was |\n| `arm_delay` | old |").splitlines()
+    assert kept == [*rows[:2], "| `arm` | as it was |", rows[2]]
     page = f"before\n{SCRIPT['BEGIN']}\nold\n{SCRIPT['END']}\nafter\n"
     new = SCRIPT["insert"](page, "new")
     assert new == page.replace("old", "new")
