@@ -20,7 +20,8 @@ def stand_in(rig: Any, coordinate: str, output: str = "m") -> Any:
 
 
 def pushed(unit: str) -> Any:
-    return SimpleNamespace(columns=SimpleNamespace(input=SimpleNamespace(unit=unit)))
+    told = SimpleNamespace(input=SimpleNamespace(unit=unit))
+    return SimpleNamespace(columns=told, mass=None, inertia=None)
 
 
 def test_an_arm_weighs_what_its_rig_says() -> None:
