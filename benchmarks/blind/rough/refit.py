@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
-__all__ = ["Wanted", "check_readable", "clean_reading", "free_run", "leftover", "prediction_error"]
+__all__ = ["Wanted", "at_times", "check_readable", "clean_reading", "free_run", "leftover", "prediction_error"]
 
 FloatArray = NDArray[np.float64]
 #: Trajectory error of the fits, as in the exact world.
@@ -72,8 +73,16 @@ def prediction_error(folder: Path, train: Sequence[Path], wanted: Wanted, clean:
 
     found = _fitted(folder / "rig.toml", train, wanted)
     (held,) = load_dataset(folder / "rig.toml", train, [folder / "holdout.csv"]).holdout
-    away = free_run(found, held) - clean[[c for c in clean if c not in ("time_s", "motor_angle_rad")]].to_numpy()
+    away = free_run(found, held) - at_times(clean, held.recording.time)
     return float(np.sqrt(np.nanmean(np.sum(away**2, axis=1))))
+
+
+def at_times(clean: pd.DataFrame, time: FloatArray) -> FloatArray:
+    """Return noise-free readings at the times of a recording, which is averaged where it was read far too fast."""
+    readings = clean.drop(columns=["time_s", "motor_angle_rad"], errors="ignore").to_numpy()
+    if len(time) == len(clean):
+        return readings
+    return CubicSpline(clean["time_s"].to_numpy(), readings)(time)
 
 
 def free_run(found: Any, held: Any) -> FloatArray:
