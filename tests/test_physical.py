@@ -70,6 +70,12 @@ def test_a_stated_mass_tells_forces_where_no_input_does() -> None:
     assert found["alpha"][1] == pytest.approx(50 * np.hypot(0.01, 0.01))
 
 
+def test_a_motion_in_pixels_tells_no_newtons() -> None:
+    model = with_stiffness("oscillator", "viscous_damping")
+    values = {"g": 0.5, "alpha": 100.0, "xi": 0.2}
+    assert physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("N"), "pixel")) == {}
+
+
 def test_an_inverse_rig_reads_the_force() -> None:
     model = with_stiffness("inverse_dynamics", "coulomb_friction").without(["linear_stiffness"])
     values = {"m": 95.0, "m_0": 100.0, "f_c": 0.2, "v_c": 1e-3}

@@ -67,6 +67,8 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
         relative = math.hypot(spread, 2 * rig.length.sd / rig.length.value)
         return mass * rig.length.value**2, relative, dimension("kg m^2")
     q = dimension(experiment.coordinate_unit)
+    if "pixel" in q:  # no length
+        return None
     acceleration = _product((q, 1), (dimension("s^-2"), 1))
     if base.prescribed:
         force = dimension(experiment.recording.units[0])

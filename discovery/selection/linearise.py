@@ -64,7 +64,7 @@ class _Probed:
 
     def columns(self, experiment: Experiment, channels: FloatArray) -> FloatArray:
         """Return derivatives by every parameter and the residual, shape (n, c, p + 1) [noise sds]."""
-        p, noise = self.apart.size, experiment.recording.noise[:, None]
+        p, noise = self.apart.size, experiment.recording.scatter[:, :, None]
         slopes = (channels[:, :, 1 : p + 1] - channels[:, :, p + 1 :]) / self.apart / noise
         slopes[:, :, ~np.isfinite(slopes).all(axis=(0, 1))] = 0.0
         residual = (channels[:, :, :1] - experiment.recording.output[:, :, None]) / noise

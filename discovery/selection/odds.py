@@ -78,8 +78,9 @@ def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> floa
     """Return the form error of what a larger set adds."""
     values, problem = larger.refit.values, larger.refit.problem
     added = [get_effect(e) for e in larger.added if e not in smaller.added]
-    pliable = any(e.imitates(values, problem.units.time, problem.bench.duration) for e in added)
-    return settings.form_pliable if pliable else settings.form_of(larger.model)
+    if any(e.imitates(values, problem.units.time, problem.bench.duration) for e in added):
+        return settings.form_pliable
+    return settings.form_arm if any(e.pliable for e in added) else settings.form_of(larger.model)
 
 
 def _size(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool) -> float:

@@ -53,7 +53,7 @@ class LoopSettings:
     form, form_arm : float
         Model error in the direction of one effect, as a share of the model error that is left: laws idealise, and
         what no catalogue holds looks like what it holds in part. Of systems with one coordinate, and of an arm, whose
-        geometry and camera have more ways to err.
+        geometry and camera have more ways to err; that of an arm also of a law that may imitate others.
     form_pliable : float
         The same in the direction of a law where it imitates others, for every system.
     law, law_arm : float
@@ -72,7 +72,7 @@ class LoopSettings:
     chance: float = 0.99
     error_scale: float = 0.15
     form: float = 0.45
-    form_arm: float = 1.0
+    form_arm: float = 1.4
     form_pliable: float = 7.0
     law: float = 0.005
     law_arm: float = 0.045
