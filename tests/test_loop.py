@@ -18,6 +18,7 @@ from discovery_datasets.quick_effects import TipRotaryInertia
 from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
+from discovery.estimation.covariance import covariance_of
 from discovery.recordings.dataset import load_dataset
 from discovery.results.provenance import plain
 from discovery.runs.loop import LoopResult, _designs, close_loop
