@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from discovery.report.mathml import expression, row, symbol
+from discovery.report.mathml import row, symbol
+from discovery.report.mathml_expression import expression
 
 if TYPE_CHECKING:
     import sympy as sp

@@ -22,7 +22,8 @@ from discovery.report.effect_formulas import (
     signed,
     together,
 )
-from discovery.report.mathml import expression, number, power, row, symbol, total
+from discovery.report.mathml import number, power, row, symbol, total
+from discovery.report.mathml_expression import expression
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 
 if TYPE_CHECKING:
