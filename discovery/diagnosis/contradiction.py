@@ -252,7 +252,8 @@ def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, least_gain
 
 def _check(parameter: str, unit: str, value: tuple[float, float], predicted: tuple[float, float], source: str) -> Check:
     z = (value[0] - predicted[0]) / math.hypot(value[1], predicted[1])
-    return Check(parameter, unit, *value, *predicted, z, math.erfc(abs(z) / math.sqrt(2)), source)
+    p = math.erfc(abs(z) / math.sqrt(2))
+    return Check(parameter, unit, *value, *predicted, z=z, p=p, source=source)
 
 
 def _adjusted(checks: Sequence[Check]) -> list[Check]:

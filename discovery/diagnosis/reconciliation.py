@@ -159,7 +159,15 @@ def reconcile(
     followed = _follow(fit, name, path, repaired, lost)
     if not followed:
         return ()
-    tried = _finish(fit, bench, name, predicted, followed, 2 * fit.minimum.cost + z**2, least_gain)
+    tried = _finish(
+        fit,
+        bench,
+        name=name,
+        predicted=predicted,
+        followed=followed,
+        without=2 * fit.minimum.cost + z**2,
+        least_gain=least_gain,
+    )
     return _ranked(tried, fit.model.mechanics.system, least_gain)
 
 
@@ -238,7 +246,18 @@ def _finish(
         parameters = {n: (v, float("nan") if n in reasons else spread[n]) for n, v in values.items() if n in own}
         z, chi2, total = (values[name] - mean) / sd, _data_chi2(problem, minimum), 2 * minimum.cost
         agrees = abs(z) <= _AGREES and chi2 <= limit
-        found.append(Reconciliation(r.effect, parameters, values[name], z, chi2, total, without - total, agrees))
+        found.append(
+            Reconciliation(
+                r.effect,
+                parameters,
+                value=values[name],
+                z=z,
+                chi2=chi2,
+                total=total,
+                evidence=without - total,
+                reconciles=agrees,
+            )
+        )
     return found
 
 

@@ -287,7 +287,16 @@ def levenberg_marquardt(
         else:
             jacobian = yield from differenced()
             fresh = True
-    return Minimum(x, cost, residual, jacobian, (x <= lower) | (x >= upper), converged, count, blown)
+    return Minimum(
+        x,
+        cost,
+        residual=residual,
+        jacobian=jacobian,
+        at_bound=(x <= lower) | (x >= upper),
+        converged=converged,
+        iterations=count,
+        blown=blown,
+    )
 
 
 def minimise(

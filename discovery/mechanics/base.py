@@ -329,4 +329,13 @@ def lagrangian_mechanics(
         (float(3 * w), (float(1 - at) * bend, float(1 - at) * bending.value, (float(1 - at) * bending.jacobian[0],)))
         for at, w in zip(places, weights, strict=True)
     ]
-    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),), (only,), tuple(fibres))
+    return Mechanics(
+        (q,),
+        (qd,),
+        assignments=(),
+        channels=channels,
+        mass=((mass,),),
+        force=(sp.factor_terms(-bias),),
+        bending=(only,),
+        fibres=tuple(fibres),
+    )

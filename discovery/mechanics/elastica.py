@@ -200,7 +200,7 @@ class Elastica(ArmBase):
         ay = total("ay", ends, [s.alpha_m * cosine[b] - square[b] * sine[b] for b in range(nodes)])
         vx = name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
         vy = name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
-        channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd)
+        channels = self._channels(tip_x, tip_y, vx=vx, vy=vy, jx=jx, jy=jy, ax=ax, ay=ay, q=q, qd=qd)
         curved = self._weights @ curvatures(at)
         kappa = [name(f"kp_{a}", sum(float(curved[k, a]) * q[k] for k in range(n))) for a in range(nodes)]
         cube = [name(f"kc_{a}", float(weights[a] / 3) * kappa[a] ** 3) for a in range(nodes)]
@@ -237,14 +237,14 @@ class Elastica(ArmBase):
         return Mechanics(
             q,
             qd,
-            tuple(program),
-            channels,
-            tuple(map(tuple, mass)),
-            force,
-            components,
-            fibres,
-            _over_three(self._root_curvature, q, qd),
-            self._end(),
+            assignments=tuple(program),
+            channels=channels,
+            mass=tuple(map(tuple, mass)),
+            force=force,
+            bending=components,
+            fibres=fibres,
+            root=_over_three(self._root_curvature, q, qd),
+            end=self._end(),
         )
 
     def _end(self) -> RodEnd | None:

@@ -74,7 +74,14 @@ class OneCoordinate(Base):
         value, rate, jacobian = bare.bending[0]
         bending = (value.xreplace(seen), rate.xreplace(seen), jacobian)
         return Mechanics(
-            bare.coordinates, bare.rates, (), channels, bare.mass, (self.pull(),), (bending,), ((1, bending),)
+            bare.coordinates,
+            bare.rates,
+            assignments=(),
+            channels=channels,
+            mass=bare.mass,
+            force=(self.pull(),),
+            bending=(bending,),
+            fibres=((1, bending),),
         )
 
     def reading(self, closure, rod=STRAIGHT):

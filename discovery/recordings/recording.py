@@ -151,9 +151,9 @@ def read_recording(
     told: list[str] = []
     if rig.kind == "pendulum" and rig.view is None and "output" in read:
         read["output"], told = near_hanging(read["output"], units["output"])
-    check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
+    check_signals(table, names, units=units, time=time, inputs=inputs, outputs=read, fewest=KINDS[rig.kind].fewest)
     if arm:
-        check_arm(table, names, units, rig, time, inputs, read)
+        check_arm(table, names, units=units, rig=rig, time=time, inputs=inputs, outputs=read)
         told = [] if inputs is None else bend_notes(inputs, read)
     elif read:
         check_units(table, rig, names, time, read["output"], inputs is not None)
@@ -176,7 +176,7 @@ def read_recording(
         returns = rig.kind in (*_SWINGING, "base_excited") and rig.view is None
         read[channel], found = clean_output(names[channel], unit, time, read[channel], noise[-1], returns)
         notes += found if known is None else found + noise_note(names[channel], unit, time, read[channel], known)
-    check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
+    check_signals(table, names, units=units, time=time, inputs=inputs, outputs=read, fewest=KINDS[rig.kind].fewest)
     if rig.view is not None and inputs is not None:
         rate = sampling_rate(time, source)
         inputs = zero_phase(inputs, rate, rig.view.motion_cutoff)

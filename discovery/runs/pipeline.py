@@ -350,7 +350,17 @@ def answer(
         "clean": _to_clean(dataset, predictions),
         "models": _models(loop),
     }
-    found = Answer(dataset, out, seed, content, discovered, fits, loop, missing, predictions)
+    found = Answer(
+        dataset,
+        out,
+        seed=seed,
+        content=content,
+        discovered=discovered,
+        fits=fits,
+        loop=loop,
+        missing=missing,
+        predictions=predictions,
+    )
     if not (with_posterior and found.kept):
         _save(found, Sampled(because="running" if with_posterior else "asked"), progress=progress, first=True)
     return found
@@ -452,7 +462,15 @@ def _save(found: Answer, done: Sampled, *, progress: stages.Tell, first: bool = 
             posterior.to_netcdf(beside / "posterior.nc", dataset)
         if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
-        _save_curves(beside, dataset, found.predictions, bands, posterior, found.discovered, elastica)
+        _save_curves(
+            beside,
+            dataset,
+            predictions=found.predictions,
+            bands=bands,
+            posterior=posterior,
+            discovered=found.discovered,
+            elastica=elastica,
+        )
         if found.missing is not None:
             curves.save_groups(beside / "force.nc", curves.forces(found.missing.forces))
         write_loop(beside, found.loop, alone=False)
@@ -484,7 +502,7 @@ def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: Mis
         "scope": "loop",
         "clean": _to_clean(dataset, predictions),
     }
-    _save_curves(folder, dataset, predictions, (), None, None, None)
+    _save_curves(folder, dataset, predictions=predictions, bands=(), posterior=None, discovered=None, elastica=None)
     if missing is not None:
         curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
     write_json(folder / "results.json", content)

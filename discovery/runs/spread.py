@@ -180,7 +180,7 @@ class _Crew(Protocol):
     def room(self) -> int:
         """Return how many cases can be done at once."""
 
-    def submit(self, key: int, *arguments: Any) -> None:
+    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
         """Begin with a case: `_attempt` with its arguments."""
 
     def next(self) -> tuple[int, Callable[[], Outcome]]:
@@ -196,7 +196,7 @@ class _Processes:
     def room(self) -> int:
         return self._size
 
-    def submit(self, key: int, *arguments: Any) -> None:
+    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
         self._made.submit(key, _attempt, *arguments)
 
     def next(self) -> tuple[int, Callable[[], Outcome]]:
@@ -215,7 +215,7 @@ class _Cluster:
     def room(self) -> int:
         return sum(self._client.ncores().values())
 
-    def submit(self, key: int, *arguments: Any) -> None:
+    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
         # One prefix for all: the scheduler keeps statistics of every prefix for ever.
         own = ("case", os.urandom(8).hex())
         self._keys[own] = key
@@ -302,7 +302,7 @@ def _stream(
         key = next(keys)
         running[key] = name, case, tries, time.perf_counter()
         try:
-            crew.submit(key, work, name, case, case_seed(seed, name), limit, True)
+            crew.submit(key, (work, name, case, case_seed(seed, name), limit, True))
         except Exception as error:
             # The case cannot be sent.
             del running[key]
