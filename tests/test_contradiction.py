@@ -18,13 +18,8 @@ from pendulum import swing
 from synthetic_run import write_arm_run
 from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
 
-from discovery.diagnosis.contradiction import (
-    Check,
-    Contradiction,
-    ContradictionReport,
-    _adjusted,
-    check_contradictions,
-)
+from discovery.diagnosis.checks import Check, adjusted
+from discovery.diagnosis.contradiction import Contradiction, ContradictionReport, check_contradictions
 from discovery.diagnosis.exact_counterpart import exact_counterpart
 from discovery.diagnosis.reconciliation import Reconciliation
 from discovery.equations.model import Model
@@ -53,15 +48,15 @@ def numbers(z: float) -> Check:
 
 
 def test_holm_s_method_multiplies_the_smallest_probability_most() -> None:
-    found = _adjusted([numbers(1.0), numbers(3.1), numbers(-3.05), numbers(0.2)])
+    found = adjusted([numbers(1.0), numbers(3.1), numbers(-3.05), numbers(0.2)])
     raw = [numbers(z).p for z in (1.0, 3.1, -3.05, 0.2)]
     # Never in another order than before: the second smallest is no smaller than the smallest.
     assert 3 * raw[2] < 4 * raw[1]
     assert [c.p for c in found] == pytest.approx([2 * raw[0], 4 * raw[1], 4 * raw[1], raw[3]])
     assert [c.contradicts for c in found] == [False] * 4
-    assert [c.contradicts for c in _adjusted([numbers(3.1)])] == [True]
-    assert [c.contradicts for c in _adjusted([numbers(2.9)])] == [False]
-    assert [c.contradicts for c in _adjusted([numbers(-6.0), numbers(0.0)])] == [True, False]
+    assert [c.contradicts for c in adjusted([numbers(3.1)])] == [True]
+    assert [c.contradicts for c in adjusted([numbers(2.9)])] == [False]
+    assert [c.contradicts for c in adjusted([numbers(-6.0), numbers(0.0)])] == [True, False]
 
 
 def test_several_effects_that_reconcile_are_all_named() -> None:

@@ -21,15 +21,9 @@ from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
 from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
+from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits
 from discovery.diagnosis.rival_distance import Distance, _absorbed
-from discovery.diagnosis.separation import (
-    Separation,
-    _Search,
-    allowed_limits,
-    demonstrated_limits,
-    separate,
-    similarity_matrix,
-)
+from discovery.diagnosis.separation import Separation, _Search, separate, similarity_matrix
 from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment

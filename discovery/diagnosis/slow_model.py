@@ -19,8 +19,9 @@ from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Closure, Joint, Memory, Mode
 from discovery.declarations.external_force import ExternalForce
 from discovery.declarations.registry import get_effect
+from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
-from discovery.equations.program import RECORDED, Program, build_program, radius_of
+from discovery.equations.program import RECORDED, Program, build_program
 from discovery.estimation.problem import NaturalUnits
 from discovery.mechanics import get_base
 from discovery.simulation.kernel.compile import numpy_derivative

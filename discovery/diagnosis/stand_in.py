@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.diagnosis.contradiction import LIMIT
+from discovery.diagnosis.checks import LIMIT
 from discovery.estimation.fit import Fit
 from discovery.rigs.rig_schema import QUANTITIES
 

@@ -10,9 +10,10 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
+from discovery.equations.contributions import radius_of
 from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model
-from discovery.equations.program import RECORDED, radius_of
+from discovery.equations.program import RECORDED
 from discovery.export.declared_latex import declared_latex
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import origin

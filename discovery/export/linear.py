@@ -250,24 +250,29 @@ def linearise(
     state = _state_at(numbers, found, deflection, speed, recorded)
     n, r = state.size, len(program.reading)
 
-    def matrices(given: Mapping[str, float]) -> tuple[FloatArray, ...]:
-        row = np.array([given[p.name] for p in program.parameters])[:, None]
-        if amplitude and frequency:
-            return _with_motion(_averaged(numbers, state, recorded, row, amplitude, frequency), n, r, base.input_moves)
-        return _with_motion(_jacobian(numbers, state, recorded, row), n, r, base.input_moves)
+    def column(given: Mapping[str, float]) -> FloatArray:
+        return np.array([given[p.name] for p in program.parameters])[:, None]
 
-    row = np.array([found.values[p.name] for p in program.parameters])[:, None]
-    there = numbers.both(recorded[:, None], state[:, None], row)[:, 0]
+    def matrices(given: Mapping[str, float]) -> tuple[FloatArray, ...]:
+        cycle = (amplitude, frequency) if amplitude and frequency else ()
+        found = (_averaged if cycle else _jacobian)(numbers, state, recorded, column(given), *cycle)
+        return _with_motion(found, n, r, base.input_moves)
+
+    a, b, c, d = matrices(found.values)
+    there = numbers.both(recorded[:, None], state[:, None], row := column(found.values))[:, 0]
     late = float(sp.lambdify([sp.Symbol("t", real=True), *program.parameters], program.lateness)(0.0, *row[:, 0]))
     names = [y.name for y in program.states]
     motion = (["theta_m", "theta_m_dot"] if base.system == ARM else ["u", "u_dot"]) if base.input_moves else []
     return LinearModel(
-        (*names, *motion),
+        a=a,
+        b=b,
+        c=c,
+        d=d,
+        states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
         outputs=("tip_x", "tip_y") if base.system == ARM else ("output",),
-        **dict(zip("abcd", matrices(found.values), strict=True)),
         sd=_spread(matrices, found, draws),
-        point={**dict(zip(names, state.tolist(), strict=True)), motion[0] if motion else "u": held},
+        point=dict(zip((*names, motion[0] if motion else "u"), (*state.tolist(), held), strict=True)),
         reading=tuple(there[n:].tolist()),
         drift=(*there[:n].tolist(), *[0.0] * len(motion)),
         delay=max(late, 0.0),

@@ -10,7 +10,8 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import OSCILLATOR
 from discovery.declarations.parameters import Normal, Parameter
-from discovery.mechanics.base import Base, Channel, Mechanics, lagrangian_mechanics
+from discovery.mechanics.base import Base, Channel, Mechanics
+from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT
 
 __all__ = ["ForceDriven", "OneCoordinate"]

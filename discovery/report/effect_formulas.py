@@ -145,7 +145,7 @@ def laws(effects: Sequence[Any], system: str) -> str:
     import sympy as sp
 
     from discovery.declarations import symbols as s
-    from discovery.equations.program import radius_of
+    from discovery.equations.contributions import radius_of
 
     name, arm = coordinate_name(system), system == "flexible_arm"
     kind = effects[0].kind

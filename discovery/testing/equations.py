@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Effect, Load, Memory
-from discovery.equations.program import RECORDED, Program, strands
+from discovery.equations.contributions import strands
+from discovery.equations.program import RECORDED, Program
 from discovery.mechanics import get_base
 from discovery.mechanics.rod_end import LoadedEnd, loaded_end
 from discovery.simulation.kernel.compile import numpy_derivative

@@ -21,8 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Joint, Kinetic
 from discovery.declarations.registry import get_effect
+from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
-from discovery.equations.program import RECORDED, Program, build_program, radius_of
+from discovery.equations.program import RECORDED, Program, build_program
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.base import SHORTENING_RADIUS, Channel

@@ -69,10 +69,10 @@ class _Loop:
 
     def balance(self, t: Any, command: Any, hub: Any, state: Any) -> tuple[Any, Any, list]:
         """Return asked current, hub acceleration and the arm's rows for angle, rate and error integral of the hub."""
-        motor, size, limit = self.motor, self.size, self.motor.current_limit
+        motor, size = self.motor, self.size
         angle, speed, integral = hub
         asked = self.controller.current(motor, command, angle, speed, integral)
-        torque = motor.hub_constant * np.clip(asked, -limit, limit) - motor.friction(speed)
+        torque = motor.hub_constant * np.clip(asked, -motor.current_limit, motor.current_limit) - motor.friction(speed)
         still, moved = (self.arm.rows(t, (angle, speed, a), state) for a in (0.0 * angle, 0.0 * angle + 1.0))
         slope = moved[size] - still[size]
         acceleration = (torque - self.feed * still[size]) / (motor.hub_inertia + self.feed * slope)
@@ -143,7 +143,7 @@ def drive_arm(
         alpha_m=acceleration,
         x=tip_x,
         y=tip_y,
-        current=np.clip(asked, -limit, limit),
+        current=np.clip(asked, -motor.current_limit, motor.current_limit),
         coupling_torque=arm.inertia * torque,
         states=y[3:],
     )
