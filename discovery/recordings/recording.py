@@ -13,8 +13,9 @@ from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import read_table
 from discovery.plots.recordings import RecordingViews
+from discovery.recordings.arm_plausibility import check_arm
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
-from discovery.recordings.plausibility import check_arm, check_signals
+from discovery.recordings.plausibility import check_signals
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.reading_noise import estimate_noise, noise_note
 from discovery.recordings.reading_notes import bend_notes, clean_output, gap_notes, swing_notes, time_notes
