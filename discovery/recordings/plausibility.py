@@ -57,9 +57,9 @@ def check_signals(
         if values is not None:
             _check_range(table, names.get(signal) or names.get("motor_angle", signal), values)
     label = names.get("time", "")
-    _check_increase(table, label, units["time"], time)
+    _check_increase(table, label, units.get("time", "s"), time)
     if outputs and time.size >= fewest:
-        _check_pause(table, label, units["time"], time)
+        _check_pause(table, label, units.get("time", "s"), time)
     if inputs is not None and np.isnan(inputs).any():
         row = int(np.argmax(np.isnan(inputs)))
         column = names.get("motor_angle", names.get("input", "input"))

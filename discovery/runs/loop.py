@@ -148,7 +148,10 @@ class LoopResult(LoopViews):
         return {
             "verdict": self.verdict,
             "declared": list(self.declared),
-            "recordings": [{"name": r.name, "notes": list(r.notes)} for r in self.recordings],
+            "recordings": [
+                {"name": r.name, "notes": list(r.notes), "flags": [f.summary() for f in r.flags]}
+                for r in self.recordings
+            ],
             "effects": [self._described(effect) for effect in self.added],
             "errors": dict(self.errors),
             "model_error": self.model_error.summary(),

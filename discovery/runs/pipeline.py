@@ -100,6 +100,7 @@ def _describe(dataset: Dataset) -> dict[str, Any]:
                 "signal": _signal(e.recording.output),
                 "step": [quantum(column) for column in e.recording.output.T],
                 "notes": list(e.recording.notes),
+                "flags": [flag.summary() for flag in e.recording.flags],
             }
             for role, e in (*dataset.everything, *(("test", e) for e in dataset.test))
         ],
