@@ -37,7 +37,7 @@ from discovery.recordings.reading_flags import bend_flags
 from discovery.recordings.reading_noise import noise_flags
 from discovery.report import build_report
 from discovery.results.provenance import surroundings
-from discovery.runs.loop import UPGRADES
+from discovery.runs.loop_result import UPGRADES
 from discovery.simulation.kernel import compile as compiled
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"

@@ -20,7 +20,8 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate
 
 from discovery.recordings.dataset import load_dataset
 from discovery.results.provenance import plain
-from discovery.runs.loop import LoopResult, _designs, close_loop
+from discovery.runs.loop import _designs, close_loop
+from discovery.runs.loop_result import LoopResult
 from discovery.selection.context import Context
 from discovery.selection.settings import LoopSettings
 

@@ -30,7 +30,7 @@ from discovery.recordings.experiment import Experiment
 from discovery.report import build_report
 from discovery.rigs.rig import Rig
 from discovery.runs.loop import _separations
-from discovery.runs.pipeline import write_loop
+from discovery.runs.loop_files import write_loop
 from discovery.selection.simplicity import simplicity
 
 LIMITS = MotorLimits(angle=1.5, speed=2.0, acceleration=12.0, duration=6.0, deflection=0.95)

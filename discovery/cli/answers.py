@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from discovery.foundation.errors import ComputationError
     from discovery.recordings.dataset import Dataset
     from discovery.recordings.experiment import Experiment
-    from discovery.runs.loop import LoopResult
-    from discovery.runs.pipeline import Answer
+    from discovery.runs.answer import Answer
+    from discovery.runs.loop_result import LoopResult
     from discovery.runs.stages import Tell
 
 __all__ = ["COMMANDS"]
@@ -178,7 +178,7 @@ def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None)
 
 def _written(folder: Path, result: LoopResult, missing: MissingForce | None) -> dict[str, Any]:
     """Write loop.json, and return its content."""
-    from discovery.runs.pipeline import write_loop
+    from discovery.runs.loop_files import write_loop
 
     # Those of an earlier run would be another model's.
     for name in ("prediction.csv", "report.html"):
@@ -192,7 +192,7 @@ def _predicted(
 ) -> ComputationError | None:  # fmt: skip
     """Write prediction.csv, and return why there is none."""
     from discovery.foundation.errors import ComputationError
-    from discovery.runs.pipeline import save_prediction
+    from discovery.runs.loop_files import save_prediction
 
     tell("predicting")
     try:
@@ -210,7 +210,7 @@ def _loops_page(folder: Path, dataset: Dataset, result: LoopResult, missing: Mis
 
     from discovery.report import build_report
     from discovery.results.manifest import SAVING
-    from discovery.runs.pipeline import gather_loop
+    from discovery.runs.loop_files import gather_loop
 
     with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
         gather_loop(Path(beside), dataset, result, missing, seed)

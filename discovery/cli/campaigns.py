@@ -26,7 +26,7 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     from discovery.foundation.errors import InputError
     from discovery.recordings.dataset import load_dataset
     from discovery.rigs.rig_file import read_rig
-    from discovery.runs.pipeline import write_loop
+    from discovery.runs.loop_files import write_loop
     from discovery.runs.stages import loop, unexplained
     from discovery.selection.sentences import verdict_sentence
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
     from discovery.recordings.dataset import Dataset
     from discovery.recordings.recording import Recording
-    from discovery.runs.loop import LoopResult
+    from discovery.runs.loop_result import LoopResult
 
 __all__ = ["doubts"]
 
