@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from discovery.drafting.overview import overview as overview
     from discovery.drafting.rig_text import draft as draft_rig
     from discovery.equations.model import Model as Model
+    from discovery.estimation.declared import declared_model as declared_model
     from discovery.estimation.fit import Fit as Fit
-    from discovery.estimation.fit import declared_model as declared_model
     from discovery.estimation.fit import fit as fit_model
     from discovery.estimation.predict import predict as predict_motion
     from discovery.export import FittedModel as FittedModel
@@ -77,7 +77,7 @@ _HOMES = {
     "choose_noise": "discovery.posterior.noise_choice:choose_noise",
     "close_loop": "discovery.runs.loop:close_loop",
     "compare_models": "discovery.posterior.model_comparison:compare_models",
-    "declared_model": "discovery.estimation.fit:declared_model",
+    "declared_model": "discovery.estimation.declared:declared_model",
     "discover": "discovery.runs.regression_stage:discover",
     "draft_rig": "discovery.drafting.rig_text:draft",
     "fit_model": "discovery.estimation.fit:fit",

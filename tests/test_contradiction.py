@@ -24,7 +24,8 @@ from discovery.diagnosis.exact_counterpart import exact_counterpart
 from discovery.diagnosis.reconciliation import Reconciliation
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import Fit, declared_model, fit, rig_uncertainty
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.problem import known_values, natural_units
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report

@@ -28,7 +28,8 @@ def exact_arm(declared, dataset):
     """Fit the exact arm with nothing added: what every effect must improve upon."""
     from dataclasses import replace
 
-    from discovery.estimation.fit import fit, rig_uncertainty
+    from discovery.estimation.declared import rig_uncertainty
+    from discovery.estimation.fit import fit
 
     start = {n: v for n, v in declared.values.items() if n in ("alpha", "xi")}
     gaussian = rig_uncertainty(dataset.train[0])

@@ -11,21 +11,18 @@ from discovery.cli.campaign_cases import Case, beside, found_cases, listed, orig
 from discovery.cli.options import PATH, note, options, print_json, results_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.random import SeedSequence
+
+    from discovery.recordings.dataset import Dataset
+    from discovery.runs.attempt import Outcome
 
 __all__ = ["COMMANDS", "close"]
 
 
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     """Run the loop of one case, write its loop.json, and return what the tables of the campaign hold."""
-    from dataclasses import replace
-
-    from discovery.estimation.input_choice import choose_interpolation
-    from discovery.foundation.errors import InputError
-    from discovery.recordings.dataset import load_dataset
-    from discovery.rigs.rig_file import read_rig
     from discovery.runs.loop_files import write_loop
     from discovery.runs.stages import loop, unexplained
     from discovery.selection.sentences import verdict_sentence
@@ -33,16 +30,7 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     # A case that is done again and fails leaves nothing of before.
     for stale in (case.out / "loop.json", *case.out.glob("manoeuvre_*.csv")):
         stale.unlink(missing_ok=True)
-    if not case.train:
-        read_rig(case.rig)
-        raise InputError(
-            f"{case.rig}: there is nothing to fit. Give the rig file a train list under [records], or put a recording "
-            "train*.csv beside it."
-        )
-    dataset = load_dataset(case.rig) if case.own else load_dataset(case.rig, case.train, case.holdout)
-    if case.only is not None:
-        dataset = replace(dataset, train=(dataset.train[case.only],))
-    dataset = choose_interpolation(dataset)
+    dataset = _dataset(case)
     result = loop(dataset, seed=case.seed, progress=lambda _: None)
     content = write_loop(case.out, result, missing=unexplained(result, dataset, progress=lambda _: None))
     errors = {
@@ -66,6 +54,27 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     }
 
 
+def _dataset(case: Case) -> Dataset:
+    """Read what a case is made of."""
+    from dataclasses import replace
+
+    from discovery.estimation.input_choice import choose_interpolation
+    from discovery.foundation.errors import InputError
+    from discovery.recordings.dataset import load_dataset
+    from discovery.rigs.rig_file import read_rig
+
+    if not case.train:
+        read_rig(case.rig)
+        raise InputError(
+            f"{case.rig}: there is nothing to fit. Give the rig file a train list under [records], or put a recording "
+            "train*.csv beside it."
+        )
+    dataset = load_dataset(case.rig) if case.own else load_dataset(case.rig, case.train, case.holdout)
+    if case.only is not None:
+        dataset = replace(dataset, train=(dataset.train[case.only],))
+    return choose_interpolation(dataset)
+
+
 def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases: Sequence[tuple[str, Case]]) -> None:
     """Say which rigs were found, and which recordings are used."""
     found = f"{_count(len(rigs), 'rig')} found at {where}, {_count(len(cases), 'case')}"
@@ -79,6 +88,26 @@ def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases
         unused = [path.name for role in ("train", "holdout") for path in beside(rig, role) if path not in used]
         if unused:
             note(f"{rig}: not in its [records], not used: {', '.join(unused)}")
+
+
+def _count_failed(outcomes: Iterable[Outcome], *, quiet: bool) -> int:
+    """Say how each case ended, and return how many failed."""
+    failed = 0
+    for outcome in outcomes:
+        failed += outcome.result is None
+        said = outcome.error if outcome.result is None else f"{outcome.result['verdict']}: {outcome.result['effects']}"
+        if not quiet:
+            click.echo(f"{outcome.name}: {said.rstrip(': ')}")
+    return failed
+
+
+def _say_left(left: Sequence[tuple[str, Case, str]], cases: Sequence[tuple[str, Case]]) -> None:
+    """Say how many cases were done before, and which of them are done again."""
+    if len(left) < len(cases):
+        note(f"{len(cases) - len(left)} of {_count(len(cases), 'case')} were done before")
+    for name, _, reason in left:
+        if reason:
+            note(f"{name} is done again: {reason}")
 
 
 def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], table: Path) -> None:
@@ -147,31 +176,14 @@ def campaign(
     cases = found_cases(rigs, where if where.is_dir() else where.parent, out, seed=seed, each=each)
     made = origins(cases)
     folder = results_folder(out, "campaign.json", "results.parquet", "results.csv")
-    outcomes = run(
-        close,
-        cases,
-        folder,
-        settings={"seed": seed},
-        origins=made,
-        workers=workers,
-        scheduler=scheduler,
-        insecure=insecure,
-        limit=limit,
-    )
+    how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "insecure": insecure, "limit": limit}
+    outcomes = run(close, cases, folder, settings={"seed": seed}, origins=made, **how)
     left = list(unfinished(cases, folder, made))
     if not quiet:
         _say_found(where, rigs, skipped, cases)
-        if len(left) < len(cases):
-            note(f"{len(cases) - len(left)} of {_count(len(cases), 'case')} were done before")
-        for name, _, reason in left:
-            if reason:
-                note(f"{name} is done again: {reason}")
-    failed = 0
-    for outcome in watched(outcomes, len(left), "cases") if left and not quiet else outcomes:
-        failed += outcome.result is None
-        said = outcome.error if outcome.result is None else f"{outcome.result['verdict']}: {outcome.result['effects']}"
-        if not as_json:
-            click.echo(f"{outcome.name}: {said.rstrip(': ')}")
+        _say_left(left, cases)
+    done = watched(outcomes, len(left), "cases") if left and not quiet else outcomes
+    failed = _count_failed(done, quiet=as_json)
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
     if as_json:
         _print_cases(folder, cases, table)

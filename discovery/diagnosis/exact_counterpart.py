@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import RETARDATION, Fit
+from discovery.estimation.declared import RETARDATION
+from discovery.estimation.fit import Fit
 from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
 from discovery.recordings.experiment import Experiment

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from discovery.estimation.fit import declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.foundation.errors import DiscoveryError, InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, make_experiment

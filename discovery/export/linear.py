@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 import sympy as sp
@@ -23,6 +23,7 @@ from discovery.simulation.kernel.compile import numpy_derivative
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
+    from discovery.mechanics import Base
 
 __all__ = ["LinearModel", "linearise"]
 
@@ -202,6 +203,19 @@ def _refuse_cycle(model: Model, amplitude: float | None, frequency: float | None
         raise InputError(f"A describing function is of one coordinate; {base.name!r} has {base.n_coordinates}.")
 
 
+class _Matrices(TypedDict):
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    d: FloatArray
+
+
+def _moving_input(base: Base) -> list[str]:
+    """Return the names of an input that is a motion, and of its rate."""
+    name = "theta_m" if base.system == ARM else "u"
+    return [name, f"{name}_dot"] if base.input_moves else []
+
+
 def linearise(
     source: FittedModel | Fit | Model,
     values: Mapping[str, float] | None = None,
@@ -248,7 +262,7 @@ def linearise(
     program = numbers.program
     recorded = np.array([held, 0.0, 0.0])
     state = _state_at(numbers, found, deflection, speed, recorded)
-    n, r = state.size, len(program.reading)
+    n = state.size
 
     def column(given: Mapping[str, float]) -> FloatArray:
         return np.array([given[p.name] for p in program.parameters])[:, None]
@@ -256,18 +270,14 @@ def linearise(
     def matrices(given: Mapping[str, float]) -> tuple[FloatArray, ...]:
         cycle = (amplitude, frequency) if amplitude and frequency else ()
         found = (_averaged if cycle else _jacobian)(numbers, state, recorded, column(given), *cycle)
-        return _with_motion(found, n, r, base.input_moves)
+        return _with_motion(found, n, len(program.reading), base.input_moves)
 
     a, b, c, d = matrices(found.values)
     there = numbers.both(recorded[:, None], state[:, None], row := column(found.values))[:, 0]
     late = float(sp.lambdify([sp.Symbol("t", real=True), *program.parameters], program.lateness)(0.0, *row[:, 0]))
-    names = [y.name for y in program.states]
-    motion = (["theta_m", "theta_m_dot"] if base.system == ARM else ["u", "u_dot"]) if base.input_moves else []
+    names, motion = [y.name for y in program.states], _moving_input(base)
     return LinearModel(
-        a=a,
-        b=b,
-        c=c,
-        d=d,
+        **_Matrices(a=a, b=b, c=c, d=d),
         states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
         outputs=("tip_x", "tip_y") if base.system == ARM else ("output",),

@@ -164,10 +164,9 @@ def _exact_arm() -> list[Formula]:
 
     modes = row("<munder><mo>∑</mo><mi>k</mi></munder>", symbol("q_k"), at("t"), symbol("phi_k"), at("s"))
     shape = equal(row(symbol("theta"), at("s", "t")), row(symbol("theta_m"), at("t"), "<mo>+</mo>", modes))
-    lagrange = row(
-        f"<mfrac><mi>d</mi>{row('<mi>d</mi>', symbol('t'))}</mfrac>", partial("T", 1), "<mo>−</mo>", partial("T", 0),
-        "<mo>+</mo>", partial("V", 0), "<mo>+</mo>", partial("D", 1), "<mo>=</mo>", symbol("Q_k"),
-    )  # fmt: skip
+    rate = f"<mfrac><mi>d</mi>{row('<mi>d</mi>', symbol('t'))}</mfrac>"
+    sum_of = row(rate, partial("T", 1), "<mo>−</mo>", partial("T", 0), "<mo>+</mo>", partial("V", 0))
+    lagrange = row(sum_of, "<mo>+</mo>", partial("D", 1), "<mo>=</mo>", symbol("Q_k"))
     curvature = f"<mfrac>{row('<mo>∂</mo>', symbol('theta'))}{row('<mo>∂</mo>', symbol('s'))}</mfrac>"
     energy = row(
         "<mfrac><mn>1</mn><mn>6</mn></mfrac>",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.diagnosis.contradiction import ContradictionReport, check_contradictions
-from discovery.diagnosis.separation import Separation, separate
-from discovery.estimation.fit import Fit, declared_model, fit, fit_near, rig_uncertainty
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.problem import natural_units
@@ -22,6 +22,7 @@ from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.quantisation import resolution
+from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
@@ -48,10 +49,6 @@ FloatArray = NDArray[np.float64]
 _EXACT = UPGRADES[-1][0]
 #: A trajectory error below so many noise sds at every sample is none to the search.
 _HIDDEN = 0.06
-#: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
-_DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
-#: Rivals of one effect for which a manoeuvre is designed.
-_RIVALS = 2
 #: A state on which the residual depends explains so much of its variance.
 _DEPENDS = 0.1
 
@@ -206,7 +203,7 @@ def _result(
     *,
     complete: bool,
 ) -> LoopResult:
-    train, holdout, judge = context.train, context.judge.separate, context.judge
+    train, judge = context.train, context.judge
     geometry, steps = mechanics
     fits = {"before": before[0], "after": after[0]}
     on_train = {when: f.predict() for when, f in fits.items()}
@@ -223,10 +220,7 @@ def _result(
         after=after[0],
         steps=(*steps, *search.decisions),
         errors={
-            "unit": train[0].recording.units[0],
-            "noise_floor": float(np.sqrt(np.sum(np.square(train[0].recording.noise)))),
-            "holdout_kind": judge.kind,
-            "holdout_motion": judge.motion,
+            **_errors_head(context),
             **{w: {"train": _train_errors(train, on_train[w]), **judge.errors(held[w])} for w in fits},
         },
         model_error=_model_error(context, search.root, before[1], after[1], reports["after"]),
@@ -235,10 +229,21 @@ def _result(
         residual_after=reports["after"],
         predictions={w: on_train[w] if judge.continued else [*on_train[w], *held[w]] for w in fits},
         complete=complete,
-        contradiction=_contradiction(after[0], search, context, complete=complete),
-        separations=_separations(search, found, context),
-        recordings=tuple(e.recording for e in (*train, *holdout)),
+        contradiction=contradiction_of(after[0], search, context, complete=complete),
+        separations=separations(search, found, context),
+        recordings=tuple(e.recording for e in (*train, *judge.separate)),
     )
+
+
+def _errors_head(context: Context) -> dict[str, Any]:
+    """Return what all errors share: unit, noise floor, and what kind of hold-out there is."""
+    recording = context.train[0].recording
+    return {
+        "unit": recording.units[0],
+        "noise_floor": float(np.sqrt(np.sum(np.square(recording.noise)))),
+        "holdout_kind": context.judge.kind,
+        "holdout_motion": context.judge.motion,
+    }
 
 
 def _model_error(
@@ -252,38 +257,6 @@ def _model_error(
     share = sizes[1] / sizes[0] if sizes[0] > 0 and np.isfinite(sizes[0]) else 1.0
     least = least_error(after, root, context) * noise
     return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, depends)
-
-
-def _contradiction(after: Fit, search: Search, context: Context, *, complete: bool) -> ContradictionReport | None:
-    """Test the final values against what the rig and the elastica predict; None where nothing asks for it."""
-    if not context.settings.follow_up or not (complete or search.best.added):
-        return None
-    context.progress("comparing with the rig")
-    bench = search.best.refit.problem.bench
-    rng = np.random.default_rng([context.settings.seed, 1])
-    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, progress=context.progress)
-
-
-def _separations(search: Search, found: Mapping[str, Named], context: Context) -> tuple[Separation, ...]:
-    """Design a manoeuvre, within the limits of the motor, for every added effect that others explain as well."""
-    if not (context.settings.follow_up and context.train[0].is_arm):
-        return ()
-    designs = []
-    for effect, own in found.items():
-        if not own.rivals:
-            continue
-        context.progress(f"designing a manoeuvre that tells {effect} from {' and '.join(own.group[:_RIVALS])}")
-        sets = dict(zip((effect, *own.group[:_RIVALS]), (search.best, *own.rivals[:_RIVALS]), strict=True))
-        fits = {name: fit_near(c.refit.problem, c.refit.values) for name, c in sets.items()}
-        steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
-        rng = np.random.default_rng([context.settings.seed, 2])
-        designs.append(separate(fits, rng, evaluations=_designs(steps)))
-    return tuple(designs)
-
-
-def _designs(steps: float) -> int:
-    """Return how many manoeuvres are tried where the motion takes so many steps: play takes a hundred thousand."""
-    return int(np.clip(_DESIGNS * _LONG / steps, _FEWEST, _DESIGNS))
 
 
 def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]) -> dict[str, float]:

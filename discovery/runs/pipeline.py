@@ -104,36 +104,26 @@ def answer(
     fits = stages.estimate(dataset, progress=progress)
     began = time.perf_counter()
     loop = stages.loop(dataset, seed=seed, progress=progress)
-    seconds = time.perf_counter() - began
+    took = {"loop_seconds": time.perf_counter() - began}
     missing = stages.unexplained(loop, dataset, progress=progress)
-    tested = stages.scored(loop, dataset, progress=progress)
-    on = stages.continued(loop, dataset, progress=progress)
     linear = {n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"}
     predictions = {**linear, **loops_predictions(loop)}
     content = {
-        "provenance": {**provenance(dataset, seed=seed, command=command), "loop_seconds": seconds},
+        "provenance": provenance(dataset, seed=seed, command=command) | took,
         **of_loop(dataset, loop, missing),
         "data_note": note,
         **(discovered.summary() if discovered else dict.fromkeys(("discovery", "radius", "multisine"))),
         **fits.summary(),
-        "test": tested,
-        "continued": on,
+        "test": stages.scored(loop, dataset, progress=progress),
+        "continued": stages.continued(loop, dataset, progress=progress),
         "clean": to_clean(dataset, predictions),
         "models": models_of(loop),
     }
-    found = Answer(
-        dataset,
-        out,
-        seed=seed,
-        content=content,
-        discovered=discovered,
-        fits=fits,
-        loop=loop,
-        missing=missing,
-        predictions=predictions,
-    )
+    made: dict[str, Any] = {"loop": loop, "missing": missing, "predictions": predictions}
+    found = Answer(dataset, out, seed=seed, content=content, discovered=discovered, fits=fits, **made)
     if not (with_posterior and found.kept):
-        _save(found, Sampled(because="running" if with_posterior else "asked"), progress=progress, first=True)
+        left = Sampled(because="running" if with_posterior else "asked")
+        _save(found, left, progress=progress, first=True)
     return found
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from discovery.declarations.effect import ARM
 from discovery.diagnosis.missing_force import MissingForce, missing_force
 from discovery.equations.model import Model
-from discovery.estimation.fit import Fit, declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import errors
