@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Dissipation, Effect, Kinetic, Load, Memory, Mode, Potential
+from discovery.declarations.effect import Dissipation, Effect, Kinetic, Load, Memory, Mode, Potential
 from discovery.declarations.registry import get_effect
+from discovery.declarations.systems import System
 from discovery.equations.contributions import strands
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
@@ -72,7 +73,7 @@ class Sum(Protocol):
 
 def motion_symbols(system: str) -> tuple[sp.Symbol, sp.Symbol, sp.Symbol]:
     """Return the symbols of coordinate, rate and acceleration: theta_t, theta_t', theta_t'', or q, q', q''."""
-    name = "theta_t" if system == ARM else "q"
+    name = System.of(system).coordinate
     return sp.symbols(f"{name} {name}' {name}''", real=True)
 
 
@@ -166,7 +167,7 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
     here, moving, accelerating = motion_symbols(base.system)
     delta, delta_rate, motor_acceleration = sp.symbols("delta delta' theta_m''", real=True)
     names = {lagrange.q: here, lagrange.rate: moving, s.alpha_m: motor_acceleration}
-    if base.system == ARM:
+    if base.system.has_rod:
         # The motor's angle and rate are told by the deflection and its rate.
         names |= {s.theta_m: here - delta, s.omega_m: moving - delta_rate}
     else:
@@ -177,7 +178,7 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
         return sp.factor_terms(sp.sympify(expression).xreplace(names))
 
     inertia, drive, output, terms = mechanics.mass[0][0], sp.Integer(0), None, []
-    if base.system == ARM:
+    if base.system.has_rod:
         bare = sp.expand(-mechanics.force[0].xreplace(names))
         terms = [(base_name, _collected(bare, (moving, delta_rate, motor_acceleration)))]
     else:

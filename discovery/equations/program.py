@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import (
-    ARM,
     Drive,
     Effect,
     Joint,
@@ -268,11 +267,11 @@ def _reading(
     if modes:
         memory = {z: slope.xreplace({s.push: base.push()}) for z, slope in memory.items()}
         reading = (reading[0] + sp.Add(*[_as_read(base, z, memory) for z in modes]),)
-    if base.system == ARM:
+    if base.system.has_rod:
         reading = tuple(s.length * r for r in reading)
     for sensor in effects:
         if isinstance(sensor, Sensor):
-            reading = sensor.arm_reading(*reading) if base.system == ARM else (sensor.oscillator_reading(reading[0]),)
+            reading = sensor.arm_reading(*reading) if base.system.has_rod else (sensor.oscillator_reading(reading[0]),)
     return reading, memory
 
 

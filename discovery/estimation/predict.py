@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Load
+from discovery.declarations.effect import Load
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
 from discovery.estimation.bench import Bench
@@ -72,7 +72,7 @@ def equilibrium(
     if model.mechanics.places():
         return 0.0
     rest = _Rest.of(model, _held(model, values, units, time), drive, 0.0 if time is None else time)
-    arm, n = model.mechanics.system == ARM, rest.program.n_coordinates
+    arm, n = model.mechanics.system.has_rod, rest.program.n_coordinates
     reach = np.linspace(0, 1.2 if arm else 5 * units.coordinate, 121)
     grid = np.concatenate([-reach[:0:-1], reach])
     force = np.array([rest.push(d) for d in grid])
@@ -129,7 +129,7 @@ class _Rest:
             program,
             slopes=lambda state: np.array(derivative(time, recorded, state, parameters), float),
             output=lambda q: output(*q, 0.0, *parameters),
-            start=(drive[0], 0.0) if model.mechanics.system == ARM else (0.0, 0.0),
+            start=model.mechanics.system.still(drive[0]),
             form=program.form(parameters),
         )
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
+from discovery.declarations.systems import System
 from discovery.equations.model import Model
 from discovery.foundation.errors import InputError
 
@@ -30,7 +30,7 @@ _INITIAL = re.compile(r"(?:delta|rate)_0_init\[.*\]", re.DOTALL)
 
 def reader_unit(unit: str, system: str) -> str:
     """Return a unit as it is read outside: q is rad for an arm, and the unit of the output otherwise."""
-    return re.sub(r"\bq\b", "rad", unit) if system == ARM else unit
+    return System.of(system).reader_unit(unit)
 
 
 @dataclass(frozen=True)

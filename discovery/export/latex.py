@@ -173,7 +173,7 @@ def latex_lines(model: Model) -> tuple[LatexLine, ...]:
         return (LatexLine(*_LAGRANGE), *declared_latex(model))
     if terms is not None:
         lines += _equation(terms, write, model)
-        if model.mechanics.system == ARM:
+        if model.mechanics.system.has_rod:
             lines.append(LatexLine("deflection", r"\delta = \theta_t - \theta_m"))
     else:
         lines.append(LatexLine(*_LAGRANGE))

@@ -12,7 +12,6 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from discovery.declarations.effect import ARM
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
 from discovery.export.fitted import FittedModel, fitted_model
@@ -212,7 +211,7 @@ class _Matrices(TypedDict):
 
 def _moving_input(base: Base) -> list[str]:
     """Return the names of an input that is a motion, and of its rate."""
-    name = "theta_m" if base.system == ARM else "u"
+    name = base.system.moved_input
     return [name, f"{name}_dot"] if base.input_moves else []
 
 
@@ -280,7 +279,7 @@ def linearise(
         **_Matrices(a=a, b=b, c=c, d=d),
         states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
-        outputs=("tip_x", "tip_y") if base.system == ARM else ("output",),
+        outputs=base.system.channels,
         sd=_spread(matrices, found, draws),
         point=dict(zip((*names, motion[0] if motion else "u"), (*state.tolist(), held), strict=True)),
         reading=tuple(there[n:].tolist()),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM
 from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.systems import System
 from discovery.declarations.units import dimension, named_unit
 from discovery.mechanics.rod import STRAIGHT, Rod
 
@@ -154,7 +155,7 @@ class Base(ABC):
 
     name: ClassVar[str]
     #: Kind of system that it describes.
-    system: ClassVar[str]
+    system: ClassVar[System]
     #: Number of coordinates.
     n_coordinates: ClassVar[int]
     #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.

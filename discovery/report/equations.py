@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from discovery.declarations.effect import ARM, Mode, Sensor
+from discovery.declarations.effect import Mode, Sensor
 from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
@@ -217,10 +217,10 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
         and sensors say.
     """
     told: list[Effect] = []
-    scalar = get_base(model["base"]).system != ARM or model["base"] == "constant_radius"
+    scalar = not get_base(model["base"]).system.has_rod or model["base"] == "constant_radius"
     if "system" in model:
         found = [Formula(*line) for line in declared_formulas(model["base"])]
-    elif get_base(model["base"]).system != ARM:
+    elif not get_base(model["base"]).system.has_rod:
         found, told = _on_a_line(model)
     elif scalar:
         deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))

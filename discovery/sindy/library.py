@@ -116,7 +116,7 @@ def build_library(
     """
     if rows not in ("response", "force", "power"):
         raise InputError(f"There are no {rows!r} rows; choose 'response', 'force' or 'power'.")
-    arm = bool(motions) and motions[0].kind == "flexible_arm"
+    arm = bool(motions) and motions[0].system.has_rod
     at_rest = arm and _rests_half_the_time(motions) if at_rest is None else at_rest
     trigonometric = arm if trigonometric is None else trigonometric
     candidates = Candidates(motions, degree=degree, trigonometric=trigonometric, at_rest=at_rest)

@@ -250,7 +250,7 @@ def default_pysindy(motions: Sequence[Motion]) -> tuple[tuple[str, ...], ...]:
     found = []
     for motion in motions:
         track = motion.coordinate
-        names = ["delta", "theta_t'"] if motion.kind == "flexible_arm" else ["q", "q'"]
+        names = ["delta", "theta_t'"] if motion.system.has_rod else ["q", "q'"]
         difference = pysindy.FiniteDifference()
         rate = difference(track.observed[:, None], track.time)
         base = track.q - motion.state(track.time).delta

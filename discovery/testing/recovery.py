@@ -32,9 +32,9 @@ _ROD = {"mu": 0.5, "tau_r": 1e-3}
 
 
 def _experiment(base: str, drive: Drive, time: FloatArray, output: FloatArray, noise: float) -> Experiment:
-    arm = get_base(base).system == ARM
+    system = get_base(base).system
+    arm, channels = system.has_rod, system.channels
     unit = "m" if arm else "q"
-    channels = ("tip_x", "tip_y") if arm else ("output",)
     columns = Columns(TimeColumn(), InputColumn("input", unit, "spline"), OutputColumn("output", unit))
     rig = Rig("contract", get_base(base).system, Quantity(1.2, 0.0) if arm else None, columns=columns)
     recording = Recording(
@@ -76,7 +76,7 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
     base = base or next(b for b in bases if effect in every_effect(b))
     context = ("viscous_damping", "linear_stiffness")
     rod = {n: v for n, v in _ROD.items() if n in {p.name for p in get_base(base).parameters()}}
-    known = {"length": 1.2, **rod} if get_base(base).system == ARM else {"g": 1.0}
+    known = {"length": 1.2, **rod} if get_base(base).system.has_rod else {"g": 1.0}
     model = Model(base, (*context, *({effect} - set(context))), known)
     units = NaturalUnits(time=1 / 3, coordinate=1.0, length=1.2)
     truth = {}
@@ -86,7 +86,7 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
         truth[name] = {"alpha": 9.0, "xi": 0.1}.get(name, size * units.scale(p))
     drive = _there_in_a_second()
     time, noise = np.linspace(0.0, 5.0, 401), 1e-4
-    nothing = _experiment(base, drive, time, np.zeros((time.size, 2 if get_base(base).system == ARM else 1)), noise)
+    nothing = _experiment(base, drive, time, np.zeros((time.size, len(get_base(base).system.channels))), noise)
     bench = Bench(base, every_effect(base), [nothing], _STEP)
     defaults = {n: p.default * units.scale(p) for n, p in Model(base, every_effect(base)).parameters.items()}
     values = np.array([[{**defaults, **known, **truth}[n]] for n in bench.names])
