@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM, Dissipation, Effect, Load, Memory, Potential
+from discovery.declarations.effect import Dissipation, Effect, Load, Memory, Potential
 from discovery.declarations.symbols import alpha
 from discovery.declarations.units import dimension, si_symbol
 from discovery.equations.model import Model
@@ -58,7 +58,7 @@ def _amplitudes(effect: Effect) -> list[str]:
 def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, Dimension] | None:
     """Return the inertia, or the parameter that tells it, its relative standard deviation, and its dimension."""
     rig, base = experiment.rig, model.mechanics
-    if base.system == ARM:
+    if base.system.has_rod:
         if rig.length is None or rig.tip_mass is None:
             return None
         rod = rig.beam_mass
@@ -117,7 +117,7 @@ def physical_parameters(
     power = {"g": -1, "m_0": 1}.get(source or "", 0)
     scale = values[source] ** power if source else float(known)
     places = {name: k for k, name in enumerate(fitted)}
-    q = dimension(experiment.coordinate_unit) if model.mechanics.system != ARM else {}
+    q = {} if model.mechanics.system.has_rod else dimension(experiment.coordinate_unit)
 
     def spread(value: float, *powers: tuple[str | None, int]) -> float:
         """Return the standard deviation of a product of powers of parameters, and of the rig's inertia."""

@@ -66,26 +66,9 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         physically impossible, or several subfolders hold a file of ``[records]``.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:  # a name may hold what no file's name can
-        raise InputError(
-            f"The rig file {shown(path)} cannot be read: {reason(error)}. Give the path of a TOML file."
-        ) from error
-    try:
-        text = content.decode("utf-8-sig")
-        document = tomllib.loads(text)
-    except RecursionError as error:
-        raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
-    except ValueError as error:  # no TOML, no text, or a number of thousands of digits
-        raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
+    content, text, document = _parsed(path)
     rest, quantities, keys = _quantities(path, text, document)
-    if isinstance(rest.get("system"), dict):
-        rest.setdefault("kind", "system")
-    try:
-        table = RigTable.model_validate(rest)
-    except ValidationError as error:
-        raise InputError(explain(path, text, error)) from error
+    table = _validated(path, text, rest)
     arm = table.kind == "flexible_arm"
     if arm and "length" not in quantities:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
@@ -94,11 +77,8 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     system = system_of(path, text, table)
     _check_effects(path, text, table, KINDS[table.kind].base if system is None else declare(system))
     values = {stem: quantity.value for stem, quantity in quantities.items()}
-    if arm and values.get("position_noise", 0.0) > 0.1 * values["length"]:
-        raise InputError(
-            f"The rig file {path} states a position noise of {values['position_noise']:g} m on an arm of "
-            f"{values['length']:g} m. If it is in millimetres, name the key 'position_noise_mm'."
-        )
+    if arm:
+        _check_noise(path, values)
     return Rig(
         name=table.name,
         kind=table.kind,
@@ -124,6 +104,41 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         path=path,
         sha256=hashlib.sha256(content).hexdigest(),
     )
+
+
+def _check_noise(path: Path, values: Mapping[str, float]) -> None:
+    if values.get("position_noise", 0.0) > 0.1 * values["length"]:
+        raise InputError(
+            f"The rig file {path} states a position noise of {values['position_noise']:g} m on an arm of "
+            f"{values['length']:g} m. If it is in millimetres, name the key 'position_noise_mm'."
+        )
+
+
+def _parsed(path: Path) -> tuple[bytes, str, dict[str, Any]]:
+    """Return a rig file's bytes, its text and its document."""
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:  # a name may hold what no file's name can
+        raise InputError(
+            f"The rig file {shown(path)} cannot be read: {reason(error)}. Give the path of a TOML file."
+        ) from error
+    try:
+        text = content.decode("utf-8-sig")
+        document = tomllib.loads(text)
+    except RecursionError as error:
+        raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
+    except ValueError as error:  # no TOML, no text, or a number of thousands of digits
+        raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
+    return content, text, document
+
+
+def _validated(path: Path, text: str, rest: dict[str, Any]) -> RigTable:
+    if isinstance(rest.get("system"), dict):
+        rest.setdefault("kind", "system")
+    try:
+        return RigTable.model_validate(rest)
+    except ValidationError as error:
+        raise InputError(explain(path, text, error)) from error
 
 
 def _quantities(
