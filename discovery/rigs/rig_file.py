@@ -18,6 +18,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from discovery.declarations.registry import get_effect
+from discovery.declarations.system import SystemDeclaration
 from discovery.declarations.units import homogeneous, si_factor, si_symbol, split_suffix
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
@@ -25,7 +26,7 @@ from discovery.mechanics import get_base
 from discovery.mechanics.places import check_place
 from discovery.mechanics.systems import declare
 from discovery.rigs.kinds import KINDS
-from discovery.rigs.rig import Quantity, RecordPart, Rig
+from discovery.rigs.rig import Columns, Quantity, RecordPart, Rig
 from discovery.rigs.rig_schema import (
     MEANT_FOR,
     QUANTITIES,
@@ -90,7 +91,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         inertia=quantities.get("inertia"),
         position_noise=values.get("position_noise"),
         angle_noise=values.get("angle_noise"),
-        columns=columns_of(path, text, table) if system is None else read_columns(path, text, table, system),
+        columns=_columns(path, text, table, system, keys),
         declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
         records=_records(path, text, table.records),
         gravity=quantities.get("gravity", _GRAVITY if table.kind in ("pendulum", "falling_body") else None),
@@ -195,7 +196,19 @@ def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str,
             f"{' or '.join(MEANT_FOR[stem])}; kind {table.kind!r} has no use for it. "
             f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
         )
-    turns = table.columns is not None and homogeneous(si_symbol(table.columns.output.unit), "rad")
+
+
+def _columns(
+    path: Path, text: str, table: RigTable, system: SystemDeclaration | None, keys: Mapping[str, str]
+) -> Columns:
+    columns = columns_of(path, text, table) if system is None else read_columns(path, text, table, system)
+    _check_inertia(path, text, columns.output.unit, keys)
+    return columns
+
+
+def _check_inertia(path: Path, text: str, output: str, keys: Mapping[str, str]) -> None:
+    """Refuse a mass of what turns, and a moment of inertia of what does not."""
+    turns = homogeneous(si_symbol(output), "rad")
     for stem, other in (("mass", "inertia"), ("inertia", "mass")):
         if stem in keys and turns == (stem == "mass"):
             moves = "turns: its output is an angle" if turns else "does not turn: its output is no angle"
