@@ -15,6 +15,7 @@ from discovery.declarations.effect import Dissipation, Effect, Load, Memory, Pot
 from discovery.declarations.symbols import alpha
 from discovery.declarations.units import dimension, si_symbol
 from discovery.equations.model import Model
+from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["physical_parameters", "physical_rows"]
@@ -30,6 +31,14 @@ def _product(*factors: tuple[Dimension, int]) -> Dimension:
         for base, exponent in unit.items():
             total[base] = total.get(base, Fraction(0)) + power * exponent
     return {base: exponent for base, exponent in total.items() if exponent}
+
+
+def _readable(unit: str) -> Dimension | None:
+    """Return the dimension of a unit; None of one that is no SI unit, such as the pixel of a camera."""
+    try:
+        return dimension(unit)
+    except InputError:
+        return None
 
 
 def _text(unit: Dimension) -> str:
@@ -66,15 +75,17 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
         spread = math.hypot(rig.tip_mass.sd, 33 / 140 * rod.sd if rod else 0.0) / mass
         relative = math.hypot(spread, 2 * rig.length.sd / rig.length.value)
         return mass * rig.length.value**2, relative, dimension("kg m^2")
-    q = dimension(experiment.coordinate_unit)
+    q = _readable(experiment.coordinate_unit)
+    if q is None:
+        return None
     acceleration = _product((q, 1), (dimension("s^-2"), 1))
     if base.prescribed:
-        force = dimension(experiment.recording.units[0])
-        return ("m_0", 0.0, _product((force, 1), (acceleration, -1))) if force in _FORCES else None
+        force = _readable(experiment.recording.units[0])
+        return ("m_0", 0.0, _product((force, 1), (acceleration, -1))) if force and force in _FORCES else None
     stated, unit = (rig.inertia, "kg m^2") if rig.inertia else (rig.mass, "kg")
     told = rig.columns.input
-    force = {} if told is None else dimension(si_symbol(told.unit))
-    if base.name in {"oscillator", "accelerometer"} and force in _FORCES:
+    force = None if told is None else _readable(si_symbol(told.unit))
+    if base.name in {"oscillator", "accelerometer"} and force and force in _FORCES:
         return "g", 0.0, _product((force, 1), (acceleration, -1))
     return None if stated is None else (stated.value, stated.sd / stated.value, dimension(unit))
 
