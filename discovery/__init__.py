@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from discovery.drafting.overview import overview as overview
     from discovery.drafting.rig_text import draft as draft_rig
     from discovery.equations.model import Model as Model
+    from discovery.estimation.declared import declared_model as declared_model
     from discovery.estimation.fit import Fit as Fit
-    from discovery.estimation.fit import declared_model as declared_model
     from discovery.estimation.fit import fit as fit_model
     from discovery.estimation.predict import predict as predict_motion
     from discovery.export import FittedModel as FittedModel
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from discovery.rigs.rig import Rig as Rig
     from discovery.rigs.rig_file import read_rig as load_rig
     from discovery.rigs.rig_file import read_rig as read_rig
-    from discovery.runs.loop import LoopResult as LoopResult
     from discovery.runs.loop import close_loop as close_loop
+    from discovery.runs.loop_result import LoopResult as LoopResult
     from discovery.runs.pipeline import run as run
-    from discovery.runs.stages import discover as discover
+    from discovery.runs.regression_stage import discover as discover
     from discovery.selection.settings import LoopSettings as LoopSettings
     from discovery.theory.prediction import predict as predict_elastica
 
@@ -62,7 +62,7 @@ _HOMES = {
     "Fit": "discovery.estimation.fit:Fit",
     "FittedModel": "discovery.export:FittedModel",
     "InputError": "discovery.foundation.errors:InputError",
-    "LoopResult": "discovery.runs.loop:LoopResult",
+    "LoopResult": "discovery.runs.loop_result:LoopResult",
     "LoopSettings": "discovery.selection.settings:LoopSettings",
     "Model": "discovery.equations.model:Model",
     "NotConverged": "discovery.foundation.errors:NotConverged",
@@ -77,8 +77,8 @@ _HOMES = {
     "choose_noise": "discovery.posterior.noise_choice:choose_noise",
     "close_loop": "discovery.runs.loop:close_loop",
     "compare_models": "discovery.posterior.model_comparison:compare_models",
-    "declared_model": "discovery.estimation.fit:declared_model",
-    "discover": "discovery.runs.stages:discover",
+    "declared_model": "discovery.estimation.declared:declared_model",
+    "discover": "discovery.runs.regression_stage:discover",
     "draft_rig": "discovery.drafting.rig_text:draft",
     "fit_model": "discovery.estimation.fit:fit",
     "from_json": "discovery.export:from_json",

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from discovery.estimation.fit import declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.recordings.averaging import averaged, averaged_down
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.recording import Recording

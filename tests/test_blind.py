@@ -24,7 +24,8 @@ from scipy.optimize import brentq
 
 from benchmarks.blind import base, generate, peers, run, score
 from benchmarks.blind.truth import catalogue_values
-from discovery.estimation.fit import declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.recordings.dataset import load_dataset
 
 TIME = np.linspace(0, 3, 61)

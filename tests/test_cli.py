@@ -32,11 +32,12 @@ from discovery.cli.stages import NOISES
 from discovery.declarations.registry import catalogue
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
-from discovery.recordings.reading_noise import noise_note, understated
-from discovery.recordings.reading_notes import bend_notes
+from discovery.recordings.flags import UNDERSTATED, Flag
+from discovery.recordings.reading_flags import bend_flags
+from discovery.recordings.reading_noise import noise_flags
 from discovery.report import build_report
 from discovery.results.provenance import surroundings
-from discovery.runs.loop import UPGRADES
+from discovery.runs.loop_result import UPGRADES
 from discovery.simulation.kernel import compile as compiled
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
@@ -456,8 +457,8 @@ def scattered(rms: float, **more: Any) -> SimpleNamespace:
 
 
 def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves_noise() -> None:
-    def held(*noise: float, notes: tuple[str, ...] = ()) -> Any:
-        recording = SimpleNamespace(name="r", noise=np.array(noise), noise_estimated=False, notes=notes)
+    def held(*noise: float, flags: tuple[Flag, ...] = ()) -> Any:
+        recording = SimpleNamespace(name="r", noise=np.array(noise), noise_estimated=False, flags=flags)
         return SimpleNamespace(train=(), holdout=(SimpleNamespace(recording=recording),))
 
     # Of two channels with a noise of 1 each, the distance of a reading is root two.
@@ -467,21 +468,21 @@ def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves
     assert doubts(scattered(9.0, complete=False), held(1.0)) == []
     assert doubts(scattered(float("nan")), held(1.0)) == []
     # The first says it already.
-    small = noise_note("y", "m", 0.01 * np.arange(400), np.random.default_rng(1).normal(0, 1, 400), 0.3)
-    assert understated(small) == small != []
-    recordings_ = (SimpleNamespace(name="r", notes=(*small, "other")),)
-    (doubt,) = doubts(scattered(9.0, recordings=recordings_), held(1.0, notes=tuple(small)))
+    small = noise_flags("y", "m", 0.01 * np.arange(400), np.random.default_rng(1).normal(0, 1, 400), 0.3)
+    assert [flag.code for flag in small] == [UNDERSTATED]
+    recordings_ = (SimpleNamespace(name="r", flags=(*small, Flag("rate_unknown"))),)
+    (doubt,) = doubts(scattered(9.0, recordings=recordings_), held(1.0, flags=tuple(small)))
     assert doubt == f"r: {small[0]}"
 
 
 def test_a_loop_doubts_columns_that_are_exchanged() -> None:
     arm = ARM.parent / "arm_coulomb"
     frame = pd.read_csv(arm / "train_paper.csv")
-    notes = bend_notes(
+    notes = bend_flags(
         frame["motor_angle_rad"].to_numpy(),
         {"tip_x": frame["tip_y_m"].to_numpy(), "tip_y": frame["tip_x_m"].to_numpy()},
     )
-    recordings_ = tuple(SimpleNamespace(name=name, notes=("other", *notes)) for name in ("a", "b"))
+    recordings_ = tuple(SimpleNamespace(name=name, flags=(Flag("rate_unknown"), *notes)) for name in ("a", "b"))
     (doubt,) = doubts(scattered(0.0, recordings=recordings_), SimpleNamespace(train=(), holdout=()))
     assert doubt == f"a: {notes[0]} So in b."
 
@@ -519,7 +520,8 @@ def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
     assert result["complete"] is True
     for step in result["steps"]:
         assert set(step) == {"action", "effects", "accepted", "code", "numbers", "candidates"}
-    assert result["recordings"] == [{"name": "train", "notes": []}, {"name": "holdout", "notes": []}]
+    quiet = {"notes": [], "flags": []}
+    assert result["recordings"] == [{"name": "train", **quiet}, {"name": "holdout", **quiet}]
     errors = result["errors"]
     assert errors["unit"] == "m"
     assert errors["noise_floor"] == pytest.approx(np.sqrt(2) * 3e-4)

@@ -19,19 +19,13 @@ from scipy.integrate import trapezoid as trapezoid_rule
 from synthetic_run import write_arm_run
 from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
 
-from discovery.diagnosis.contradiction import (
-    LIMIT,
-    WIDE,
-    Check,
-    Contradiction,
-    ContradictionReport,
-    _check,
-    check_contradictions,
-)
+from discovery.diagnosis.checks import LIMIT, WIDE, Check, _check
+from discovery.diagnosis.contradiction import Contradiction, ContradictionReport, check_contradictions
 from discovery.diagnosis.reconciliation import Reconciliation
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import Fit, declared_model, fit, rig_uncertainty
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.problem import known_values, natural_units
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report

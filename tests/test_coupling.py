@@ -15,9 +15,11 @@ from test_mechanics import exact_drive, mechanics_program
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Dissipation, Kinetic, Load, Memory, Potential
 from discovery.declarations.registry import get_effect
+from discovery.equations.contributions import strands
 from discovery.equations.model import Model
-from discovery.equations.program import build_program, strands
-from discovery.estimation.fit import declared_model, fit
+from discovery.equations.program import build_program
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.export import FittedModel, from_json, to_json
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.mechanics import base_names, get_base

@@ -19,7 +19,7 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS
 from discovery.mechanics.upgrades import UPGRADES, Upgrade
-from discovery.runs.loop import UPGRADES as LOOP_UPGRADES
+from discovery.runs.loop_result import UPGRADES as LOOP_UPGRADES
 from discovery.testing import EffectContract
 from discovery.testing.recovery import check_recovery
 from discovery.testing.states import every_effect

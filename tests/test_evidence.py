@@ -26,7 +26,8 @@ from scipy import special, stats
 
 from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
 from discovery.equations.model import Model
-from discovery.estimation.fit import declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.importance import LARGEST_K, importance_sample
 from discovery.posterior.likelihood import NOISE_PRIOR, log_posterior

@@ -26,7 +26,8 @@ from discovery.declarations.registry import catalogue
 from discovery.equations.equation import equation_terms
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
-from discovery.estimation.fit import declared_model, fit, rig_uncertainty
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.fit import fit
 from discovery.export import (
     FORMATS,
     FittedModel,

@@ -13,7 +13,8 @@ from scipy.optimize import least_squares
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import SHIFT, Fit, declared_model, fit, refined
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import SHIFT, Fit, fit, refined
 from discovery.estimation.least_squares import levenberg_marquardt, minimise
 from discovery.estimation.problem import NaturalUnits, Problem
 from discovery.foundation.errors import InputError

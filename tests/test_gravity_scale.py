@@ -46,7 +46,7 @@ MOTIONS = {
 @pytest.mark.parametrize("unit", ["rad", "deg", "mrad"])
 def test_an_angle_in_its_unit_is_not_doubted(name, unit):
     # What is read in the right unit is the same in radians.
-    assert angle_doubt(pendulum(unit=unit), MOTIONS[name]) == ""
+    assert angle_doubt(pendulum(unit=unit), MOTIONS[name]) is None
 
 
 @pytest.mark.parametrize("name", ["one large", "small to large", "drag", "dry friction"])
@@ -56,7 +56,7 @@ def test_an_angle_in_its_unit_is_not_doubted(name, unit):
 )
 def test_an_angle_in_another_unit_is_doubted(name, true, declared, factor):
     motions = [(t, factor * y) for t, y in MOTIONS[name]]
-    said = angle_doubt(pendulum(unit=declared), motions)
+    said = str(angle_doubt(pendulum(unit=declared), motions))
     assert f"a pendulum whose angle is in {true}:" in said
     assert f'set unit = "{true}"' in said
 
@@ -64,11 +64,11 @@ def test_an_angle_in_another_unit_is_doubted(name, true, declared, factor):
 def test_gaps_noise_and_rest_are_no_doubt():
     t, y = MOTIONS["one large"][0]
     holes = np.where(np.arange(t.size) % 7 == 0, np.nan, y)
-    assert angle_doubt(pendulum(), [(t, holes)]) == ""
-    assert "in rad" in angle_doubt(pendulum(unit="deg"), [(t, DEGREE * holes)])
+    assert angle_doubt(pendulum(), [(t, holes)]) is None
+    assert "in rad" in str(angle_doubt(pendulum(unit="deg"), [(t, DEGREE * holes)]))
     noise = np.random.default_rng(1).standard_normal(t.size)
     for motion in (noise, 0.0 * t, 0.0 * t + np.nan, np.linspace(0.0, 1.0, t.size)):
-        assert angle_doubt(pendulum(unit="deg"), [(t, motion)]) == ""
+        assert angle_doubt(pendulum(unit="deg"), [(t, motion)]) is None
 
 
 @pytest.mark.parametrize(("unit", "doubted"), [("rad", False), ("deg", True)])
@@ -100,18 +100,18 @@ def fall(gravity=9.81, *, drag=0.0, viscous=0.0, speed=0.0, rate=60.0, noise=1e-
 @pytest.mark.parametrize("speed", [0.0, -2.0])
 @pytest.mark.parametrize("rate", [15.0, 60.0, 240.0])
 def test_falls_with_drag_are_not_doubted(drag, viscous, speed, rate):
-    assert fall_doubt(FALL, fall(drag=drag, viscous=viscous, speed=speed, rate=rate)) == ""
+    assert fall_doubt(FALL, fall(drag=drag, viscous=viscous, speed=speed, rate=rate)) is None
 
 
 @pytest.mark.parametrize("drag", [0.0, 0.01, 0.1])
 @pytest.mark.parametrize("rate", [15.0, 60.0])
 def test_falls_that_no_drag_explains_are_doubted(drag, rate):
     t, y = fall(drag=drag, rate=rate)
-    assert 'in ft would fit: set unit = "ft"' in fall_doubt(FALL, (t, y / 0.3048))
-    assert "gravity?" in fall_doubt(FALL, (0.5 * t, y))
-    assert "drag never makes a fall faster" in fall_doubt(FALL, (0.5 * t, y))
+    assert 'in ft would fit: set unit = "ft"' in str(fall_doubt(FALL, (t, y / 0.3048)))
+    assert "gravity?" in str(fall_doubt(FALL, (0.5 * t, y)))
+    assert "drag never makes a fall faster" in str(fall_doubt(FALL, (0.5 * t, y)))
     # Another world.
-    assert "drag is small" in fall_doubt(FALL, fall(1.62, drag=drag, rate=rate))
+    assert "drag is small" in str(fall_doubt(FALL, fall(1.62, drag=drag, rate=rate)))
 
 
 def test_a_coarse_encoder_that_comes_to_rest_says_nothing_of_that_part() -> None:
@@ -126,4 +126,4 @@ def test_a_dense_noisy_recording_is_looked_at_in_few_stretches() -> None:
     """Noise crosses the centre at every reading: what is looked at must not grow as the square of their number."""
     t = np.arange(1_000_000) / 50_000.0
     y = 0.9 * np.exp(-0.01 * t) * np.cos(3.4 * t) + 0.2 * np.random.default_rng(1).standard_normal(t.size)
-    assert angle_doubt(pendulum(unit="rad"), [(t, y)]) == ""
+    assert angle_doubt(pendulum(unit="rad"), [(t, y)]) is None

@@ -5,7 +5,8 @@ import pytest
 from pendulum import swing
 
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.recordings.dataset import load_dataset
 from discovery.screening import growing
 from discovery.screening.growing import grown

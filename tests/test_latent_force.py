@@ -25,7 +25,8 @@ from discovery.diagnosis.missing_force import LEAST_GAIN, MissingForce, missing_
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.diagnosis.slow_model import Law
 from discovery.equations.model import Model
-from discovery.estimation.fit import Fit, declared_model, fit, rig_uncertainty
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.fit import Fit, fit
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording
 from discovery.report import figures

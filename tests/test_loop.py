@@ -21,7 +21,9 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate
 from discovery.estimation.covariance import covariance_of
 from discovery.recordings.dataset import load_dataset
 from discovery.results.provenance import plain
-from discovery.runs.loop import LoopResult, _designs, close_loop
+from discovery.runs.follow_up import designs
+from discovery.runs.loop import close_loop
+from discovery.runs.loop_result import LoopResult
 from discovery.selection.context import Context
 from discovery.selection.settings import LoopSettings
 
@@ -376,7 +378,7 @@ def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest
 
 
 def test_fewer_manoeuvres_are_tried_where_one_takes_long() -> None:
-    assert [_designs(n) for n in (3_000, 6_000, 12_000, 10**6)] == [100, 100, 50, 20]
+    assert [designs(n) for n in (3_000, 6_000, 12_000, 10**6)] == [100, 100, 50, 20]
 
 
 def test_predictions_come_from_all_that_was_recorded() -> None:

@@ -18,7 +18,8 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import declared_model, fit, rig_uncertainty
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.fit import fit
 from discovery.estimation.problem import natural_units
 from discovery.export import to_numpy
 from discovery.foundation.errors import InputError

@@ -15,7 +15,7 @@ from discovery.declarations.effect import ARM, OSCILLATOR
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.symbols import v2
 from discovery.equations.model import Model
-from discovery.estimation.fit import declared_model
+from discovery.estimation.declared import declared_model
 from discovery.export import to_numpy
 from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive

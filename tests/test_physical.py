@@ -20,8 +20,7 @@ def stand_in(rig: Any, coordinate: str, output: str = "m") -> Any:
 
 
 def pushed(unit: str) -> Any:
-    told = SimpleNamespace(input=SimpleNamespace(unit=unit))
-    return SimpleNamespace(columns=told, mass=None, inertia=None)
+    return SimpleNamespace(columns=SimpleNamespace(input=SimpleNamespace(unit=unit)), mass=None, inertia=None)
 
 
 def test_an_arm_weighs_what_its_rig_says() -> None:
@@ -70,10 +69,17 @@ def test_a_stated_mass_tells_forces_where_no_input_does() -> None:
     assert found["alpha"][1] == pytest.approx(50 * np.hypot(0.01, 0.01))
 
 
-def test_a_motion_in_pixels_tells_no_newtons() -> None:
-    model = with_stiffness("oscillator", "viscous_damping")
-    values = {"g": 0.5, "alpha": 100.0, "xi": 0.2}
-    assert physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("N"), "pixel")) == {}
+def test_what_is_read_in_a_unit_of_its_own_has_nothing_in_newtons() -> None:
+    """Pixels of a camera are no length: neither a force in newtons nor a mass in kilograms scales them."""
+    model = with_stiffness("oscillator")
+    values = {"g": 0.5, "alpha": 100.0}
+    weighed = Rig("glider", mass=Quantity(0.2, 1e-3))
+    for rig in (pushed("N"), weighed):
+        assert physical_parameters(model, values, (), np.empty((0, 0)), stand_in(rig, "pixel", "pixel")) == {}
+    # A mass is known in kilograms whatever unit the input has.
+    counted = SimpleNamespace(columns=pushed("count").columns, mass=Quantity(0.2, 1e-3), inertia=None)
+    found = physical_parameters(model, values, (), np.empty((0, 0)), stand_in(counted, "m"))
+    assert found["alpha"] == (pytest.approx(20.0), pytest.approx(0.1), "N m^-1")
 
 
 def test_an_inverse_rig_reads_the_force() -> None:

@@ -24,9 +24,11 @@ from discovery.posterior.sampling import Progress
 from discovery.recordings.dataset import Dataset, load_dataset
 from discovery.report import build_report
 from discovery.results.provenance import plain
-from discovery.runs import stages
-from discovery.runs.pipeline import Answer, add_posterior, answer, run, save_prediction, write_loop
-from discovery.runs.pipeline import _describe as describe
+from discovery.runs import regression_stage, stages
+from discovery.runs.answer import Answer
+from discovery.runs.description import describe
+from discovery.runs.loop_files import save_prediction, write_loop
+from discovery.runs.pipeline import add_posterior, answer, run
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
@@ -124,7 +126,7 @@ def test_the_provenance_says_where_everything_came_from(inputs: Path, results: d
 
 def test_fits_and_discovery_are_those_of_the_stages(dataset: Dataset, results: dict[str, Any]) -> None:
     fits = stages.estimate(dataset, progress=silent)
-    found = stages.discover(dataset, seed=SEED, progress=silent)
+    found = regression_stage.discover(dataset, seed=SEED, progress=silent)
     expected = json.loads(json.dumps(plain({**fits.summary(), **found.summary()})))
     assert {k: results[k] for k in expected} == expected
 

@@ -19,7 +19,7 @@ from discovery.foundation.errors import InputError
 from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
-from discovery.runs import stages
+from discovery.runs import regression_stage, stages
 from discovery.runs.pipeline import run
 
 MASS, DAMPING, NOISE = 3.0, 0.8, 1.0
@@ -120,7 +120,7 @@ def test_its_page_speaks_of_force_and_position(drive: Path) -> None:
 
 def test_what_the_library_does_not_describe_is_not_searched(drive: Path) -> None:
     with pytest.raises(InputError, match="carriage: sparse regression needs readings of the coordinate"):
-        stages.discover(load_dataset(drive.parent / "rig.toml"), seed=1, progress=silent)
+        regression_stage.discover(load_dataset(drive.parent / "rig.toml"), seed=1, progress=silent)
 
 
 def test_a_falling_body_is_scored_on_what_nobody_has_seen(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discovery.estimation.fit import declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.recordings.dataset import load_dataset
 
 RIG = """

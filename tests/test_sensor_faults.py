@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,9 +12,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, misread, misstated
 from discovery.recordings.quantisation import quantum, resolution
-from discovery.recordings.reading_noise import misstated, noise_note, understated
-from discovery.recordings.reading_notes import bend_notes, clean_output, gap_notes, misread, swing_notes, time_notes
+from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
+from discovery.recordings.reading_noise import noise_flags
 from discovery.recordings.recording import read_recording
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
@@ -21,6 +23,7 @@ from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColu
 T = 0.005 * np.arange(8000)
 DECAY = np.exp(-0.05 * T) * np.cos(6.0 * T)
 NOISE = 1e-4
+OTHER = Flag("rate_unknown")
 
 
 def noisy(signal, seed=0, noise=NOISE):
@@ -187,9 +190,9 @@ def test_several_stretches_are_counted():
     values[1000:1080] = values[1000]
     values[3000:3029] = 12.3456
     _, (note,) = clean_output("y", "m", T, values, NOISE, False)
-    assert "stuck in 2 stretches, 108 samples in all, the longest of 79 samples from 5.005 s" in note
+    assert "stuck in 2 stretches, 108 samples in all, the longest of 79 samples from 5.005 s" in str(note)
     _, (note,) = clean_output("y", "m", T, np.where(np.arange(T.size) < 2000, 0.0, values), NOISE, True)
-    assert "stuck for 29 samples from 15 s" in note
+    assert "stuck for 29 samples from 15 s" in str(note)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +210,7 @@ def test_several_stretches_are_counted():
     ],
 )
 def test_a_stated_noise_is_held_against_the_scatter(values, stated, words):
-    text = " ".join(noise_note("y", "m", T[: values.size], values, stated))
+    text = " ".join(map(str, noise_flags("y", "m", T[: values.size], values, stated)))
     assert bool(text) == bool(words)
     for word in words:
         assert word in text
@@ -216,8 +219,8 @@ def test_a_stated_noise_is_held_against_the_scatter(values, stated, words):
 def test_scatter_that_may_come_of_jitter_contradicts_no_statement():
     time = T + np.random.default_rng(2).uniform(-1e-3, 1e-3, T.size)
     moved = noisy(np.exp(-0.05 * time) * np.cos(6.0 * time))
-    assert noise_note("y", "m", time, moved, NOISE) == []
-    assert noise_note("y", "m", T, moved, NOISE)
+    assert noise_flags("y", "m", time, moved, NOISE) == []
+    assert noise_flags("y", "m", T, moved, NOISE)
 
 
 def test_a_recording_says_that_its_noise_is_not_the_stated_one(tmp_path):
@@ -253,7 +256,7 @@ JITTERED = REGULAR + np.random.default_rng(3).uniform(-3e-3, 3e-3, 1000)
     ],
 )
 def test_notes_on_times(time, words):
-    text = " ".join(time_notes(time, assumed=False))
+    text = " ".join(map(str, time_flags(time, assumed=False)))
     assert bool(text) == bool(words)
     for word in words:
         assert word in text
@@ -272,11 +275,11 @@ def test_how_few_swings_there_are_is_told(amplitude, length, swings, told):
     )
     values = found.y[0] + 2e-3 * np.random.default_rng(4).standard_normal(time.size)
     slow = amplitude > 2.0  # a large swing takes longer
-    notes = swing_notes("a", time, values, None if length is None else period)
+    notes = swing_flags("a", time, values, None if length is None else period)
     if not slow or swings > 10.0 or swings < 1.0:
         assert bool(notes) is bool(told)
     if told and not slow:
-        share = float(re.search(rf"'a' holds about (\S+) {told} ", notes[0])[1])
+        share = float(re.search(rf"'a' holds about (\S+) {told} ", str(notes[0]))[1])
         assert share == pytest.approx(swings, abs=0.11)
 
 
@@ -284,7 +287,7 @@ def test_how_few_swings_there_are_is_told(amplitude, length, swings, told):
 def test_many_swings_are_no_part_of_one_where_every_so_many_th_sample_is_looked_at(period, rate, duration):
     time = np.arange(duration * rate) / rate
     values = np.cos(2.0 * np.pi * time / period) + 2e-3 * np.random.default_rng(4).standard_normal(time.size)
-    assert swing_notes("a", time, values) == []
+    assert swing_flags("a", time, values) == []
 
 
 def test_a_short_film_is_read_and_told_and_one_that_is_driven_is_not(tmp_path):
@@ -299,31 +302,33 @@ def test_a_short_film_is_read_and_told_and_one_that_is_driven_is_not(tmp_path):
 
 def test_empty_cells_are_told(tmp_path):
     values = noisy(DECAY)
-    assert gap_notes("y", T, values) == []
+    assert gap_flags("y", T, values) == []
     values[[100, 700, 701, 702, 900]] = np.nan
     pd.DataFrame({"t": T, "y": values}).to_csv(tmp_path / "r.csv", index=False)
     rig = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("y", "m", NOISE)))
     (note,) = read_recording(tmp_path / "r.csv", rig).notes
     assert f"'y' has 5 empty cells in {T.size} rows, up to 3 in a row, from {T[700]:.4g} s" in note
-    assert "1 empty cell in 3 rows, the first at 1 s" in gap_notes("y", np.arange(3.0), np.array([0.0, np.nan, 1.0]))[0]
+    assert "1 empty cell in 3 rows, the first at 1 s" in str(
+        gap_flags("y", np.arange(3.0), np.array([0.0, np.nan, 1.0]))[0]
+    )
 
 
 def test_notes_quote_the_unit_of_the_file():
-    (note,) = noise_note("y", "mm", T, noisy(DECAY), NOISE / 2)
-    assert "'y' scatters by 0.101 mm from sample to sample, but the rig file states a noise of 0.05 mm" in note
-    assert understated(["other", note]) == [note]
-    assert understated(noise_note("y", "mm", T, noisy(DECAY), 2 * NOISE)) == []
+    (note,) = noise_flags("y", "mm", T, noisy(DECAY), NOISE / 2)
+    assert "'y' scatters by 0.101 mm from sample to sample, but the rig file states a noise of 0.05 mm" in str(note)
+    assert note.code == UNDERSTATED
+    assert [f.code for f in noise_flags("y", "mm", T, noisy(DECAY), 2 * NOISE)] == [OVERSTATED]
 
 
 def test_a_fault_of_several_columns_is_told_once():
-    small = [noise_note(c, "mm", T, noisy(DECAY, seed), NOISE / 2)[0] for seed, c in enumerate(("x", "y"))]
-    (large,) = noise_note("z", "mm", T, noisy(DECAY), 2.5 * NOISE)
-    (hardly,) = noise_note("z", "mm", T, noisy(DECAY), 1.8 * NOISE)
-    assert misstated({"one": ["other", small[0]]}) == [f"one: {small[0]}"]
-    assert misstated({"one": [hardly], "two": ["other"]}) == []
+    small = [noise_flags(c, "mm", T, noisy(DECAY, seed), NOISE / 2)[0] for seed, c in enumerate(("x", "y"))]
+    (large,) = noise_flags("z", "mm", T, noisy(DECAY), 2.5 * NOISE)
+    (hardly,) = noise_flags("z", "mm", T, noisy(DECAY), 1.8 * NOISE)
+    assert misstated({"one": [OTHER, small[0]]}) == [f"one: {small[0]}"]
+    assert misstated({"one": [hardly], "two": [OTHER]}) == []
     first, second = misstated({"one": [*small, large], "two": small})
     assert re.fullmatch(r"one, two: 'x', 'y' scatter by (0\.\d+) to (0\.\d+) mm from sample to sample, .*", first)
-    assert first.endswith(small[0].partition(", but ")[2])
+    assert first.endswith(str(small[0]).partition(", but ")[2])
     assert second == f"one: {large}"
 
 
@@ -351,17 +356,17 @@ def swinging_arm():
 def test_a_tip_that_does_not_point_where_the_motor_does_is_told(change, words):
     motor, x, y = swinging_arm()
     x[100:110] = np.nan
-    notes = bend_notes(*change(motor, x, y))
+    notes = bend_flags(*change(motor, x, y))
     assert len(notes) == (words is not None)
-    assert words is None or words in notes[0]
+    assert words is None or words in str(notes[0])
     # Each mistake is told once, however far the tip lies beside the motor's direction.
-    again = [note.replace("The tip lies ", "The tip lies 1") for note in notes]
+    again = [replace(note, numbers={**note.numbers, "bend": 1.7}) for note in notes]
     doubt = [f"a: {note} So in b." for note in notes]
-    assert misread({"a": ["other", *notes], "b": again}) == doubt
-    assert len(misread({"a": notes, "c": bend_notes(-motor, {"tip_x": x, "tip_y": y})})) == (
+    assert misread({"a": [OTHER, *notes], "b": again}) == doubt
+    assert len(misread({"a": notes, "c": bend_flags(-motor, {"tip_x": x, "tip_y": y})})) == (
         1 if words is None or "or tip_y of opposite" in words else 2
     )
 
 
 def test_an_assumed_rate_is_said():
-    assert "per sample" in time_notes(REGULAR, assumed=True)[0]
+    assert "per sample" in str(time_flags(REGULAR, assumed=True)[0])

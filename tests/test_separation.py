@@ -21,22 +21,16 @@ from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
 from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
+from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits
 from discovery.diagnosis.rival_distance import Distance, _absorbed
-from discovery.diagnosis.separation import (
-    Separation,
-    _Search,
-    allowed_limits,
-    demonstrated_limits,
-    separate,
-    similarity_matrix,
-)
+from discovery.diagnosis.separation import Separation, _Search, separate, similarity_matrix
 from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
 from discovery.report import build_report
 from discovery.rigs.rig import Rig
-from discovery.runs.loop import _separations
-from discovery.runs.pipeline import write_loop
+from discovery.runs.follow_up import separations
+from discovery.runs.loop_files import write_loop
 from discovery.selection.simplicity import simplicity
 
 LIMITS = MotorLimits(angle=1.5, speed=2.0, acceleration=12.0, duration=6.0, deflection=0.95)
@@ -347,13 +341,13 @@ def test_limits_as_shown_change_nothing() -> None:
 def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ("table_tilt", "encoder_ripple")
     fits = stating(pair, motor_speed_limit=0.7)
-    monkeypatch.setattr("discovery.runs.loop.fit_near", lambda problem, values: problem)
+    monkeypatch.setattr("discovery.runs.follow_up.fit_near", lambda problem, values: problem)
     chosen, other = (SimpleNamespace(refit=SimpleNamespace(problem=fits[name], values={})) for name in pair)
     settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(is_arm=True)]
     context: Any = SimpleNamespace(progress=lambda text: None, settings=settings, train=train)
     named: Any = {pair[0]: SimpleNamespace(rivals=(other,), group=(pair[1],))}
     search: Any = SimpleNamespace(best=chosen)
-    (found,) = _separations(search, named, context)
+    (found,) = separations(search, named, context)
     assert found.limits.speed == 0.7
     assert 0 < max(m.speed for m in found.moves) <= 0.7
 

@@ -9,7 +9,8 @@ import pytest
 from measured_data import needs
 
 from discovery.recordings.dataset import Dataset, load_dataset
-from discovery.runs.loop import LoopResult, close_loop
+from discovery.runs.loop import close_loop
+from discovery.runs.loop_result import LoopResult
 
 pytestmark = pytest.mark.measured
 

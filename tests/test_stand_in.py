@@ -10,7 +10,8 @@ from discovery.cli.doubts import doubts
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
 from discovery.results.provenance import plain, write_json
-from discovery.runs.loop import LoopResult, close_loop
+from discovery.runs.loop import close_loop
+from discovery.runs.loop_result import LoopResult
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 

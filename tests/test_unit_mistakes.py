@@ -56,8 +56,8 @@ def test_turns_are_joined():
     joined = joined - joined[0] + angle[0]
     np.testing.assert_allclose(joined[~np.isnan(wrapped)], angle[~np.isnan(wrapped)], atol=1e-9)
     jumps = np.flatnonzero(np.abs(np.diff(wrapped[~np.isnan(wrapped)])) > np.pi)
-    assert f"in {jumps.size} places" in notes[0]
-    assert "the turns are joined" in notes[0]
+    assert f"in {jumps.size} places" in str(notes[0])
+    assert "the turns are joined" in str(notes[0])
     whole, notes = near_hanging(angle)
     assert whole is angle
     assert notes == []

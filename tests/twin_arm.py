@@ -12,7 +12,8 @@ from discovery_datasets.twin import PAPER_RIG, ArmRig
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import Fit, fit, rig_uncertainty
+from discovery.estimation.declared import rig_uncertainty
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.problem import known_values, natural_units
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording

@@ -33,7 +33,8 @@ LIMIT = 1200.0  # s that an arm may take
 
 def error(seed: int, index: int) -> dict[str, float]:
     """Fit a clean arm and return the rms distance of its prediction to the noise-free hold-out [m]."""
-    from discovery.estimation.fit import declared_model, fit, rig_uncertainty
+    from discovery.estimation.declared import declared_model, rig_uncertainty
+    from discovery.estimation.fit import fit
     from discovery.estimation.predict import predict
     from discovery.recordings.dataset import load_dataset
 

@@ -28,7 +28,8 @@ def exact_arm(declared, dataset):
     """Fit the exact arm with nothing added: what every effect must improve upon."""
     from dataclasses import replace
 
-    from discovery.estimation.fit import fit, rig_uncertainty
+    from discovery.estimation.declared import rig_uncertainty
+    from discovery.estimation.fit import fit
 
     start = {n: v for n, v in declared.values.items() if n in ("alpha", "xi")}
     gaussian = rig_uncertainty(dataset.train[0])
@@ -40,7 +41,7 @@ def exact_arm(declared, dataset):
 def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     """Run the loop on one case, predict its hold-out, and return what is summarised."""
     from discovery.recordings.dataset import load_dataset
-    from discovery.runs.pipeline import write_loop
+    from discovery.runs.loop_files import write_loop
     from discovery.runs.stages import loop
 
     out.mkdir(parents=True, exist_ok=True)
@@ -61,7 +62,7 @@ def predict_arm(case: Path, out: Path, dataset, result) -> None:
     from discovery.estimation.predict import predict
     from discovery.recordings.experiment import make_experiment
     from discovery.recordings.recording import read_recording
-    from discovery.runs.pipeline import save_prediction
+    from discovery.runs.loop_files import save_prediction
 
     drive = out / "drive.csv"
     pd.read_csv(case / "holdout.csv", usecols=["time_s", "motor_angle_rad"], dtype=str).to_csv(drive, index=False)

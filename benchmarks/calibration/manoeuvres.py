@@ -22,7 +22,8 @@ from benchmarks.calibration.pooled import pooled
 from benchmarks.calibration.studies import PAPER
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import Fit, fit, rig_uncertainty
+from discovery.estimation.declared import rig_uncertainty
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.problem import known_values
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import log_evidence

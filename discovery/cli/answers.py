@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from discovery.foundation.errors import ComputationError
     from discovery.recordings.dataset import Dataset
     from discovery.recordings.experiment import Experiment
-    from discovery.runs.loop import LoopResult
-    from discovery.runs.pipeline import Answer
+    from discovery.runs.answer import Answer
+    from discovery.runs.loop_result import LoopResult
     from discovery.runs.stages import Tell
 
 __all__ = ["COMMANDS"]
@@ -176,7 +176,7 @@ def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None)
 
 def _written(folder: Path, result: LoopResult, missing: MissingForce | None) -> dict[str, Any]:
     """Write loop.json, and return its content."""
-    from discovery.runs.pipeline import write_loop
+    from discovery.runs.loop_files import write_loop
 
     # Those of an earlier run would be another model's.
     for name in ("prediction.csv", "report.html"):
@@ -190,7 +190,7 @@ def _predicted(
 ) -> ComputationError | None:  # fmt: skip
     """Write prediction.csv, and return why there is none."""
     from discovery.foundation.errors import ComputationError
-    from discovery.runs.pipeline import save_prediction
+    from discovery.runs.loop_files import save_prediction
 
     tell("predicting")
     try:

@@ -12,38 +12,26 @@ from discovery.cli.loop_page import write_page
 from discovery.cli.options import PATH, note, options, print_json, results_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.random import SeedSequence
+
+    from discovery.recordings.dataset import Dataset
+    from discovery.runs.attempt import Outcome
 
 __all__ = ["COMMANDS", "close"]
 
 
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     """Run the loop of one case, write its loop.json, and return what the tables of the campaign hold."""
-    from dataclasses import replace
-
-    from discovery.estimation.input_choice import choose_interpolation
-    from discovery.foundation.errors import InputError
-    from discovery.recordings.dataset import load_dataset
-    from discovery.rigs.rig_file import read_rig
-    from discovery.runs.pipeline import write_loop
+    from discovery.runs.loop_files import write_loop
     from discovery.runs.stages import loop, unexplained
     from discovery.selection.sentences import verdict_sentence
 
     # A case that is done again and fails leaves nothing of before.
     for stale in (case.out / "loop.json", case.out / "report.html", *case.out.glob("manoeuvre_*.csv")):
         stale.unlink(missing_ok=True)
-    if not case.train:
-        read_rig(case.rig)
-        raise InputError(
-            f"{case.rig}: there is nothing to fit. Give the rig file a train list under [records], or put a recording "
-            "train*.csv beside it."
-        )
-    dataset = load_dataset(case.rig) if case.own else load_dataset(case.rig, case.train, case.holdout)
-    if case.only is not None:
-        dataset = replace(dataset, train=(dataset.train[case.only],))
-    dataset = choose_interpolation(dataset)
+    dataset = _dataset(case)
     result = loop(dataset, seed=case.seed, progress=lambda _: None)
     missing = unexplained(result, dataset, progress=lambda _: None)
     content = write_loop(case.out, result, missing=missing)
@@ -71,6 +59,27 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
             for name, entry in content["model"]["after"]["parameters"].items()
         ],
     }
+
+
+def _dataset(case: Case) -> Dataset:
+    """Read what a case is made of."""
+    from dataclasses import replace
+
+    from discovery.estimation.input_choice import choose_interpolation
+    from discovery.foundation.errors import InputError
+    from discovery.recordings.dataset import load_dataset
+    from discovery.rigs.rig_file import read_rig
+
+    if not case.train:
+        read_rig(case.rig)
+        raise InputError(
+            f"{case.rig}: there is nothing to fit. Give the rig file a train list under [records], or put a recording "
+            "train*.csv beside it."
+        )
+    dataset = load_dataset(case.rig) if case.own else load_dataset(case.rig, case.train, case.holdout)
+    if case.only is not None:
+        dataset = replace(dataset, train=(dataset.train[case.only],))
+    return choose_interpolation(dataset)
 
 
 def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases: Sequence[tuple[str, Case]]) -> None:
@@ -103,6 +112,26 @@ def _page(folder: Path, names: Sequence[str]) -> Path:
 def _slim(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return an outcome without its parameters, which are pooled: the page holds many at once."""
     return {key: value for key, value in row.items() if key != "parameters"}
+
+
+def _count_failed(outcomes: Iterable[Outcome], *, quiet: bool) -> int:
+    """Say how each case ended, and return how many failed."""
+    failed = 0
+    for outcome in outcomes:
+        failed += outcome.result is None
+        said = outcome.error if outcome.result is None else f"{outcome.result['verdict']}: {outcome.result['effects']}"
+        if not quiet:
+            click.echo(f"{outcome.name}: {said.rstrip(': ')}")
+    return failed
+
+
+def _say_left(left: Sequence[tuple[str, Case, str]], cases: Sequence[tuple[str, Case]]) -> None:
+    """Say how many cases were done before, and which of them are done again."""
+    if len(left) < len(cases):
+        note(f"{len(cases) - len(left)} of {_count(len(cases), 'case')} were done before")
+    for name, _, reason in left:
+        if reason:
+            note(f"{name} is done again: {reason}")
 
 
 def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], files: Sequence[Path]) -> None:
@@ -176,32 +205,15 @@ def campaign(
     cases = found_cases(rigs, where if where.is_dir() else where.parent, out, seed=seed, each=each, page=pages)
     made = origins(cases)
     folder = results_folder(out, "campaign.json", "results.parquet", "results.csv", "campaign.html")
-    outcomes = run(
-        close,
-        cases,
-        folder,
-        settings={"seed": seed},
-        origins=made,
-        workers=workers,
-        scheduler=scheduler,
-        insecure=insecure,
-        limit=limit,
-        heard=lambda link: None if quiet else note(f"dashboard of the cluster: {link}"),
-    )
+    how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "insecure": insecure, "limit": limit}
+    how["heard"] = lambda link: None if quiet else note(f"dashboard of the cluster: {link}")
+    outcomes = run(close, cases, folder, settings={"seed": seed}, origins=made, **how)
     left = list(unfinished(cases, folder, made))
     if not quiet:
         _say_found(where, rigs, skipped, cases)
-        if len(left) < len(cases):
-            note(f"{len(cases) - len(left)} of {_count(len(cases), 'case')} were done before")
-        for name, _, reason in left:
-            if reason:
-                note(f"{name} is done again: {reason}")
-    failed = 0
-    for outcome in watched(outcomes, len(left), "cases") if left and not quiet else outcomes:
-        failed += outcome.result is None
-        said = outcome.error if outcome.result is None else f"{outcome.result['verdict']}: {outcome.result['effects']}"
-        if not as_json:
-            click.echo(f"{outcome.name}: {said.rstrip(': ')}")
+        _say_left(left, cases)
+    done = watched(outcomes, len(left), "cases") if left and not quiet else outcomes
+    failed = _count_failed(done, quiet=as_json)
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
     page = _page(folder, [name for name, _ in cases])
     if as_json:

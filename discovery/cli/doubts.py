@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
     from discovery.recordings.dataset import Dataset
     from discovery.recordings.recording import Recording
-    from discovery.runs.loop import LoopResult
+    from discovery.runs.loop_result import LoopResult
 
 __all__ = ["doubts"]
 
@@ -19,16 +19,15 @@ _SCATTERED = 1.5
 
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
-    from discovery.recordings.reading_noise import misstated, understated
-    from discovery.recordings.reading_notes import misread
+    from discovery.recordings.flags import UNDERSTATED, misread, misstated
 
-    notes = {recording.name: recording.notes for recording in result.recordings}
+    flags = {recording.name: recording.flags for recording in result.recordings}
     held = [e.recording for e in dataset.holdout or dataset.train]
     # A model error is said, and a stated noise that is too small says the same.
-    known = not result.complete or any(understated(recording.notes) for recording in held)
+    known = not result.complete or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
     return [
-        *misread(notes),
-        *misstated(notes),
+        *misread(flags),
+        *misstated(flags),
         *(other.sentence for other in result.stand_ins.values()),
         *([] if known else _scattered(result, held)),
     ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from discovery.diagnosis.missing_force import MissingForce
     from discovery.recordings.dataset import Dataset
-    from discovery.runs.loop import LoopResult
+    from discovery.runs.loop_result import LoopResult
 
 __all__ = ["write_page"]
 
@@ -19,7 +19,7 @@ def write_page(folder: Path, dataset: Dataset, result: LoopResult, missing: Miss
 
     from discovery.report import build_report
     from discovery.results.manifest import SAVING
-    from discovery.runs.pipeline import gather_loop
+    from discovery.runs.loop_files import gather_loop
 
     with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
         gather_loop(Path(beside), dataset, result, missing, seed)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from discovery.diagnosis.missing_force import MissingForce
-    from discovery.runs.loop import LoopResult
+    from discovery.runs.loop_result import LoopResult
 
 __all__ = ["say_doubts", "say_left_out", "say_loop", "say_missing"]
 
@@ -51,7 +51,7 @@ def say_missing(missing: MissingForce | None) -> None:
 
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
-    from discovery.runs.loop import UPGRADES
+    from discovery.runs.loop_result import UPGRADES
     from discovery.selection.sentences import effect_sentence
 
     role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"

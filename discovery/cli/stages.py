@@ -22,12 +22,12 @@ NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
 def discover(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> None:
     """Find the equation of motion by sparse regression."""
     from discovery.results.provenance import provenance, write_json
-    from discovery.runs import stages
+    from discovery.runs import regression_stage
 
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "discovery.json")
     with progress(quiet) as tell:
-        found = stages.discover(dataset, seed=seed, progress=tell)
+        found = regression_stage.discover(dataset, seed=seed, progress=tell)
     summary = found.summary()
     write_json(folder / "discovery.json", {"provenance": provenance(dataset, seed=seed), **summary})
     if as_json:

@@ -19,6 +19,7 @@ from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
 from discovery.declarations.parameters import Parameter
+from discovery.declarations.systems import ARM, OSCILLATOR, System
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -43,8 +44,6 @@ __all__ = [
     "Shape",
 ]
 
-#: Kinds of system on which an effect can act.
-ARM, OSCILLATOR = "flexible_arm", "oscillator"
 #: What an effect may need: a linear spring between two parts, or an angle that nothing ties.
 SPRING, ROTOR = "spring", "rotor"
 
@@ -95,7 +94,7 @@ class Effect(ABC):
     @classmethod
     def fitted(cls, system: str) -> tuple[Parameter, ...]:
         """Return the parameters that a fit estimates on this kind of system."""
-        return tuple(p for p in cls.parameters() if not p.fixed and (system == ARM or not p.planar))
+        return tuple(p for p in cls.parameters() if not p.fixed and (System.of(system).has_rod or not p.planar))
 
     @classmethod
     def imitates(cls, values: Mapping[str, float], time: float, duration: float) -> bool:

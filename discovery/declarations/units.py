@@ -25,6 +25,7 @@ __all__ = [
     "dimension",
     "homogeneous",
     "in_coordinate",
+    "known_dimension",
     "named_unit",
     "quoted",
     "si_factor",
@@ -54,7 +55,6 @@ _COHERENT: dict[str, dict[str, int]] = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
     "C": {"A": 1, "s": 1},
     "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "pixel": {"pixel": 1},
 }
 # What ordinary columns and keys end in: it needs no pint, whose import takes longer than the reading.
 _SUFFIXES = frozenset({"s", "m", "rad", "kg", "N m^2"})
@@ -136,6 +136,14 @@ def named_unit(exponents: Mapping[str, Fraction]) -> str:
             return word
     order = sorted(exponents.items(), key=lambda pair: (pair[1] < 0, pair[0]))
     return " ".join(base if power == 1 else f"{base}^{power}" for base, power in order)
+
+
+def known_dimension(unit: str) -> dict[str, Fraction] | None:
+    """Return the dimension of a unit; None of one that is no SI unit, such as the pixel of a camera."""
+    try:
+        return dimension(unit)
+    except InputError:
+        return None
 
 
 def homogeneous(first: str, second: str) -> bool:

@@ -220,4 +220,14 @@ def tried(trained: TrainedLaw, fit: Fit, judge: Judge) -> Patch:
         grid = np.linspace(trained.smooth.low[0], trained.smooth.high[0], 121)
         curve = {name: tuple(grid.tolist()), "force": tuple(trained.law.force({name: grid}).tolist())}
     before = judge.before if np.isfinite(judge.before) else None
-    return Patch(trained.kind, trained.smooth.names, trained.formula, values, before, after, accepted, reason, curve)
+    return Patch(
+        trained.kind,
+        trained.smooth.names,
+        formula=trained.formula,
+        parameters=values,
+        before=before,
+        after=after,
+        accepted=accepted,
+        reason=reason,
+        curve=curve,
+    )

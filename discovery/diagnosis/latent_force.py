@@ -149,6 +149,21 @@ def _shortened(experiment: Experiment, period: float) -> Experiment:
     return experiment.first(stop)
 
 
+def _likeliest(newton: Newton, spacing: float, period: float, name: str) -> tuple[_Prior, FloatArray]:
+    """Move to the likeliest force; return its prior, and how the residual answers to it beside the initial state."""
+    prior: _Prior | None = None
+    for i in range(ROUNDS):
+        newton.linearise()
+        away = np.linalg.qr(newton.by_start)[0]
+        columns = newton.by_force - away @ (away.T @ newton.by_force)
+        target = newton.residual - away @ (away.T @ newton.residual) + columns @ newton.coefficients
+        if prior is None or i < 3:
+            prior = _Prior.likeliest(columns, target, spacing, period)
+        if newton.move(prior.covariance @ (columns.T @ target)) < 1e-5:
+            return prior, columns
+    raise ComputationError(f"No force was found that makes the model follow {name}.")
+
+
 def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     """Return the force that makes a fitted model follow one of its recordings.
 
@@ -181,18 +196,7 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     knots = chain.time[0] + spacing * np.arange(-3, pieces + 4)
     basis = _basis(chain.time, knots)
     newton = Newton(chain, basis)
-    prior: _Prior | None = None
-    for i in range(ROUNDS):
-        newton.linearise()
-        away = np.linalg.qr(newton.by_start)[0]
-        columns = newton.by_force - away @ (away.T @ newton.by_force)
-        target = newton.residual - away @ (away.T @ newton.residual) + columns @ newton.coefficients
-        if prior is None or i < 3:
-            prior = _Prior.likeliest(columns, target, spacing, period)
-        if newton.move(prior.covariance @ (columns.T @ target)) < 1e-5:
-            break
-    else:
-        raise ComputationError(f"No force was found that makes the model follow {whole.recording.name}.")
+    prior, columns = _likeliest(newton, spacing, period, whole.recording.name)
     changes = (_parameters(fit, index)[: len(experiment.recording.time)] * newton.weights[:, :, None])[newton.used]
     imitating = prior.covariance @ (columns.T @ changes)
     time = np.linspace(chain.time[0], chain.time[-1], FINE * pieces + 1)

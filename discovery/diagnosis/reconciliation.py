@@ -102,6 +102,16 @@ def _unit(effect: str, name: str) -> str:
     return next(in_coordinate(p.unit, "rad") for p in get_effect(effect).parameters() if p.name == name)
 
 
+def _repairs(
+    model: Model, spoilt: Minimum, problem: Problem, candidates: Sequence[str], excess: float
+) -> Sequence[Refit]:
+    """Return refits of the effects that promise, and manage, to take away most of an excess of chi-square."""
+    scored = screen(model, spoilt, problem, candidates)
+    shortlist = [c for c in scored if c.score > _LINEAR * excess][:_SHORTLIST]
+    refits = refit(model, spoilt, problem, shortlist) if shortlist else ()
+    return [r for r in refits if 2 * spoilt.cost - r.chi2 > _REFITTED * excess]
+
+
 def reconcile(
     fit: Fit,
     name: str,
@@ -138,9 +148,9 @@ def reconcile(
         Those that followed the parameter all the way: reconciling ones first, by total chi-square, but simplest first
         where that ties. Empty where none did.
     """
+    bench = fit.problem.bench
     if not candidates:
         return ()
-    bench = fit.problem.bench
     if not set(candidates) <= set(bench.effects):
         bench = Bench(bench.base, sorted({*bench.effects, *candidates}), bench.experiments, bench.step)
     if progress is not None:
@@ -152,16 +162,22 @@ def reconcile(
     (spoilt,) = fit_problems([problem], [fit.minimum.x[keep]], iterations=8)
     data = _data_chi2(fit.problem, fit.minimum)
     excess = 2 * spoilt.cost - data
-    scored = screen(model, spoilt, problem, candidates)
-    shortlist = [c for c in scored if c.score > _LINEAR * excess][:_SHORTLIST]
-    if excess < least_gain or not shortlist:
+    if excess < least_gain:
         return ()
-    repaired = [r for r in refit(model, spoilt, problem, shortlist) if r.chi2 - data < (1 - _REFITTED) * excess]
+    repaired = _repairs(model, spoilt, problem, candidates, excess)
     lost = _LOST[0] * data + _LOST[1] * least_gain
-    followed = _follow(fit, name, path, repaired, lost)
+    followed = _follow(fit, name, path, repaired, lost) if repaired else []
     if not followed:
         return ()
-    tried = _finish(fit, bench, name, predicted, followed, 2 * fit.minimum.cost + z**2, least_gain)
+    tried = _finish(
+        fit,
+        bench,
+        name=name,
+        predicted=predicted,
+        followed=followed,
+        without=2 * fit.minimum.cost + z**2,
+        least_gain=least_gain,
+    )
     return _ranked(tried, fit.model.mechanics.system, least_gain)
 
 
@@ -221,27 +237,44 @@ def _finish(
 ) -> list[Reconciliation]:
     """Free what was held, the parameter under its predicted distribution, and weigh against the total `without`."""
     mean, sd = predicted
-    problems, starts = [], []
-    for r in followed:
-        gaussian = {**fit.problem.gaussian, name: predicted}
-        problems.append(Problem(fit.model.with_effect(r.effect), bench, fit.problem.units, gaussian))
-        values = {**fit.values, **r.values, name: mean}
-        starts.append(np.array([values[n] for n in problems[-1].names]))
+    gaussian = {**fit.problem.gaussian, name: predicted}
+    problems = [Problem(fit.model.with_effect(r.effect), bench, fit.problem.units, gaussian) for r in followed]
+    values = [{**fit.values, **r.values, name: mean} for r in followed]
+    starts = [np.array([own[n] for n in p.names]) for p, own in zip(problems, values, strict=True)]
     limit = _data_chi2(fit.problem, fit.minimum) + least_gain
+    minima = fit_problems(problems, starts, iterations=25)
     found = []
-    for r, problem, minimum in zip(followed, problems, fit_problems(problems, starts, iterations=25), strict=True):
+    for r, problem, minimum in zip(followed, problems, minima, strict=True):
         if not np.isfinite(minimum.cost):
             continue
-        covariance, reasons, _ = covariance_of(problem, minimum)
-        values = problem.named(minimum.x)
-        with np.errstate(invalid="ignore"):
-            spread = problem.named(np.sqrt(np.diag(covariance)))
-        own = {p.name for p in get_effect(r.effect).parameters()}
-        parameters = {n: (v, float("nan") if n in reasons else spread[n]) for n, v in values.items() if n in own}
-        z, chi2, total = (values[name] - mean) / sd, _data_chi2(problem, minimum), 2 * minimum.cost
-        agrees = abs(z) <= _AGREES and chi2 <= limit
-        found.append(Reconciliation(r.effect, parameters, values[name], z, chi2, total, without - total, agrees))
+        value, own = _estimated(problem, minimum, name, r.effect)
+        z, chi2, total = (value - mean) / sd, _data_chi2(problem, minimum), 2 * minimum.cost
+        found.append(
+            Reconciliation(
+                r.effect,
+                own,
+                value=value,
+                z=z,
+                chi2=chi2,
+                total=total,
+                evidence=without - total,
+                reconciles=abs(z) <= _AGREES and chi2 <= limit,
+            )
+        )
     return found
+
+
+def _estimated(
+    problem: Problem, minimum: Minimum, name: str, effect: str
+) -> tuple[float, dict[str, tuple[float, float]]]:
+    """Return the value of a parameter, and those of an effect with their deviations, NaN where they are not known."""
+    covariance, reasons, _ = covariance_of(problem, minimum)
+    values = problem.named(minimum.x)
+    with np.errstate(invalid="ignore"):
+        spread = problem.named(np.sqrt(np.diag(covariance)))
+    own = {p.name for p in get_effect(effect).parameters()}
+    found = {n: (v, float("nan") if n in reasons else spread[n]) for n, v in values.items() if n in own}
+    return values[name], found
 
 
 def _ranked(tried: Sequence[Reconciliation], system: str, least_gain: float) -> tuple[Reconciliation, ...]:

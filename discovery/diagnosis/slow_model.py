@@ -16,11 +16,12 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Closure, Joint, Memory, Mode
+from discovery.declarations.effect import Closure, Joint, Memory, Mode
 from discovery.declarations.external_force import ExternalForce
 from discovery.declarations.registry import get_effect
+from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
-from discovery.equations.program import RECORDED, Program, build_program, radius_of
+from discovery.equations.program import RECORDED, Program, build_program
 from discovery.estimation.problem import NaturalUnits
 from discovery.mechanics import get_base
 from discovery.simulation.kernel.compile import numpy_derivative
@@ -68,7 +69,7 @@ def _mathematics(base: str, effects: tuple[str, ...]) -> tuple[Program, Callable
     received = dict(program.drive)
     inputs = received.get(s.theta_m, received.get(s.u, sp.Integer(0)))
     known = [s.t, *RECORDED, *program.states, *(sp.Symbol(p, real=True) for p in program.parameters)]
-    if model.mechanics.system == ARM:
+    if model.mechanics.system.has_rod:
         law = radius_of(closures, channels) if closures else None
         output = [*model.mechanics.reading(law, program.rod), inputs]
     else:
@@ -129,7 +130,7 @@ class SlowModel:
 
     def coordinates(self, motion: FloatArray, recorded: FloatArray) -> FloatArray:
         """Return coordinate and rate (2, k) for the angle of the tip, or the output, and its rate (2, k)."""
-        hub = recorded[:2] if self.base.system == ARM else np.zeros_like(motion)
+        hub = recorded[:2] if self.base.system.has_rod else np.zeros_like(motion)
         form = self.program.form(self.parameters)
         return np.concatenate(self.base.initial_coordinates(motion[0] - hub[0], motion[1] - hub[1], hub, form))
 
@@ -151,7 +152,7 @@ class SlowModel:
             return [np.broadcast_to(np.asarray(f, float), time.shape) for f in found]
 
         here = output(states[0], recorded)
-        if self.base.system != ARM:
+        if not self.base.system.has_rod:
             return {"time": time, **dict(zip(("output", "rate", "input"), here, strict=True))}
         x, y, motor = here
         deflection = np.angle((x + 1j * y) * np.exp(-1j * motor))

@@ -98,4 +98,4 @@ def stand_in(fitted: Fit, effect: str) -> StandIn | None:
         return None
     (parameter,) = get_effect(effect).parameters()
     share, unit = fitted.values[parameter.name], QUANTITIES[quantity][0]
-    return StandIn(effect, parameter.name, quantity, share, stated.value, stated.sd, unit)
+    return StandIn(effect, parameter.name, quantity=quantity, share=share, stated=stated.value, sd=stated.sd, unit=unit)

@@ -131,11 +131,11 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
     return Signals(
         header,
         None if time is None else _signal(time, columns, meanings, "time"),
-        None if given is None else _signal(given, columns, meanings, "input"),
-        _signal(output, columns, meanings, "output"),
-        given is not None and meanings[given].role == "moved",
-        meanings[output].role == "height",
-        tuple(name for name in table.columns if name not in used),
+        input=None if given is None else _signal(given, columns, meanings, "input"),
+        output=_signal(output, columns, meanings, "output"),
+        moved=given is not None and meanings[given].role == "moved",
+        height=meanings[output].role == "height",
+        unused=tuple(name for name in table.columns if name not in used),
     )
 
 

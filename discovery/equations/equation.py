@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Dissipation, Effect, Kinetic, Load, Memory, Mode, Potential
+from discovery.declarations.effect import Dissipation, Effect, Kinetic, Load, Memory, Mode, Potential
 from discovery.declarations.registry import get_effect
-from discovery.equations.program import strands
+from discovery.declarations.systems import System
+from discovery.equations.contributions import strands
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
 
 if TYPE_CHECKING:
-    from discovery.equations.model import Model
     from discovery.mechanics.base import Base, Mechanics
 
-__all__ = ["MOVING_INPUT", "EquationTerms", "equation_of_motion", "equation_terms", "motion_symbols"]
+__all__ = ["MOVING_INPUT", "EquationTerms", "Sum", "equation_of_motion", "equation_terms", "motion_symbols"]
 
 #: An input that is a motion, with its first two derivatives.
 MOVING_INPUT = (s.u, *sp.symbols("u' u''", real=True))
@@ -59,9 +59,21 @@ class EquationTerms:
     output: sp.Expr | None = None
 
 
+class Sum(Protocol):
+    """A base with effects, by their names: a `discovery.equations.model.Model`."""
+
+    @property
+    def base(self) -> str:
+        """Name of the base."""
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the effects."""
+
+
 def motion_symbols(system: str) -> tuple[sp.Symbol, sp.Symbol, sp.Symbol]:
     """Return the symbols of coordinate, rate and acceleration: theta_t, theta_t', theta_t'', or q, q', q''."""
-    name = "theta_t" if system == ARM else "q"
+    name = System.of(system).coordinate
     return sp.symbols(f"{name} {name}' {name}''", real=True)
 
 
@@ -102,6 +114,14 @@ class _Lagrange:
             slopes += [(own[z], slope.xreplace(here)) for z, slope in effect.states().items()]
         return term, slopes
 
+    def parts(self, effect: Effect) -> tuple[sp.Expr, sp.Expr, list[tuple[sp.Symbol, sp.Expr]]]:
+        """Return what an effect adds to the inertia, its term on the left, and its states with their slopes."""
+        if isinstance(effect, Kinetic):
+            return *self.kinetic(effect), []
+        if isinstance(effect, Memory):
+            return sp.Integer(0), *self.memory(effect)
+        return sp.Integer(0), self.push(effect), []
+
     def push(self, effect: Effect) -> sp.Expr:
         """Return dV/dq, dD/dq', or the load with its sign turned; zero for what moves nothing."""
         if isinstance(effect, Potential):
@@ -121,7 +141,7 @@ def _collected(expression: sp.Expr, motion: Sequence[sp.Symbol]) -> sp.Expr:
     )
 
 
-def equation_terms(model: Model) -> EquationTerms:
+def equation_terms(model: Sum) -> EquationTerms:
     """Return the equation of motion term by term: Lagrange's equation, (15) of the source paper and its extensions.
 
     Symbols: theta_t, its rates theta_t' and theta_t'', delta, delta', theta_m'' for an arm; q, q', q'' and u, with u'
@@ -147,7 +167,7 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
     here, moving, accelerating = motion_symbols(base.system)
     delta, delta_rate, motor_acceleration = sp.symbols("delta delta' theta_m''", real=True)
     names = {lagrange.q: here, lagrange.rate: moving, s.alpha_m: motor_acceleration}
-    if base.system == ARM:
+    if base.system.has_rod:
         # The motor's angle and rate are told by the deflection and its rate.
         names |= {s.theta_m: here - delta, s.omega_m: moving - delta_rate}
     else:
@@ -157,9 +177,8 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
     def told(expression: sp.Expr) -> sp.Expr:
         return sp.factor_terms(sp.sympify(expression).xreplace(names))
 
-    inertia = mechanics.mass[0][0]
-    drive, output, terms = sp.Integer(0), None, []
-    if base.system == ARM:
+    inertia, drive, output, terms = mechanics.mass[0][0], sp.Integer(0), None, []
+    if base.system.has_rod:
         bare = sp.expand(-mechanics.force[0].xreplace(names))
         terms = [(base_name, _collected(bare, (moving, delta_rate, motor_acceleration)))]
     else:
@@ -170,25 +189,20 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
         output = output.xreplace({**names, s.acceleration: accelerating})
     memory: list[tuple[sp.Symbol, sp.Expr]] = []
     for name, effect in zip(effect_ids, effects, strict=True):
-        if isinstance(effect, Kinetic):
-            more, term = lagrange.kinetic(effect)
-            inertia = inertia + more
-        elif isinstance(effect, Memory):
-            term, states = lagrange.memory(effect)
-            own = [(state, told(slope)) for state, slope in states]
-            if isinstance(effect, Mode):
-                own = [(state, sp.expand(slope)) for state, slope in own]
-                z, _ = states[0]
-                output += z if base.reads_state else sp.Symbol(f"{z}''", real=True)
-            memory += own
-        else:
-            term = lagrange.push(effect)
+        more, term, states = lagrange.parts(effect)
+        inertia = inertia + more
+        own = [(state, told(slope)) for state, slope in states]
+        if isinstance(effect, Mode):
+            own = [(state, sp.expand(slope)) for state, slope in own]
+            z, _ = states[0]
+            output += z if base.reads_state else sp.Symbol(f"{z}''", real=True)
+        memory += own
         terms.append((name, told(term)))
     shown = tuple((n, t) for n, t in terms if t != 0)
     return EquationTerms(told(inertia), accelerating, shown, drive, tuple(memory), output)
 
 
-def equation_of_motion(model: Model) -> sp.Eq:
+def equation_of_motion(model: Sum) -> sp.Eq:
     """Return acceleration + ... = 0 (or = the drive) of a model, see `equation_terms`.
 
     Raises

@@ -11,34 +11,32 @@ from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import (
-    ARM,
-    Closure,
-    Dissipation,
     Drive,
     Effect,
     Joint,
     Kinetic,
-    Load,
     Memory,
     Mode,
-    Potential,
     Sensor,
 )
-from discovery.declarations.place import channels_of
 from discovery.declarations.registry import get_effect
+from discovery.equations.contributions import (
+    RECORDED,
+    Assignments,
+    channel_forces,
+    kinetic_of,
+    memory_of,
+    radius_of,
+    received_input,
+)
 from discovery.foundation.errors import InputError
 from discovery.mechanics import Base, get_base
-from discovery.mechanics.base import Channel, Mechanics, Strand
-from discovery.mechanics.joint import Root, hinged, root_of
+from discovery.mechanics.base import Mechanics
+from discovery.mechanics.joint import hinged, root_of
 from discovery.mechanics.rod import STRAIGHT, Rod, rod_of
-from discovery.mechanics.rod_end import loaded_end
+from discovery.mechanics.rod_end import LoadedEnd, loaded_end
 
-__all__ = ["RECORDED", "Program", "build_program", "radius_of", "strands"]
-
-#: Recorded input with its first two derivatives; an oscillator uses the value only.
-RECORDED = sp.symbols("r_0 r_1 r_2", real=True)
-
-Assignments = list[tuple[sp.Symbol, sp.Expr]]
+__all__ = ["RECORDED", "Program", "build_program"]
 
 
 @dataclass(frozen=True)
@@ -108,97 +106,6 @@ class Program:
         return (0, 0) if self.rod == STRAIGHT else self._form(parameters)
 
 
-def _drive(effects: list[Drive], input_moves: bool, root: Root | None) -> Assignments:
-    if not input_moves:
-        value: sp.Expr = RECORDED[0]
-        for effect in effects:
-            value = effect.expression().subs(s.u, value)
-        return [(s.u, value)]
-    value = RECORDED[0]
-    for effect in effects:
-        value = effect.expression().subs(s.theta_m, value)
-
-    def rate(expression: sp.Expr) -> sp.Expr:
-        pairs = ((RECORDED[0], RECORDED[1]), (RECORDED[1], RECORDED[2]), (s.t, sp.Integer(1)))
-        return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
-
-    first = rate(value)
-    received = (value, first, rate(first))
-    if root is not None:
-        received = tuple(a + b for a, b in zip(received, (root.turn, root.rate, root.bias), strict=True))
-    return list(zip((s.theta_m, s.omega_m, s.alpha_m), received, strict=True))
-
-
-def radius_of(effects: Sequence[Effect], channels: Mapping[sp.Symbol, Channel] | None = None) -> sp.Expr | None:
-    """Return rho/l as all closures together give it, each with its own change of the radius; None without closures.
-
-    With the channels of a base, the rate of the tip is written in the base's own rates.
-    """
-    laws = [e.expression() for e in effects if isinstance(e, Closure)]
-    if not laws:
-        return None
-    law = 1 + sp.Add(*[law - 1 for law in laws])
-    return law if channels is None else law.xreplace({s.omega: channels[s.omega].value})
-
-
-def _channel_forces(effect: Effect) -> dict[sp.Symbol, sp.Expr]:
-    """Return the force of one effect on each channel: -dV/dc, -dD/dc', +dP/dc'."""
-    if not isinstance(effect, Potential | Dissipation | Load):
-        return {}
-    if isinstance(effect, Load) and effect.on is not None:
-        return {effect.on: effect.expression()}
-    wanted = channels_of(effect)
-    sign = 1 if isinstance(effect, Load) else -1
-    expression = effect.expression()
-    forces = {c: sign * sp.diff(expression, c) for c in wanted}
-    return {c: f for c, f in forces.items() if f != 0}
-
-
-def strands(effect: Memory, mechanics: Mechanics) -> list[tuple[float, Strand]]:
-    """Return what a memory effect acts on, with weights: components of the bending, or places of the rod."""
-    if effect.place:
-        return [(1, mechanics.places[effect.place])]
-    return list(mechanics.fibres) if effect.local else [(1, strand) for strand in mechanics.bending]
-
-
-def _memory(effect: Memory, mechanics: Mechanics, n: int) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
-    """Return the states of a memory effect, one set for each of its strands, and its force."""
-    power, states = effect.expression(), effect.states()
-    force: list[sp.Expr] = [sp.Integer(0)] * n
-    found = {}
-    for k, (weight, (value, rate, jacobian)) in enumerate(strands(effect, mechanics)):
-        own = {z: sp.Symbol(f"{z.name}_{k}", real=True) for z in states}
-        here = {**own, s.bend: value, s.bend_dot: rate}
-        found.update({own[z]: sp.sympify(slope).subs(here) for z, slope in states.items()})
-        pull = weight * sp.diff(power, s.bend_dot).subs(here)
-        for i in range(n):
-            force[i] += jacobian[i] * pull
-    return found, force
-
-
-def _kinetic(energy: sp.Expr, channels: dict[sp.Symbol, Channel], n: int) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
-    """Return what a kinetic energy in channel rates adds to the mass matrix and to the force."""
-    mass = [[sp.Integer(0)] * n for _ in range(n)]
-    force = [sp.Integer(0)] * n
-    for c, c_dot in s.RATES.items():
-        momentum = sp.diff(energy, c_dot)
-        pull = -sp.diff(energy, c)
-        pull += sp.diff(momentum, s.omega_m) * s.alpha_m + sp.diff(momentum, s.theta_m) * s.omega_m
-        row = channels[c_dot].jacobian
-        for d, d_dot in s.RATES.items():
-            pull += sp.diff(momentum, d) * d_dot
-            coupling = sp.diff(momentum, d_dot)
-            if coupling == 0:
-                continue
-            pull += coupling * channels[d_dot].bias
-            for i in range(n):
-                for j in range(n):
-                    mass[i][j] += row[i] * coupling * channels[d_dot].jacobian[j]
-        for i in range(n):
-            force[i] -= row[i] * pull
-    return mass, force
-
-
 def _solve(mass: list[list[sp.Expr]], force: list[sp.Expr], out: Assignments) -> list[sp.Expr]:
     """Append the solution by cofactors and return the accelerations.
 
@@ -249,91 +156,118 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     """
     base = get_base(base_name)
     effects = [get_effect(e) for e in effect_ids]
-    rod = rod_of(effects)
-    mechanics = base.mechanics(rod)
-    root = root_of(mechanics, [e for e in effects if isinstance(e, Joint)])
-    mechanics = hinged(mechanics, root)
-    n = base.n_coordinates
+    rod, n = rod_of(effects), base.n_coordinates
+    root = root_of(base.mechanics(rod), [e for e in effects if isinstance(e, Joint)])
+    mechanics = hinged(base.mechanics(rod), root)
     channels = dict(mechanics.channels)
-    parameters = [p.name for p in base.parameters()] + [p.name for e in effects for p in e.parameters()]
-
-    forces: dict[sp.Symbol, sp.Expr] = {}
-    for effect in effects:
-        for channel, force in _channel_forces(effect).items():
-            forces[channel] = forces.get(channel, sp.Integer(0)) + force
-    if s.xi.name not in parameters:
-        # Where no linear loss is declared there is none.
-        forces = {channel: force.xreplace({s.xi: sp.Integer(0)}) for channel, force in forces.items()}
     end = loaded_end(mechanics, effects)
-    if end is not None:
-        forces[s.slope] = forces.get(s.slope, sp.Integer(0)) + end.moment
-    mass = [list(row) for row in mechanics.mass]
-    force = list(mechanics.force)
-    for effect in effects:
-        if isinstance(effect, Kinetic):
-            energy = effect.expression()
-            extra_mass, extra_force = _kinetic(energy if end is None else end.kinetic(energy), channels, n)
-            mass = [[mass[i][j] + extra_mass[i][j] for j in range(n)] for i in range(n)]
-            force = [force[i] + extra_force[i] for i in range(n)]
-
-    memory: dict[sp.Symbol, sp.Expr] = {} if root is None else dict(root.states)
-    for effect in effects:
-        if isinstance(effect, Memory):
-            states, extra_force = _memory(effect, mechanics, n)
-            memory.update(states)
-            force = [force[i] + extra_force[i] for i in range(n)]
+    forces = _forces(effects, end)
+    mass, force = _inertia(effects, mechanics, end)
+    memory, force = _memory(effects, mechanics, {} if root is None else dict(root.states), force)
     named = set().union(*[e.free_symbols for e in [*forces.values(), *memory.values(), *force, *mass[0]]])
     program: Assignments = list(mechanics.assignments)
     program += [(c, sp.sympify(channels[c].value)) for c in channels if c in named]
     for channel, expression in forces.items():
         pushed = sp.Symbol(f"F_{channel.name}", real=True)
         program.append((pushed, expression))
-        for i in range(n):
-            force[i] += channels[channel].jacobian[i] * pushed
-    if n > 1:
-        # Named once, so that the factorisation does not repeat the sums.
-        total = [sp.Symbol(f"Q_{i}", real=True) for i in range(n)]
-        program += list(zip(total, force, strict=True))
-        inertia = [[sp.Symbol(f"N_{max(i, j)}{min(i, j)}", real=True) for j in range(n)] for i in range(n)]
-        program += [(inertia[i][j], mass[i][j]) for i in range(n) for j in range(i + 1)]
-        mass, force = inertia, total
+        force = [a + b * pushed for a, b in zip(force, channels[channel].jacobian, strict=True)]
+    mass, force = (mass, force) if n == 1 else _named_once(mass, force, program)
     accelerations = _solve(mass, force, program)
     if end is not None:
         turning = channels[s.slope_dot]
         bent = sp.Add(*[j * a for j, a in zip(turning.jacobian, accelerations, strict=True)]) + turning.bias
         memory.update(end.states(bent))
-
-    if any(isinstance(e, Mode) for e in effects) and base.push() is None:
-        raise InputError(
-            f"A mode of vibration needs a force or a moving base as its input, which {base_name!r} has not."
-        )
-    modes = [z for e in effects if isinstance(e, Mode) for z in memory if z.name == f"{e.displacement().name}_0"]
-    memory = {z: slope.xreplace({s.push: base.push()}) for z, slope in memory.items()} if modes else memory
-    reading = tuple(_told(r, accelerations, program) for r in base.reading(radius_of(effects, channels), rod))
-    if modes:
-        reading = (reading[0] + sp.Add(*[_as_read(base, z, memory) for z in modes]),)
-    sensors = [e for e in effects if isinstance(e, Sensor)]
-    if base.system == ARM:
-        reading = tuple(s.length * r for r in reading)
-        for sensor in sensors:
-            reading = sensor.arm_reading(*reading)
-    else:
-        for sensor in sensors:
-            reading = (sensor.oscillator_reading(reading[0]),)
+    bare = [_told(r, accelerations, program) for r in base.reading(radius_of(effects, channels), rod)]
+    reading, memory = _reading(base, effects, bare, memory)
     still = (sp.Integer(0),) * (2 * n)
     result = Program(
-        parameters=tuple(parameters),
+        parameters=(*[p.name for p in base.parameters()], *[p.name for e in effects for p in e.parameters()]),
         states=(*mechanics.coordinates, *mechanics.rates, *memory),
         n_coordinates=n,
-        drive=tuple(_drive([e for e in effects if isinstance(e, Drive)], base.input_moves, root)),
+        drive=tuple(received_input([e for e in effects if isinstance(e, Drive)], base.input_moves, root)),
         derivative=tuple(program),
         slopes=(*(still if base.prescribed else (*mechanics.rates, *accelerations)), *memory.values()),
-        reading=tuple(reading),
-        lateness=sp.Add(*[e.lateness() for e in sensors]),
+        reading=reading,
+        lateness=sp.Add(*[e.lateness() for e in effects if isinstance(e, Sensor)]),
         rod=rod,
     )
     _check_complete(result, base_name)
     return result
+
+
+def _forces(effects: Sequence[Effect], end: LoadedEnd | None) -> dict[sp.Symbol, sp.Expr]:
+    """Return the force of all effects together on each channel."""
+    forces: dict[sp.Symbol, sp.Expr] = {}
+    for effect in effects:
+        for channel, force in channel_forces(effect).items():
+            forces[channel] = forces.get(channel, sp.Integer(0)) + force
+    if not any(p.name == s.xi.name for effect in effects for p in effect.parameters()):
+        # Where no linear loss is declared there is none.
+        forces = {channel: force.xreplace({s.xi: sp.Integer(0)}) for channel, force in forces.items()}
+    if end is not None:
+        forces[s.slope] = forces.get(s.slope, sp.Integer(0)) + end.moment
+    return forces
+
+
+def _inertia(
+    effects: Sequence[Effect], mechanics: Mechanics, end: LoadedEnd | None
+) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
+    """Return mass matrix and force of the base and of the kinetic effects."""
+    mass, force = [list(row) for row in mechanics.mass], list(mechanics.force)
+    n, channels = len(force), dict(mechanics.channels)
+    for effect in effects:
+        if isinstance(effect, Kinetic):
+            energy = effect.expression()
+            more, push = kinetic_of(energy if end is None else end.kinetic(energy), channels, n)
+            mass = [[mass[i][j] + more[i][j] for j in range(n)] for i in range(n)]
+            force = [force[i] + push[i] for i in range(n)]
+    return mass, force
+
+
+def _memory(
+    effects: Sequence[Effect], mechanics: Mechanics, states: dict[sp.Symbol, sp.Expr], force: list[sp.Expr]
+) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
+    """Return states and force with those of the memory effects."""
+    for effect in effects:
+        if isinstance(effect, Memory):
+            own, pull = memory_of(effect, mechanics, len(force))
+            states = {**states, **own}
+            force = [a + b for a, b in zip(force, pull, strict=True)]
+    return states, force
+
+
+def _named_once(
+    mass: list[list[sp.Expr]], force: list[sp.Expr], program: Assignments
+) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
+    """Append the sums by name, and return the names, so that the factorisation does not repeat the sums."""
+    n = len(force)
+    total: list[sp.Expr] = [sp.Symbol(f"Q_{i}", real=True) for i in range(n)]
+    program += list(zip(total, force, strict=True))
+    inertia = [[sp.Symbol(f"N_{max(i, j)}{min(i, j)}", real=True) for j in range(n)] for i in range(n)]
+    program += [(inertia[i][j], mass[i][j]) for i in range(n) for j in range(i + 1)]
+    return inertia, total
+
+
+def _reading(
+    base: Base, effects: Sequence[Effect], bare: Sequence[sp.Expr], memory: dict[sp.Symbol, sp.Expr]
+) -> tuple[tuple[sp.Expr, ...], dict[sp.Symbol, sp.Expr]]:
+    """Return what the instrument reports, through modes and sensors, and the memory that the input of a base drives."""
+    vibrations = [e for e in effects if isinstance(e, Mode)]
+    if vibrations and base.push() is None:
+        raise InputError(
+            f"A mode of vibration needs a force or a moving base as its input, which {base.name!r} has not."
+        )
+    modes = [z for e in vibrations for z in memory if z.name == f"{e.displacement().name}_0"]
+    reading = tuple(bare)
+    if modes:
+        memory = {z: slope.xreplace({s.push: base.push()}) for z, slope in memory.items()}
+        reading = (reading[0] + sp.Add(*[_as_read(base, z, memory) for z in modes]),)
+    if base.system.has_rod:
+        reading = tuple(s.length * r for r in reading)
+    for sensor in effects:
+        if isinstance(sensor, Sensor):
+            reading = sensor.arm_reading(*reading) if base.system.has_rod else (sensor.oscillator_reading(reading[0]),)
+    return reading, memory
 
 
 def _check_complete(program: Program, base_name: str) -> None:

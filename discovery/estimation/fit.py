@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.registry import get_effect
 from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
@@ -19,26 +18,17 @@ from discovery.estimation.covariance import covariance_of, longest_leap, solver_
 from discovery.estimation.guess import restoring, scan
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.physical import physical_parameters, physical_rows
-from discovery.estimation.problem import LIGHT_ROD, NaturalUnits, Problem, known_values, natural_units
+from discovery.estimation.problem import NaturalUnits, Problem, natural_units
 from discovery.estimation.scattered import start_of_system
+from discovery.estimation.staged import staged_start
 from discovery.estimation.step import TOLERANCE, choose_step
-from discovery.foundation.errors import InputError, SimulationFailure
+from discovery.foundation.errors import SimulationFailure
 from discovery.plots.fits import FitViews
 from discovery.recordings.chosen import Recordings, training_of
-from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
 
-__all__ = [
-    "MOST_STEPS",
-    "SHIFT",
-    "Fit",
-    "declared_model",
-    "fit",
-    "fit_near",
-    "refined",
-    "rig_uncertainty",
-]
+__all__ = ["MOST_STEPS", "SHIFT", "Fit", "fit", "fit_near", "refined"]
 
 FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
@@ -176,83 +166,6 @@ class Fit(FitViews):
         }
 
 
-#: Retardation time of an ordinary rod's material, with its standard deviation [s]: fibre composites lose 0.5 to 1 % of
-#: their elastic energy per radian of a vibration at some 50 rad/s, where such a rod rings.
-RETARDATION, RETARDATION_SD = 1.5e-4, 1e-4
-
-
-def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
-    """Return what may move within its uncertainty: stated constants, or the mass and slight damping of an exact arm.
-
-    Returns
-    -------
-    dict of str to (mean, sd)
-        Fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
-    """
-    rig = experiment.rig
-    if rig.system is not None:
-        return {n: (c.value, c.sd) for n, c in rig.system.constants.items() if c.sd is not None}
-    if not experiment.is_arm:
-        return {}
-    known = {"tau_r": (RETARDATION, RETARDATION_SD), "mu": (LIGHT_ROD, LIGHT_ROD)}
-    if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
-        mu = rig.beam_mass.value / rig.tip_mass.value
-        spread = np.hypot(rig.beam_mass.sd / rig.beam_mass.value, rig.tip_mass.sd / rig.tip_mass.value)
-        known["mu"] = (mu, mu * float(spread))
-    return known
-
-
-def declared_model(experiment: Experiment | Dataset) -> Model:
-    """Return the model that the rig file declares, on the base of its kind.
-
-    Parameters
-    ----------
-    experiment : Experiment or Dataset
-        A recording of the rig, or a data set.
-
-    Raises
-    ------
-    InputError
-        For anything else than an experiment, such as the rig alone: a recording says whether there is an input. If a
-        law of an angle is declared for an output in another unit.
-    """
-    if isinstance(experiment, Dataset):
-        experiment = experiment.train[0]
-    if not isinstance(experiment, Experiment):
-        raise InputError(
-            f"The declared model is that of an Experiment, not of a {type(experiment).__name__}; make one with "
-            "`make_experiment(recording, rig)`, or take one of `load_dataset(rig_path, recordings).train`."
-        )
-    unit = experiment.coordinate_unit
-    for effect in experiment.rig.declared:
-        if get_effect(effect).angular and not experiment.is_arm and unit != "rad":
-            raise InputError(f"Effect {effect} needs an angle in rad, but the coordinate is in {unit}.")
-    return Model(experiment.rig.base, tuple(experiment.rig.declared), known_values(experiment))
-
-
-#: Starts of a parameter that the rig hardly knows, in its stated values.
-_WIDE = (0.2, 0.5, 1.0, 1.5, 2.0, 3.0)
-
-
-def _staged(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
-    """Return start values from fits in which what the rig states is held.
-
-    The ringing of the rod has local minima in its mass while the stiffness is off. Where the rig hardly knows the mass,
-    several are tried and the best one is kept. Its damping is held at a usual size: undamped ringing has no smooth
-    answer to a change of stiffness.
-    """
-    known = {**{n: mean for n, (mean, _) in problem.gaussian.items()}, **problem.model.known}
-    vague = [n for n, (mean, sd) in problem.gaussian.items() if sd > 0.3 * mean]
-    wide = [n for n in vague if n in problem.model.known and n not in values]
-    grids = [{n: known[n] * f for n in wide} for f in (_WIDE if wide else (1.0,))]
-    held = [
-        Problem(replace(problem.model, known={**known, **grid}), problem.bench, problem.units, {}) for grid in grids
-    ]
-    minima = fit_problems(held, [p.start(values) for p in held])
-    best = min(range(len(minima)), key=lambda i: minima[i].cost)
-    return {**known, **values, **grids[best], **held[best].named(minima[best].x)}
-
-
 def fit(
     model: Model,
     experiments: Recordings,
@@ -307,7 +220,7 @@ def fit(
         bench = Bench(model.base, model.effects, experiments, choose_step(model, experiments, units, values, tolerance))
     problem = Problem(model, bench, units, {n: g for n, g in gaussian.items() if n in model.parameters})
     if problem.gaussian:
-        values = _staged(problem, values)
+        values = staged_start(problem, values)
     (minimum,) = fit_problems([problem], [problem.start(values)])
     found = _at(problem, minimum)
     return refined(found) if own_step else found

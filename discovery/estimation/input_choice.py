@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from discovery.estimation.fit import declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.foundation.errors import DiscoveryError, InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.recordings.flags import Flag
 from discovery.rigs.kinds import KINDS
 
 __all__ = ["choose_interpolation"]
@@ -73,11 +75,8 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
     if (cost[first] - cost[best]) * samples < _GAIN * cost[best]:
         best = first
     against = ", ".join(f"{_WORDS[n]} {(c / cost[best]) ** 0.5:.4g}" for n, c in cost.items() if n != best)
-    note = (
-        f"the input between its samples was taken as {_WORDS[best]}; error of the declared model with another, in "
-        f'units of this one\'s: {against}. Set interpolation = "{best}" in the rig file to keep it so.'
-    )
-    train = (replace(e, recording=replace(e.recording, notes=(*e.recording.notes, note))) for e in dataset.train)
+    flag = Flag("input_chosen", numbers={"words": _WORDS[best], "against": against, "interpolation": best})
+    train = (replace(e, recording=replace(e.recording, flags=(*e.recording.flags, flag))) for e in dataset.train)
     return _with(replace(dataset, train=tuple(train)), best)
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM, Dissipation, Effect, Load, Memory, Potential
+from discovery.declarations.effect import Dissipation, Effect, Load, Memory, Potential
 from discovery.declarations.symbols import alpha
-from discovery.declarations.units import dimension, si_symbol
+from discovery.declarations.units import dimension, known_dimension, si_symbol
 from discovery.equations.model import Model
 from discovery.recordings.experiment import Experiment
 
@@ -58,7 +58,7 @@ def _amplitudes(effect: Effect) -> list[str]:
 def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, Dimension] | None:
     """Return the inertia, or the parameter that tells it, its relative standard deviation, and its dimension."""
     rig, base = experiment.rig, model.mechanics
-    if base.system == ARM:
+    if base.system.has_rod:
         if rig.length is None or rig.tip_mass is None:
             return None
         rod = rig.beam_mass
@@ -66,17 +66,17 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
         spread = math.hypot(rig.tip_mass.sd, 33 / 140 * rod.sd if rod else 0.0) / mass
         relative = math.hypot(spread, 2 * rig.length.sd / rig.length.value)
         return mass * rig.length.value**2, relative, dimension("kg m^2")
-    q = dimension(experiment.coordinate_unit)
-    if "pixel" in q:  # no length
+    q = known_dimension(experiment.coordinate_unit)
+    if q is None:
         return None
     acceleration = _product((q, 1), (dimension("s^-2"), 1))
     if base.prescribed:
-        force = dimension(experiment.recording.units[0])
-        return ("m_0", 0.0, _product((force, 1), (acceleration, -1))) if force in _FORCES else None
+        force = known_dimension(experiment.recording.units[0])
+        return ("m_0", 0.0, _product((force, 1), (acceleration, -1))) if force and force in _FORCES else None
     stated, unit = (rig.inertia, "kg m^2") if rig.inertia else (rig.mass, "kg")
     told = rig.columns.input
-    force = {} if told is None else dimension(si_symbol(told.unit))
-    if base.name in {"oscillator", "accelerometer"} and force in _FORCES:
+    force = None if told is None else known_dimension(si_symbol(told.unit))
+    if base.name in {"oscillator", "accelerometer"} and force and force in _FORCES:
         return "g", 0.0, _product((force, 1), (acceleration, -1))
     return None if stated is None else (stated.value, stated.sd / stated.value, dimension(unit))
 
@@ -119,7 +119,7 @@ def physical_parameters(
     power = {"g": -1, "m_0": 1}.get(source or "", 0)
     scale = values[source] ** power if source else float(known)
     places = {name: k for k, name in enumerate(fitted)}
-    q = dimension(experiment.coordinate_unit) if model.mechanics.system != ARM else {}
+    q = {} if model.mechanics.system.has_rod else dimension(experiment.coordinate_unit)
 
     def spread(value: float, *powers: tuple[str | None, int]) -> float:
         """Return the standard deviation of a product of powers of parameters, and of the rig's inertia."""

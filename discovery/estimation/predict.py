@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Load
+from discovery.declarations.effect import Load
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
 from discovery.estimation.bench import Bench
@@ -70,7 +71,32 @@ def equilibrium(
     """
     if model.mechanics.places():
         return 0.0
-    program, derivative, output = _statics(model.base, model.effects)
+    rest = _Rest.of(model, _held(model, values, units, time), drive, 0.0 if time is None else time)
+    arm, n = model.mechanics.system.has_rod, rest.program.n_coordinates
+    reach = np.linspace(0, 1.2 if arm else 5 * units.coordinate, 121)
+    grid = np.concatenate([-reach[:0:-1], reach])
+    force = np.array([rest.push(d) for d in grid])
+    crossing = np.flatnonzero((force[:-1] >= 0) & (force[1:] < 0))
+    if n == 1 and np.ptp(force) <= 1e-12 * np.abs(force).max():
+        raise ComputationError(_FREE.format("nowhere" if force.any() else "anywhere"))
+    if crossing.size == 0:
+        # A root that turns with its load has memory: the rod and its root settle together.
+        q = rest.settled(units.time)
+        found = float(q[0]) - (drive[0] if arm else 0.0) if n == 1 else rest.angle(q)
+        is_rest = True
+    else:
+        nearest = crossing[np.argmin(np.abs(grid[crossing]))]
+        near = float(brentq(rest.push, grid[nearest], grid[nearest + 1], xtol=1e-12))
+        if n == 1:
+            return near
+        found, is_rest = rest.beside(near)
+    if not is_rest or abs(found) > reach[-1]:
+        raise ComputationError(_NO_REST)
+    return found
+
+
+def _held(model: Model, values: Mapping[str, float], units: NaturalUnits, time: float | None) -> dict[str, float]:
+    """Return the values of all parameters, without the forces that depend on time unless it is given."""
     moving = {
         p.name
         for effect in model.terms
@@ -78,63 +104,75 @@ def equilibrium(
         for p in effect.parameters()
         if not p.shape
     }
-    known = {**model.known, **values, **(dict.fromkeys(moving, 0.0) if time is None else {})}
-    when = 0.0 if time is None else time
-    parameters = [
-        known.get(n, model.parameters[n].default * units.scale(model.parameters[n])) for n in program.parameters
-    ]
-    recorded = (drive[0], 0.0, 0.0)
-    n = program.n_coordinates
-    start = (drive[0], 0.0) if model.mechanics.system == ARM else (0.0, 0.0)
-    form = program.form(parameters)
-
-    def acceleration(q: FloatArray) -> FloatArray:
-        state = [*q, *np.zeros(len(program.states) - n)]
-        return np.array(derivative(when, recorded, state, parameters)[n : 2 * n], float)
-
-    def push(deflection: float) -> float:
-        q, tangent = model.mechanics.initial_coordinates(np.array([deflection]), np.array([1.0]), start, form)
-        # Where a slow motion through this deflection is accelerated to.
-        return float(acceleration(q[:, 0]) @ tangent[:, 0])
-
-    reach = np.linspace(0, 1.2 if model.mechanics.system == ARM else 5 * units.coordinate, 121)
-    grid = np.concatenate([-reach[:0:-1], reach])
-    force = np.array([push(d) for d in grid])
-    crossing = np.flatnonzero((force[:-1] >= 0) & (force[1:] < 0))
-    if n == 1 and np.ptp(force) <= 1e-12 * np.abs(force).max():
-        raise ComputationError(_FREE.format("nowhere" if force.any() else "anywhere"))
-    if crossing.size == 0:
-        # A root that turns with its load has memory: the rod and its root settle together.
-        straight, _ = model.mechanics.initial_coordinates(np.zeros(1), np.zeros(1), start, form)
-        first = np.concatenate([straight[:, 0], np.zeros(len(program.states) - n)])
-        q = _settled(lambda state: np.array(derivative(when, recorded, state, parameters), float), first, n, units.time)
-        rest = float(q[0]) - (drive[0] if n == 1 and model.mechanics.system == ARM else 0.0)
-        rest = rest if n == 1 else _angle(output(*q, 0.0, *parameters))
-        if abs(rest) > reach[-1]:
-            raise ComputationError(_NO_REST)
-        return rest
-    nearest = crossing[np.argmin(np.abs(grid[crossing]))]
-    near = float(brentq(push, grid[nearest], grid[nearest + 1], xtol=1e-12))
-    if n == 1:
-        return near
-    # The rod's own weight bends it otherwise than a load at its tip: every coordinate must rest.
-    q, _ = model.mechanics.initial_coordinates(np.array([near]), np.array([0.0]), start, form)
-
-    def beside(away: FloatArray) -> FloatArray:
-        return acceleration(q[:, 0] + away)
-
-    # From zero on, for the solver's differences are relative to its unknowns.
-    found = root(beside, np.zeros(n), options={"xtol": 1e-13})
-    rest = _angle(output(*(q[:, 0] + found.x), 0.0, *parameters))
-    # Near its start it is one also where rounding keeps the solver from its last digits.
-    near_start = np.abs(found.x).max() < 0.1
-    if not (found.success or near_start) or abs(rest) > reach[-1]:
-        raise ComputationError(_NO_REST)
-    return rest
+    given = {**model.known, **values, **(dict.fromkeys(moving, 0.0) if time is None else {})}
+    return {**{n: p.default * units.scale(p) for n, p in model.parameters.items() if n not in given}, **given}
 
 
-def _angle(tip: Sequence[float]) -> float:
-    return float(np.arctan2(tip[1], tip[0]))
+@dataclass(frozen=True)
+class _Rest:
+    """A model under a constant input: what accelerates it where it does not move."""
+
+    model: Model
+    program: Program
+    slopes: Callable[[FloatArray], FloatArray]
+    output: Callable[[FloatArray], list[float]]
+    start: tuple[float, float]
+    form: tuple
+
+    @classmethod
+    def of(cls, model: Model, values: Mapping[str, float], drive: Sequence[float], time: float) -> _Rest:
+        program, derivative, output = _statics(model.base, model.effects)
+        parameters = [values[name] for name in program.parameters]
+        recorded = (drive[0], 0.0, 0.0)
+        return cls(
+            model,
+            program,
+            slopes=lambda state: np.array(derivative(time, recorded, state, parameters), float),
+            output=lambda q: output(*q, 0.0, *parameters),
+            start=model.mechanics.system.still(drive[0]),
+            form=program.form(parameters),
+        )
+
+    def coordinates(self, deflection: float, rate: float) -> tuple[FloatArray, FloatArray]:
+        """Return the coordinates of a slow motion through a deflection, and their rates."""
+        q, tangent = self.model.mechanics.initial_coordinates(
+            np.array([deflection]), np.array([rate]), self.start, self.form
+        )
+        return q[:, 0], tangent[:, 0]
+
+    def acceleration(self, q: FloatArray) -> FloatArray:
+        n = self.program.n_coordinates
+        return self.slopes(np.concatenate([q, np.zeros(len(self.program.states) - n)]))[n : 2 * n]
+
+    def push(self, deflection: float) -> float:
+        """Return where a slow motion through this deflection is accelerated to."""
+        q, tangent = self.coordinates(deflection, 1.0)
+        return float(self.acceleration(q) @ tangent)
+
+    def angle(self, q: FloatArray) -> float:
+        tip = self.output(q)
+        return float(np.arctan2(tip[1], tip[0]))
+
+    def settled(self, time: float) -> FloatArray:
+        """Return the coordinates in which the straight rod comes to rest."""
+        q, _ = self.coordinates(0.0, 0.0)
+        first = np.concatenate([q, np.zeros(len(self.program.states) - q.size)])
+        return _settled(self.slopes, first, q.size, time)
+
+    def beside(self, deflection: float) -> tuple[float, bool]:
+        """Return the angle at which every coordinate rests, near a load at the tip alone, and whether it is found.
+
+        The rod's own weight bends it otherwise than that load.
+        """
+        q, _ = self.coordinates(deflection, 0.0)
+
+        # From zero on, for the solver's differences are relative to its unknowns.
+        def around(away: FloatArray) -> FloatArray:
+            return self.acceleration(q + away)
+
+        found = root(around, np.zeros(q.size), options={"xtol": 1e-13})
+        # Near its start it is one also where rounding keeps the solver from its last digits.
+        return self.angle(q + found.x), bool(found.success or np.abs(found.x).max() < 0.1)
 
 
 def _settled(slopes: Callable[[FloatArray], FloatArray], first: FloatArray, n: int, time: float) -> FloatArray:

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
 from discovery.declarations.parameters import Parameter, natural_scale
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
@@ -129,7 +128,7 @@ def known_values(experiment: Experiment) -> dict[str, float]:
     rig = experiment.rig
     if rig.system is not None:
         return {n: c.value for n, c in rig.system.constants.items() if not c.free and c.sd is None}
-    if rig.kind != ARM:
+    if not experiment.system.has_rod:
         known: dict[str, float] = {} if experiment.recording.input is not None else {"g": 0.0}
         if rig.gravity is not None:
             known["g_0"] = rig.gravity.value

@@ -175,13 +175,13 @@ def feed_forward(
     return FeedForward(
         offset,
         float(command(zero, zero, zero + 1.0, found.values)[0]) - offset,
-        rate,
-        table,
-        _deviation(friction, found),
-        position,
-        held,
-        _deviation(spring, found),
-        _warnings(found.model, apart),
+        rate=rate,
+        friction=table,
+        friction_sd=_deviation(friction, found),
+        position=position,
+        spring=held,
+        spring_sd=_deviation(spring, found),
+        warnings=_warnings(found.model, apart),
     )
 
 

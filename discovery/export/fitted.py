@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
 from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.foundation.errors import InputError
@@ -78,7 +77,7 @@ class FittedModel:
 
     def __post_init__(self) -> None:
         if not self.coordinate:
-            object.__setattr__(self, "coordinate", "rad" if self.model.mechanics.system == ARM else "q")
+            object.__setattr__(self, "coordinate", self.model.mechanics.system.coordinate_unit("q"))
         # Plain numbers, whatever kind of float was given: they are written with `repr`.
         object.__setattr__(self, "values", {n: _plain(n, v) for n, v in self.values.items()})
         object.__setattr__(self, "step", float(self.step))

@@ -10,9 +10,10 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
+from discovery.equations.contributions import radius_of
 from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model
-from discovery.equations.program import RECORDED, radius_of
+from discovery.equations.program import RECORDED
 from discovery.export.declared_latex import declared_latex
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import origin
@@ -172,7 +173,7 @@ def latex_lines(model: Model) -> tuple[LatexLine, ...]:
         return (LatexLine(*_LAGRANGE), *declared_latex(model))
     if terms is not None:
         lines += _equation(terms, write, model)
-        if model.mechanics.system == ARM:
+        if model.mechanics.system.has_rod:
             lines.append(LatexLine("deflection", r"\delta = \theta_t - \theta_m"))
     else:
         lines.append(LatexLine(*_LAGRANGE))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Mode
+from discovery.declarations.effect import Mode
 from discovery.equations.model import Model
 
 __all__ = ["LETTERED", "LatexLine", "Writer"]
@@ -51,7 +51,7 @@ class Writer:
     def __init__(self, model: Model) -> None:
         letters = {n: p.latex for n, p in model.parameters.items() if p.latex}
         self.names = {**_NAMES, **letters}
-        if model.mechanics.system != ARM:
+        if not model.mechanics.system.has_rod:
             self.names |= {"theta": "q", "omega": r"\dot{q}", "delta": "q", "delta_dot": r"\dot{q}"}
             self.names |= {"v_t": r"|\dot{q}|", "r_0": r"u_{\mathrm{rec}}"}
         for mode in (e for e in model.terms if isinstance(e, Mode)):

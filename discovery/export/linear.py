@@ -5,23 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from discovery.declarations.effect import ARM, Closure, Drive, Effect, Memory, Sensor, Shape
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
 from discovery.export.fitted import FittedModel, fitted_model
+from discovery.export.linear_warnings import tangent_warnings
 from discovery.export.symbolic import SymbolicModel, program_of
 from discovery.foundation.errors import InputError
 from discovery.simulation.kernel.compile import numpy_derivative
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
+    from discovery.mechanics import Base
 
 __all__ = ["LinearModel", "linearise"]
 
@@ -126,38 +127,6 @@ def _averaged(
     return found
 
 
-def _sharp(effect: Effect) -> bool:
-    """Return whether a law is no smooth function of the motion: friction, drag, play, whose tangent says little."""
-    if isinstance(effect, Closure | Drive | Sensor | Shape):
-        return False
-    laws: list[sp.Expr] = [sp.sympify(effect.expression())]  # type: ignore[attr-defined]
-    if isinstance(effect, Memory):
-        laws += list(effect.states().values())
-    return any(
-        e.has(sp.Abs, sp.sign, sp.Min, sp.Max, sp.Piecewise)
-        or any(not p.exp.is_Integer for p in e.atoms(sp.Pow) if not p.exp.free_symbols and not p.base.is_number)
-        for e in laws
-    )
-
-
-def _warnings(model: Model, averaged: bool, rate: float, late: float) -> tuple[str, ...]:
-    """Return where a tangent misleads."""
-    sharp = [e for e in model.terms if _sharp(e)]
-    remembered = [e.id() for e in sharp if isinstance(e, Memory)]
-    others = [e.id() for e in sharp if not isinstance(e, Memory)]
-    said = []
-    if others and not averaged and rate == 0:
-        said.append(
-            f"At rest the slope of {', '.join(others)} is that of its smoothed law, and holds for the smallest motions "
-            "only; state a speed, or an amplitude and a frequency."
-        )
-    if remembered:
-        said.append(f"{', '.join(remembered)} is linearised at its present memory; it depends on the motion before.")
-    if late < 0:
-        said.append(f"The instrument is {-late:g} s ahead, which no state-space model is; this is left out.")
-    return tuple(said)
-
-
 def _state_at(
     numbers: _Numbers, found: FittedModel, deflection: float | None, rate: float, recorded: FloatArray
 ) -> FloatArray:
@@ -225,6 +194,27 @@ def _spread(
     }
 
 
+def _refuse_cycle(model: Model, amplitude: float | None, frequency: float | None) -> None:
+    if (amplitude is None) != (frequency is None) or not ((amplitude or 1.0) > 0 and (frequency or 1.0) > 0):
+        raise InputError("A describing function needs an amplitude and a frequency, both positive.")
+    base = model.mechanics
+    if amplitude and base.n_coordinates > 1:
+        raise InputError(f"A describing function is of one coordinate; {base.name!r} has {base.n_coordinates}.")
+
+
+class _Matrices(TypedDict):
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    d: FloatArray
+
+
+def _moving_input(base: Base) -> list[str]:
+    """Return the names of an input that is a motion, and of its rate."""
+    name = base.system.moved_input
+    return [name, f"{name}_dot"] if base.input_moves else []
+
+
 def linearise(
     source: FittedModel | Fit | Model,
     values: Mapping[str, float] | None = None,
@@ -266,40 +256,34 @@ def linearise(
         function is asked of a system with more than one coordinate.
     """
     found = fitted_model(source, values)
+    _refuse_cycle(found.model, amplitude, frequency)
     base, numbers = found.model.mechanics, _numbers(found.model.base, found.model.effects)
     program = numbers.program
-    if (amplitude is None) != (frequency is None) or not ((amplitude or 1.0) > 0 and (frequency or 1.0) > 0):
-        raise InputError("A describing function needs an amplitude and a frequency, both positive.")
-    if amplitude and program.n_coordinates > 1:
-        raise InputError(f"A describing function is of one coordinate; {base.name!r} has {program.n_coordinates}.")
     recorded = np.array([held, 0.0, 0.0])
     state = _state_at(numbers, found, deflection, speed, recorded)
-    n, r = state.size, len(program.reading)
+    n = state.size
+
+    def column(given: Mapping[str, float]) -> FloatArray:
+        return np.array([given[p.name] for p in program.parameters])[:, None]
 
     def matrices(given: Mapping[str, float]) -> tuple[FloatArray, ...]:
-        row = np.array([given[p.name] for p in program.parameters])[:, None]
-        if amplitude and frequency:
-            return _with_motion(_averaged(numbers, state, recorded, row, amplitude, frequency), n, r, base.input_moves)
-        return _with_motion(_jacobian(numbers, state, recorded, row), n, r, base.input_moves)
+        cycle = (amplitude, frequency) if amplitude and frequency else ()
+        found = (_averaged if cycle else _jacobian)(numbers, state, recorded, column(given), *cycle)
+        return _with_motion(found, n, len(program.reading), base.input_moves)
 
     a, b, c, d = matrices(found.values)
-    row = np.array([found.values[p.name] for p in program.parameters])[:, None]
-    there = numbers.both(recorded[:, None], state[:, None], row)[:, 0]
+    there = numbers.both(recorded[:, None], state[:, None], row := column(found.values))[:, 0]
     late = float(sp.lambdify([sp.Symbol("t", real=True), *program.parameters], program.lateness)(0.0, *row[:, 0]))
-    names = [y.name for y in program.states]
-    motion = (["theta_m", "theta_m_dot"] if base.system == ARM else ["u", "u_dot"]) if base.input_moves else []
+    names, motion = [y.name for y in program.states], _moving_input(base)
     return LinearModel(
+        **_Matrices(a=a, b=b, c=c, d=d),
         states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
-        outputs=("tip_x", "tip_y") if base.system == ARM else ("output",),
-        a=a,
-        b=b,
-        c=c,
-        d=d,
+        outputs=base.system.channels,
         sd=_spread(matrices, found, draws),
-        point={**dict(zip(names, state.tolist(), strict=True)), motion[0] if motion else "u": held},
+        point=dict(zip((*names, motion[0] if motion else "u"), (*state.tolist(), held), strict=True)),
         reading=tuple(there[n:].tolist()),
         drift=(*there[:n].tolist(), *[0.0] * len(motion)),
         delay=max(late, 0.0),
-        warnings=_warnings(found.model, bool(amplitude), speed, late),
+        warnings=tangent_warnings(found.model, bool(amplitude), speed, late),
     )

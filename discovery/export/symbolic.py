@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Effect, Joint, Memory
+from discovery.declarations.effect import Effect, Joint, Memory
 from discovery.equations.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
@@ -192,7 +192,7 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     model = source if isinstance(source, Model) else source.model
     given = given_numbers(model, values)
     found = program_of(model)
-    if model.mechanics.system == ARM:
+    if model.mechanics.system.has_rod:
         names = {s.delta_dot: "delta'", s.omega_m: "theta_m'", s.alpha_m: "theta_m''"}
         written = {symbol: sp.Symbol(name, real=True) for symbol, name in names.items()}
     else:
@@ -212,7 +212,7 @@ def received(model: Model) -> tuple[sp.Symbol, sp.Expr]:
     """Return what the root of a rod or an oscillator receives, from what is recorded; joints turn it by p."""
     rigid = tuple(effect.id() for effect in model.terms if not isinstance(effect, Joint))
     symbol, value = build_program(model.base, rigid).drive[0]
-    symbol = symbol if model.mechanics.system == ARM else s.u
+    symbol = symbol if model.mechanics.system.has_rod else s.u
     return symbol, value if len(rigid) == len(model.effects) else value + sp.Symbol("p", real=True)
 
 

@@ -11,13 +11,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM, ROTOR, SPRING, Effect
 from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.systems import System
 from discovery.declarations.units import dimension, in_coordinate, named_unit
 from discovery.mechanics.rod import STRAIGHT, Rod
 
@@ -34,13 +34,10 @@ __all__ = [
     "Mechanics",
     "Place",
     "Strand",
-    "lagrangian_mechanics",
 ]
 
 #: One measure of the bending: its value, its rate, and its Jacobian.
 Strand = tuple["sp.Expr", "sp.Expr", tuple["sp.Expr", ...]]
-#: Places along a rod of one coordinate at which its fibres are followed.
-_PLACES = 4
 #: Joints at the root of the rod: a base whose only coordinate is the angle of the tip has no root that could turn.
 ROOT_JOINTS = frozenset({"base_backlash", "base_hysteresis"})
 #: Laws of the radius: part of every base whose tip moves as the elastica's does.
@@ -171,7 +168,7 @@ class Base(ABC):
 
     name: ClassVar[str]
     #: Kind of system that it describes.
-    system: ClassVar[str]
+    system: ClassVar[System]
     #: Number of coordinates.
     n_coordinates: ClassVar[int]
     #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.
@@ -247,99 +244,3 @@ class ArmBase(Base):
     def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return the tip angle and its rate."""
         return (drive[0] + deflection)[None], (drive[1] + rate)[None]
-
-
-def _total_derivative(expression: sp.Expr, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> sp.Expr:
-    from discovery.declarations.symbols import alpha_m, omega_m, theta_m
-
-    pairs = [*zip(q, qd, strict=True), (theta_m, omega_m), (omega_m, alpha_m)]
-    import sympy as sp
-
-    return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
-
-
-@lru_cache
-def lagrangian_mechanics(
-    q: sp.Symbol,
-    qd: sp.Symbol,
-    *,
-    kinetic: sp.Expr,
-    theta: sp.Expr,
-    delta: sp.Expr,
-    tip: tuple[sp.Expr, sp.Expr],
-    speed2: sp.Expr,
-    radius: sp.Expr,
-    bend: sp.Expr,
-    elastic: sp.Expr,
-    quartic: sp.Expr,
-    slope: sp.Expr,
-) -> Mechanics:
-    """Return the mechanics of a base with one coordinate from its kinetic energy and geometry.
-
-    Parameters
-    ----------
-    q, qd : sympy.Symbol
-        Coordinate and rate.
-    kinetic : sympy.Expr
-        Kinetic energy per unit inertia [q^2 s^-2], with all of the motor's rate in it that moves mass.
-    theta, delta : sympy.Expr
-        Tip angle and deflection.
-    tip : tuple of sympy.Expr
-        Tip position in lengths of the arm.
-    speed2 : sympy.Expr
-        Squared speed of the tip, in its shortest form.
-    radius : sympy.Expr
-        Distance of the tip from the hub, in lengths.
-    bend : sympy.Expr
-        The part of the deflection that bends the spring.
-    elastic : sympy.Expr
-        Elastic energy per unit stiffness U [q^2].
-    quartic : sympy.Expr
-        Its counterpart U_4 for the fourth power of the curvature [q^4].
-    slope : sympy.Expr
-        Slope of the rod's end in the fixed frame.
-
-    Returns
-    -------
-    Mechanics
-        Euler-Lagrange: d/dt dT/dq' - dT/dq = sum of generalised forces.
-    """
-    import sympy as sp
-
-    from discovery.declarations import symbols as s
-    from discovery.mechanics.rod_shapes import quadrature
-
-    mass = sp.diff(kinetic, qd, 2)
-    momentum = sp.diff(kinetic, qd)
-    pairs = [(q, qd), (s.theta_m, s.omega_m), (s.omega_m, s.alpha_m)]
-    bias = sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(kinetic, q)
-    channels: dict[sp.Symbol, Channel] = {}
-    for symbol, rate_symbol, expression in (
-        (s.theta, s.omega, theta),
-        (s.delta, s.delta_dot, delta),
-        (s.x, s.v_x, tip[0]),
-        (s.y, s.v_y, tip[1]),
-        (s.slope, s.slope_dot, slope),
-    ):
-        jacobian = sp.diff(expression, q)
-        rate = _total_derivative(expression, [q], [qd])
-        channels[symbol] = Channel(expression, (jacobian,))
-        channels[rate_symbol] = Channel(rate, (jacobian,), _total_derivative(rate, [q], [qd]))
-    channels[s.x_g], channels[s.y_g] = channels[s.x], channels[s.y]
-    channels[s.v2] = Channel(speed2, (sp.diff(speed2, qd),))
-    bending = Channel(_total_derivative(bend, [q], [qd]), (sp.diff(bend, q),))
-    channels[s.w2] = Channel(bending.value**2, (2 * bending.value * bending.jacobian[0],))
-    channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
-    channels[s.U_4] = Channel(quartic, (sp.diff(quartic, q),))
-    channels[s.rho] = Channel(radius, (sp.Integer(0),))
-    # A turn of the whole arm changes q and theta_m alike.
-    turning = momentum + sp.diff(kinetic, s.omega_m)
-    channels[s.h] = Channel(turning, (sp.diff(turning, qd),), _total_derivative(turning, [q], [qd]))
-    only = (bend, bending.value, bending.jacobian)
-    # The static shape has the curvature 3 (1 - s) times the bending.
-    places, weights, _ = quadrature(_PLACES)
-    fibres = [
-        (float(3 * w), (float(1 - at) * bend, float(1 - at) * bending.value, (float(1 - at) * bending.jacobian[0],)))
-        for at, w in zip(places, weights, strict=True)
-    ]
-    return Mechanics((q,), (qd,), (), channels, ((mass,),), (sp.factor_terms(-bias),), (only,), tuple(fibres))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.mechanics.base import ROOT_JOINTS, ArmBase, Mechanics, lagrangian_mechanics
+from discovery.mechanics.base import ROOT_JOINTS, ArmBase, Mechanics
+from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT, Rod
 
 __all__ = ["BASE", "ConstantRadius"]

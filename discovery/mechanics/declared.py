@@ -101,7 +101,16 @@ class DeclaredBase(Base):
             channels[c] = Channel(found.value, tuple(weight * j for j in found.jacobian), found.bias)
         told = tuple(self._received(f) for f in force)
         heard = {c: self._heard(channel) for c, channel in channels.items()}
-        return Mechanics(q, rates, tuple(assignments), heard, mass, told, tuple(places.values())[:1], places=places)
+        return Mechanics(
+            q,
+            rates,
+            assignments=tuple(assignments),
+            channels=heard,
+            mass=mass,
+            force=told,
+            bending=tuple(places.values())[:1],
+            places=places,
+        )
 
     def _place(self, name: str, value: sp.Expr) -> tuple[dict[sp.Symbol, Channel], float, sp.Expr]:
         """Return the channels of a place, its inertia as a force there feels it, and its stiffness over that."""

@@ -73,14 +73,14 @@ def read_equations(declaration: SystemDeclaration) -> Equations:
     return Equations(
         formula("kinetic", declaration.kinetic, 1, "J")[0],
         formula("potential", declaration.potential, 0, "J")[0],
-        formula("dissipation", declaration.dissipation, 1, "W")[0],
-        tuple(
+        dissipation=formula("dissipation", declaration.dissipation, 1, "W")[0],
+        forces=tuple(
             formula(f"forces.{name}", declaration.forces.get(name, "0"), 1, f"J / {_plain(unit)}")[0]
             for name, unit in declaration.coordinates.items()
         ),
-        output,
-        {name: formula(f"places.{name}", text, 0, None) for name, text in declaration.places.items()},
-        unit,
+        output=output,
+        places={name: formula(f"places.{name}", text, 0, None) for name, text in declaration.places.items()},
+        output_unit=unit,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
@@ -13,7 +13,8 @@ from scipy.linalg import eigh
 
 from discovery.declarations import symbols as s
 from discovery.declarations.parameters import HalfNormal, Normal, Parameter
-from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS, ArmBase, Channel, Mechanics, RodEnd, Strand
+from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS, ArmBase, Mechanics, RodEnd
+from discovery.mechanics.elastica_motion import Derivation
 from discovery.mechanics.rod import STRAIGHT, Rod
 from discovery.mechanics.rod_shapes import (
     bending_matrix,
@@ -21,11 +22,10 @@ from discovery.mechanics.rod_shapes import (
     end_residual,
     mass_matrix,
     polynomials,
-    quadrature,
     reduced_shapes,
-    rod_masses,
     static_shapes,
 )
+from discovery.mechanics.rod_shapes import quadrature as nodes_and_weights
 
 #: Retardation time [s] below which the ringing of a light rod may be chaotic: no step would be small enough.
 _CALM = 1.5e-4
@@ -50,13 +50,6 @@ __all__ = [
 def _derived(arm: Elastica, rod: Rod) -> Mechanics:
     """Derive the mathematics of an arm once: it is the same with all effects that leave the rod as it is."""
     return arm.derive(rod)
-
-
-def _over_three(curvature: np.ndarray, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> Strand:
-    """Return a third of the curvature at a place, from that of each shape there (n,)."""
-    third = [float(c) / 3 for c in curvature]
-    value, rate = (sum(c * x for c, x in zip(third, own, strict=True)) for own in (q, qd))
-    return value, rate, tuple(sp.Float(c) for c in third)
 
 
 class Elastica(ArmBase):
@@ -93,33 +86,35 @@ class Elastica(ArmBase):
     )
 
     @cached_property
-    def _weights(self) -> np.ndarray:
+    def weights(self) -> np.ndarray:
+        """Coefficients of each shape in the polynomials of `discovery.mechanics.rod_shapes`, shape (n, m)."""
         return reduced_shapes(max(2, self.n_coordinates))[: self.n_coordinates]
 
     @cached_property
-    def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Arc lengths, weights, and the cumulative matrix."""
-        return quadrature(self.nodes, rooted=self.rooted)
+        return nodes_and_weights(self.nodes, rooted=self.rooted)
 
     @cached_property
-    def _symbols(self) -> tuple[tuple[sp.Symbol, ...], tuple[sp.Symbol, ...]]:
+    def symbols(self) -> tuple[tuple[sp.Symbol, ...], tuple[sp.Symbol, ...]]:
+        """Coordinates and rates."""
         n = self.n_coordinates
         return sp.symbols(f"q_1:{n + 1}", real=True), sp.symbols(f"qd_1:{n + 1}", real=True)
 
     @cached_property
-    def _root_curvature(self) -> np.ndarray:
+    def root_curvature(self) -> np.ndarray:
         """Curvature phi_k'(0) of each shape at the root, shape (n,)."""
-        return self._weights @ curvatures(np.zeros(1))[:, 0]
+        return self.weights @ curvatures(np.zeros(1))[:, 0]
 
     @cached_property
-    def _own_inertia(self) -> float:
+    def own_inertia(self) -> float:
         """Inertia of the last shape of the straight rod over the rod's mass: it does not move the tip."""
-        return float(mass_matrix(self._weights, 1.0)[-1, -1] * (1 + 33 / 140))
+        return float(mass_matrix(self.weights, 1.0)[-1, -1] * (1 + 33 / 140))
 
-    def _slopes(self, rod: Rod) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
+    def slopes(self, rod: Rod) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
         """Return how the slope at each node changes with each q_k, and what it is at rest."""
-        at, _, _ = self._quadrature
-        phi, turn = self._weights @ polynomials(at), [rod.root * float(g) for g in self._root_curvature]
+        at, _, _ = self.quadrature
+        phi, turn = self.weights @ polynomials(at), [rod.root * float(g) for g in self.root_curvature]
         changes = [[float(phi[k, a]) + turn[k] for a in range(self.nodes)] for k in range(self.n_coordinates)]
         return changes, [rod.rest_at(float(a)) for a in at]
 
@@ -129,188 +124,22 @@ class Elastica(ArmBase):
 
     def derive(self, rod: Rod) -> Mechanics:
         """Return the mathematics, derived anew."""
-        n, nodes = self.n_coordinates, self.nodes
-        q, qd = self._symbols
-        at, weights, cumulative = self._quadrature
-        program: list[tuple[sp.Symbol, sp.Expr]] = []
+        return Derivation(self, rod).mechanics()
 
-        def name(label: str, expression: sp.Expr) -> sp.Symbol:
-            symbol = sp.Symbol(label, real=True)
-            program.append((symbol, sp.sympify(expression)))
-            return symbol
-
-        tip_share = name("m_t", 1 / (1 + sp.Rational(33, 140) * self.mu))
-        phi, rest = self._slopes(rod)
-        sine, cosine, rate = [], [], []
-        for a in range(nodes):
-            bend = sum(phi[k][a] * q[k] for k in range(n)) + rest[a]
-            # A clamped root does not turn.
-            bend = name(f"psi_{a}", bend) if bend != 0 else sp.S.Zero
-            sine.append(name(f"sn_{a}", sp.sin(bend)) if bend != 0 else sp.S.Zero)
-            cosine.append(name(f"cs_{a}", sp.cos(bend)) if bend != 0 else sp.S.One)
-            rate.append(name(f"rt_{a}", s.omega_m + sum(phi[k][a] * qd[k] for k in range(n))))
-        # The mass that two pieces of the rod carry together: what lies beyond both, the tip included.
-        both = rod_masses(self._weights, self.nodes, rooted=self.rooted)
-        carried = {
-            (b, c): name(f"W_{b}{c}", tip_share * (float(both[b, c]) * self.mu + float(weights[b] * weights[c])))
-            for b in range(nodes)
-            for c in range(b + 1)
-        }
-        # Along a turn of the other piece, and along its centripetal acceleration.
-        along = [[carried[max(b, c), min(b, c)] for c in range(nodes)] for b in range(nodes)]
-        across = [[sp.Integer(0)] * nodes for _ in range(nodes)]
-        for b in range(nodes):
-            for c in range(b):
-                turn = name(f"cc_{b}{c}", cosine[b] * cosine[c] + sine[b] * sine[c])
-                along[b][c] = along[c][b] = name(f"G_{b}{c}", carried[b, c] * turn)
-                turn = name(f"ss_{b}{c}", sine[b] * cosine[c] - cosine[b] * sine[c])
-                across[b][c] = name(f"E_{b}{c}", carried[b, c] * turn)
-                across[c][b] = -across[b][c]
-        square = [name(f"rr_{b}", rate[b] ** 2) for b in range(nodes)]
-        whole = [name(f"G_{b}", sum(along[b])) for b in range(nodes)]
-        # Inertial forces at zero q'': base acceleration and centripetal part.
-        pull = [
-            name(f"P_{b}", s.alpha_m * whole[b] + sum(across[b][c] * square[c] for c in range(nodes)))
-            for b in range(nodes)
-        ]
-
-        def shaped(k: int, at: Sequence[sp.Expr]) -> sp.Expr:
-            return sum(phi[k][b] * at[b] for b in range(nodes))
-
-        mass = [[sp.Integer(0)] * n for _ in range(n)]
-        for j in range(n):
-            for i in range(j, n):
-                shares = [
-                    (phi[i][b] * phi[j][c] + phi[i][c] * phi[j][b] if b != c else phi[i][b] * phi[j][b]) * along[b][c]
-                    for b in range(nodes)
-                    for c in range(b + 1)
-                ]
-                mass[i][j] = mass[j][i] = name(f"M_{i}{j}", sum(shares))
-        if self.heavier:
-            mass[-1][-1] = name("M_last", mass[-1][-1] + tip_share * self.heavier * self._own_inertia * self.mu)
-        stiffness = bending_matrix(self._weights) / 3
-        # Kelvin-Voigt: the bending moment follows the curvature rate a little; it calms the ringing of the rod.
-        loss = [s.alpha * self.tau_r * sum(float(stiffness[i, j]) * qd[j] for j in range(n)) for i in range(n)]
-        force = tuple(name(f"B_{i}", -shaped(i, pull) - loss[i]) for i in range(n))
-
-        def total(label: str, share: Sequence[sp.Expr], at: Sequence[sp.Expr]) -> sp.Symbol:
-            return name(label, sum(share[b] * at[b] for b in range(nodes)))
-
-        ends = [sp.Float(float(w)) for w in weights]
-        tip_x, tip_y = total("tip_x", ends, cosine), total("tip_y", ends, sine)
-        jx = [total(f"px_{k}", ends, [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
-        jy = [total(f"py_{k}", ends, [phi[k][b] * cosine[b] for b in range(nodes)]) for k in range(n)]
-        ax = total("ax", ends, [-s.alpha_m * sine[b] - square[b] * cosine[b] for b in range(nodes)])
-        ay = total("ay", ends, [s.alpha_m * cosine[b] - square[b] * sine[b] for b in range(nodes)])
-        vx = name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
-        vy = name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
-        channels = self._channels(tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd)
-        curved = self._weights @ curvatures(at)
-        kappa = [name(f"kp_{a}", sum(float(curved[k, a]) * q[k] for k in range(n))) for a in range(nodes)]
-        cube = [name(f"kc_{a}", float(weights[a] / 3) * kappa[a] ** 3) for a in range(nodes)]
-        quartic = sum(kappa[a] * cube[a] for a in range(nodes)) / 4
-        hardening = tuple(sum(float(curved[k, a]) * cube[a] for a in range(nodes)) for k in range(n))
-        channels |= {s.U_4: Channel(quartic, hardening), **self._rod_channels(rod)}
-        beyond = weights @ cumulative[:nodes]
-        first = [name(f"W_{b}", tip_share * (float(beyond[b]) * self.mu + float(weights[b]))) for b in range(nodes)]
-        moment_x, moment_y = total("mx", first, cosine), total("my", first, sine)
-        lever_x = [total(f"lx_{k}", first, [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
-        lever_y = [total(f"ly_{k}", first, [phi[k][b] * cosine[b] for b in range(nodes)]) for k in range(n)]
-        c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
-        channels[s.x_g] = Channel(
-            c * moment_x - sn * moment_y, tuple(c * a - sn * b for a, b in zip(lever_x, lever_y, strict=True))
-        )
-        channels[s.y_g] = Channel(
-            sn * moment_x + c * moment_y, tuple(sn * a + c * b for a, b in zip(lever_x, lever_y, strict=True))
-        )
-        # Angular momentum, the sum of p x v; its rate is that of p x a.
-        arms = [name(f"h_{k}", shaped(k, whole)) for k in range(n)]
-        momentum = s.omega_m * sum(whole) + sum(arms[k] * qd[k] for k in range(n))
-        channels[s.h] = Channel(momentum, tuple(arms), sum(pull))
-        # U = |L^T q|^2 / 2 with L L^T the bending matrix: its components relax, each by itself.
-        root = np.linalg.cholesky(stiffness)
-        components = tuple(
-            (
-                sum(float(root[j, i]) * q[j] for j in range(i, n)),
-                sum(float(root[j, i]) * qd[j] for j in range(i, n)),
-                tuple(sp.Float(float(root[j, i])) if j >= i else sp.Integer(0) for j in range(n)),
-            )
-            for i in range(n)
-        )
-        fibres = tuple((3 * float(weights[a]), _over_three(curved[:, a], q, qd)) for a in range(nodes))
-        return Mechanics(
-            q,
-            qd,
-            tuple(program),
-            channels,
-            tuple(map(tuple, mass)),
-            force,
-            components,
-            fibres,
-            _over_three(self._root_curvature, q, qd),
-            self._end(),
-        )
-
-    def _end(self) -> RodEnd | None:
+    def end(self) -> RodEnd | None:
         """Return how the end gives way to a moment; the slow motion of one mode has no use for it."""
         if self.n_coordinates == 1:
             return None
-        compliance, inertia = end_residual(self._weights)
+        compliance, inertia = end_residual(self.weights)
         stiffness = s.alpha / (3 * compliance)
         moving = _END_SHARE * inertia * self.mu / (1 + sp.Rational(33, 140) * self.mu)
         return RodEnd(stiffness, stiffness * self.tau_r, moving)
 
-    def _channels(self, tip_x, tip_y, vx, vy, jx, jy, ax, ay, q, qd) -> dict[sp.Symbol, Channel]:
-        """Return the channels from the tip's motion, given along the axes of the hub."""
-        n = self.n_coordinates
-        c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
-        radius2 = tip_x**2 + tip_y**2
-        deflection = sp.atan2(tip_y, tip_x)
-        turning = (tip_x * vy - tip_y * vx) / radius2
-        j_angle = tuple((tip_x * jy[k] - tip_y * jx[k]) / radius2 for k in range(n))
-        # d/dt of (x v_y - y v_x)/rho^2 is (x a_y - y a_x)/rho^2 - 2 (rho rho'/rho^2) theta'.
-        angle_bias = (tip_x * ay - tip_y * ax) / radius2 - 2 * turning * (tip_x * vx + tip_y * vy) / radius2
-        stiffness = bending_matrix(self._weights) / 3
-        bending = [[float(stiffness[i, j]) for j in range(n)] for i in range(n)]
-        drag = tuple(sum(bending[i][j] * qd[j] for j in range(n)) for i in range(n))
-        j_x = tuple(c * jx[k] - sn * jy[k] for k in range(n))
-        j_y = tuple(sn * jx[k] + c * jy[k] for k in range(n))
-        zero = (sp.Integer(0),) * n
-        return {
-            s.theta: Channel(s.theta_m + deflection, j_angle),
-            s.omega: Channel(turning, j_angle, angle_bias),
-            s.delta: Channel(deflection, j_angle),
-            s.delta_dot: Channel(turning - s.omega_m, j_angle, angle_bias - s.alpha_m),
-            s.x: Channel(c * tip_x - sn * tip_y, j_x),
-            s.y: Channel(sn * tip_x + c * tip_y, j_y),
-            s.v_x: Channel(c * vx - sn * vy, j_x, c * ax - sn * ay),
-            s.v_y: Channel(sn * vx + c * vy, j_y, sn * ax + c * ay),
-            s.v2: Channel(vx**2 + vy**2, tuple(2 * (vx * jx[k] + vy * jy[k]) for k in range(n))),
-            s.w2: Channel(sum(qd[i] * drag[i] for i in range(n)), tuple(2 * drag[i] for i in range(n))),
-            s.rho: Channel(sp.sqrt(radius2), zero),
-        }
-
-    def _rod_channels(self, rod: Rod) -> dict[sp.Symbol, Channel]:
-        """Return the channels of the rod's own shape: its energy, with the spring's, and the slope of its end."""
-        n, (q, qd) = self.n_coordinates, self._symbols
-        stiffness, root = bending_matrix(self._weights) / 3, self._root_curvature
-        spring = np.outer(root, root) / 3
-        pull = tuple(
-            sum((float(stiffness[i, j]) + rod.root * float(spring[i, j])) * q[j] for j in range(n)) for i in range(n)
-        )
-        # Every shape ends with the slope p_k(1) = 1 of its polynomials.
-        end = tuple(float(self._weights[k].sum()) + rod.root * float(root[k]) for k in range(n))
-        return {
-            s.U: Channel(sum(q[i] * pull[i] for i in range(n)) / 2, pull),
-            s.slope: Channel(s.theta_m + rod.rest_at(1) + sum(end[k] * q[k] for k in range(n)), end),
-            s.slope_dot: Channel(s.omega_m + sum(end[k] * qd[k] for k in range(n)), end, s.alpha_m),
-        }
-
     def reading(self, closure, rod=STRAIGHT):
         """Return the tip position in lengths of the arm."""
-        q, _ = self._symbols
-        _, weights, _ = self._quadrature
-        phi, rest = self._slopes(rod)
+        q, _ = self.symbols
+        _, weights, _ = self.quadrature
+        phi, rest = self.slopes(rod)
         bend = [sum(phi[k][a] * q[k] for k in range(self.n_coordinates)) + rest[a] for a in range(self.nodes)]
         tip_x = sum(float(weights[a]) * sp.cos(bend[a]) for a in range(self.nodes))
         tip_y = sum(float(weights[a]) * sp.sin(bend[a]) for a in range(self.nodes))
@@ -322,7 +151,7 @@ class Elastica(ArmBase):
         """Coefficients (n, 6) of the static q_k(delta) in delta, delta^3, ..., delta^11: where slow motion runs."""
         deflections = np.linspace(0.05, 1.3, 26)
         powers = deflections[:, None] ** np.arange(1, 12, 2)
-        return np.linalg.lstsq(powers, static_shapes(self._weights, deflections).T, rcond=None)[0].T
+        return np.linalg.lstsq(powers, static_shapes(self.weights, deflections).T, rcond=None)[0].T
 
     def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return the shape of a slow motion through this deflection at this rate."""
@@ -330,7 +159,7 @@ class Elastica(ArmBase):
         deflection, rate = np.atleast_1d(deflection) - rest, np.atleast_1d(rate)
         exponents = np.arange(1, 12, 2)[:, None]
         # The whole rod turns with its root, bent as in a rigid clamp: Newton's method on the bending.
-        curvature = self._root_curvature @ self._static_fit
+        curvature = self.root_curvature @ self._static_fit
         bend = deflection / (1 + root * curvature[0])
         for _ in range(2):
             ahead = bend + root * (curvature @ bend**exponents) - deflection
@@ -344,9 +173,9 @@ class Elastica(ArmBase):
 
     def highest_frequency(self, values: Mapping[str, float]) -> float:
         """Return the highest small-amplitude angular frequency over sqrt(alpha)."""
-        mass = mass_matrix(self._weights, values["mu"])
+        mass = mass_matrix(self.weights, values["mu"])
         mass[-1, -1] *= 1 + self.heavier
-        return float(np.sqrt(eigh(bending_matrix(self._weights) / 3, mass, eigvals_only=True)[-1]))
+        return float(np.sqrt(eigh(bending_matrix(self.weights) / 3, mass, eigvals_only=True)[-1]))
 
 
 class ElasticaFourModes(Elastica):

@@ -10,7 +10,8 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import OSCILLATOR
 from discovery.declarations.parameters import Normal, Parameter
-from discovery.mechanics.base import Base, Channel, Mechanics, lagrangian_mechanics
+from discovery.mechanics.base import Base, Channel, Mechanics
+from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT
 
 __all__ = ["ForceDriven", "OneCoordinate"]
@@ -74,7 +75,14 @@ class OneCoordinate(Base):
         value, rate, jacobian = bare.bending[0]
         bending = (value.xreplace(seen), rate.xreplace(seen), jacobian)
         return Mechanics(
-            bare.coordinates, bare.rates, (), channels, bare.mass, (self.pull(),), (bending,), ((1, bending),)
+            bare.coordinates,
+            bare.rates,
+            assignments=(),
+            channels=channels,
+            mass=bare.mass,
+            force=(self.pull(),),
+            bending=(bending,),
+            fibres=((1, bending),),
         )
 
     def reading(self, closure, rod=STRAIGHT):

@@ -12,8 +12,8 @@ from discovery.mechanics.base import (
     SHORTENING_RADIUS,
     ArmBase,
     Mechanics,
-    lagrangian_mechanics,
 )
+from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT, Rod
 
 __all__ = ["BASE", "Reduced", "rod_coupling", "rod_inertia"]

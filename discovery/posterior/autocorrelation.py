@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from discovery.posterior.correlations import quantities
 
 if TYPE_CHECKING:
-    from discovery.posterior.draws import Posterior
+    from discovery.posterior.sample import Sample
 
 __all__ = ["Autocorrelation", "autocorrelation"]
 
@@ -44,12 +44,12 @@ class Autocorrelation:
         return {"lags": self.lags.tolist(), "functions": functions, "tau": dict(self.tau)}
 
 
-def autocorrelation(posterior: Posterior) -> Autocorrelation:
+def autocorrelation(posterior: Sample) -> Autocorrelation:
     """Return the autocorrelation of a posterior's draws; initial states are left out.
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sample
         Draws (ensembles, draws, walkers, d), `thin` steps apart.
 
     Returns

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.posterior.parameter_roles import shared
 
 if TYPE_CHECKING:
-    from discovery.posterior.draws import Posterior
+    from discovery.posterior.sample import Sample
 
 __all__ = ["NOTABLE", "Correlations", "correlations", "quantities"]
 
@@ -52,17 +52,17 @@ class Correlations:
         }
 
 
-def quantities(posterior: Posterior) -> tuple[str, ...]:
+def quantities(posterior: Sample) -> tuple[str, ...]:
     """Return the names of the sampled quantities but for the initial states."""
     return tuple(n for n in posterior.names if not n.startswith(("delta_0_init[", "rate_0_init[")))
 
 
-def correlations(posterior: Posterior) -> Correlations:
+def correlations(posterior: Sample) -> Correlations:
     """Return the correlations of a posterior; initial states are left out.
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sample
         Draws and their model.
 
     Returns
@@ -77,7 +77,7 @@ def correlations(posterior: Posterior) -> Correlations:
     return Correlations(names, matrix, {pair: _meaning(posterior, *pair) for pair in told})
 
 
-def _meaning(posterior: Posterior, first: str, second: str) -> str:
+def _meaning(posterior: Sample, first: str, second: str) -> str:
     physical = posterior.model.parameters
     if first in physical and second in physical:
         return shared(posterior.model, first, second)

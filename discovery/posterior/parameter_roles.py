@@ -9,7 +9,7 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Effect, Expressed
+from discovery.declarations.effect import Effect, Expressed
 from discovery.equations.model import Model
 
 __all__ = ["shared"]
@@ -96,7 +96,7 @@ def _role(model: Model, owner: Effect | None, name: str) -> str:
     if owner is not None:
         return _ROLES.get(owner.kind, "")
     # A number without a unit: the mass of an arm's rod, else how much of the input arrives.
-    return _OF_BASE.get(model.parameters[name].unit, "inertia" if model.mechanics.system == ARM else "drive")
+    return _OF_BASE.get(model.parameters[name].unit, "inertia" if model.mechanics.system.has_rod else "drive")
 
 
 def _by_degree(owners: dict[str, Effect | None]) -> list[str]:

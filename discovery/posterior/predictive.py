@@ -20,7 +20,7 @@ from discovery.recordings.chosen import Recordings, training_of
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
-    from discovery.posterior.draws import Posterior
+    from discovery.posterior.sample import Sample
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["QUANTILES", "Band", "errors", "fitted_starts", "noise_factor", "predictive", "simulated"]
@@ -66,7 +66,7 @@ class Band:
 
 
 def predictive(
-    posterior: Posterior,
+    posterior: Sample,
     experiments: Recordings,
     n: int = 200,
     *,
@@ -77,7 +77,7 @@ def predictive(
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sample
         Draws, or what was read from their file.
     experiments : Dataset or sequence of Experiment
         The training recordings of a data set, or any others.
@@ -124,7 +124,7 @@ def predictive(
 
 
 def simulated(
-    posterior: Posterior,
+    posterior: Sample,
     experiments: Sequence[Experiment],
     draws: Mapping[str, FloatArray],
     initial: Mapping[str, tuple[float, float]] | None = None,
@@ -164,7 +164,7 @@ def errors(
     return rng.standard_normal(shape)
 
 
-def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> dict[str, tuple[float, float]]:
+def fitted_starts(posterior: Sample, experiments: Sequence[Experiment]) -> dict[str, tuple[float, float]]:
     """Return initial deflection [q] and rate [q/s] of recordings that were not fitted, by name.
 
     They are fitted to the readings with the parameters held at their posterior medians; a band that starts there holds
@@ -180,7 +180,7 @@ def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> di
     return {e.recording.name: (d, rate) for e, (d, rate) in zip(experiments, states, strict=True)}
 
 
-def noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
+def noise_factor(posterior: Sample, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
     """Return the noise of channels by draw, as a factor on what is stated.
 
     Raises

@@ -93,11 +93,11 @@ def prior_effects(draws: Mapping[str, FloatArray], priors: Mapping[str, Marginal
             PriorEffect(
                 name,
                 prior_sd,
-                1 - (sd / prior_sd) ** 2,
-                {k: (m - mean) / sd for k, (m, _) in moments.items()},
-                {k: s / sd for k, (_, s) in moments.items()},
-                {k: float(1 / (w.size * np.sum(w**2))) for k, w in weights.items()},
-                x.size,
+                contraction=1 - (sd / prior_sd) ** 2,
+                shift={k: (m - mean) / sd for k, (m, _) in moments.items()},
+                sd_ratio={k: s / sd for k, (_, s) in moments.items()},
+                effective={k: float(1 / (w.size * np.sum(w**2))) for k, w in weights.items()},
+                draws=x.size,
             )
         )
     return found

@@ -21,7 +21,7 @@ from discovery.posterior.predictive import errors, noise_factor, simulated
 from discovery.recordings.quantisation import quantum
 
 if TYPE_CHECKING:
-    from discovery.posterior.draws import Posterior
+    from discovery.posterior.sample import Sample
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["Replicated", "check_pointwise", "replicated"]
@@ -74,13 +74,13 @@ def check_pointwise(noise: str) -> None:
 
 
 def replicated(
-    posterior: Posterior, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
+    posterior: Sample, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
 ) -> list[Replicated]:
     """Return the fitted readings of recordings beside what draws make of them.
 
     Parameters
     ----------
-    posterior : Posterior
+    posterior : Sample
         Where the draws are from.
     experiments : sequence of Experiment
         Recordings that were fitted.
@@ -113,7 +113,7 @@ def replicated(
     return found
 
 
-def _check_fitted(posterior: Posterior, experiment: Experiment) -> None:
+def _check_fitted(posterior: Sample, experiment: Experiment) -> None:
     name = experiment.recording.name
     if posterior.model.mechanics.prescribed or f"rate_0_init[{name}]" in posterior.names:
         return

@@ -124,10 +124,7 @@ def sample(
     The errors of the readings are taken as the noise model has them, the Gaussian one as independent. Where the model
     leaves a systematic residual, the noise absorbs it, and `Posterior.status` says so.
     """
-    if ensembles < FEWEST_ENSEMBLES:
-        raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
-    if max_steps < _SHORTEST_RUN:
-        raise InputError(f"{max_steps} steps are too few to tell anything; allow at least {_SHORTEST_RUN}.")
+    _refuse(ensembles, max_steps)
     target = log_posterior(fit, noise=noise)
     if walkers is None:
         walkers = _walkers(target.dimension, min_effective / ensembles)
@@ -151,19 +148,38 @@ def sample(
         draws = target.values(np.stack([ensemble.chain[steps // 2 if short else burn_in :] for ensemble in group]))
         found = convergence(draws)
         if progress is not None:
-            worst = float(found.ess.min()), float(found.r_hat.max()), float(found.tau.max())
             pace = (time.perf_counter() - began) / (steps - before) if steps > before else math.nan
-            left = pace * _steps_left(steps, worst[0] / min_effective, worst[2])
-            progress(Progress(steps, max_steps, worst[0], min_effective, worst[1], worst[2], left))
+            progress(_progress(found, steps, max_steps, min_effective, pace))
         if not short and found.meets(min_effective, r_hat_max):
             return _posterior(fit, target, group, found, draws, seed)
     raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
+
+
+def _refuse(ensembles: int, max_steps: int) -> None:
+    if ensembles < FEWEST_ENSEMBLES:
+        raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
+    if max_steps < _SHORTEST_RUN:
+        raise InputError(f"{max_steps} steps are too few to tell anything; allow at least {_SHORTEST_RUN}.")
 
 
 def _walkers(dimension: int, effective: float) -> int:
     """Return the walkers of an ensemble that has to yield so many effective samples, in whole lanes of the kernel."""
     wanted = max(_WALKERS_A_DIMENSION * dimension, min(effective / _YIELD, _MOST_WALKERS), _FEWEST_WALKERS)
     return math.ceil(wanted / _LANES) * _LANES
+
+
+def _progress(found: Convergence, steps: int, max_steps: int, wanted: float, pace: float) -> Progress:
+    """Return how far a run is, at a pace [s] of its steps."""
+    effective, tau = float(found.ess.min()), float(found.tau.max())
+    return Progress(
+        steps,
+        max_steps,
+        effective=effective,
+        wanted=wanted,
+        r_hat=float(found.r_hat.max()),
+        tau=tau,
+        seconds_left=pace * _steps_left(steps, effective / wanted, tau),
+    )
 
 
 def _steps_left(steps: int, share: float, tau: float) -> float:
@@ -205,12 +221,7 @@ def _refusal(
 
 
 def _posterior(
-    fit: Fit,
-    target: LogPosterior,
-    group: Sequence[Ensemble],
-    found: Convergence,
-    draws: np.ndarray,
-    seed: int,
+    fit: Fit, target: LogPosterior, group: Sequence[Ensemble], found: Convergence, draws: np.ndarray, seed: int
 ) -> Posterior:
     # Half an autocorrelation time apart, draws carry all there is to know.
     thin = max(1, int(found.tau.min() / 2))
@@ -219,25 +230,24 @@ def _posterior(
     z = np.stack([ensemble.chain[kept] for ensemble in group])
     log_probability = np.stack([ensemble.log_prob[kept] for ensemble in group])
     log_prior = target.log_prior(target.vectors(z).reshape(-1, target.dimension)).reshape(log_probability.shape)
-    problem = target.problem
-    moves = {name: [e.moves[name] for e in group if e.moves[name].proposed] for name in group[0].moves}
-    first = problem.bench.experiments[0]
+    problem, names = target.problem, target.names
+
+    def by_name(values: np.ndarray) -> dict[str, float]:
+        return dict(zip(names, values.tolist(), strict=True))
+
     return Posterior(
-        names=target.names,
-        units=dict(zip(target.names, target.units, strict=True)),
+        names=names,
+        units=dict(zip(names, target.units, strict=True)),
         draws=draws[:, ::thin],
         log_probability=log_probability,
         log_likelihood=log_probability - log_prior,
-        r_hat=dict(zip(target.names, found.r_hat.tolist(), strict=True)),
-        tau=dict(zip(target.names, found.tau.tolist(), strict=True)),
-        ess=dict(zip(target.names, found.ess.tolist(), strict=True)),
-        ess_tail=dict(zip(target.names, tail_effective(draws).tolist(), strict=True)),
+        r_hat=by_name(found.r_hat),
+        tau=by_name(found.tau),
+        ess=by_name(found.ess),
+        ess_tail=by_name(tail_effective(draws)),
         prior=prior_draws(target, _PRIOR_DRAWS, np.random.default_rng(seed)),
-        acceptance={n: sum(m.accepted for m in ms) / sum(m.proposed for m in ms) for n, ms in moves.items() if ms},
-        reference={
-            **{name: (fit.values[name], fit.sd[name]) for name in problem.names},
-            **target.noise_reference,
-        },
+        acceptance=_acceptance(group),
+        reference={name: (fit.values[name], fit.sd[name]) for name in problem.names} | target.noise_reference,
         stated_noise={part.name: part.noise for part in target.instruments},
         meanings=target.meanings,
         model=problem.model,
@@ -245,12 +255,7 @@ def _posterior(
         gaussian=dict(problem.gaussian),
         step=problem.bench.shortest,
         provenance={
-            "seed": seed,
-            "noise": target.noise,
-            "versions": {name: version(name) for name in _PACKAGES},
-            "rig": first.rig.sha256,
-            "recordings": {e.recording.name: e.recording.sha256 for e in problem.bench.experiments},
-            "n_data": problem.bench.n_data,
+            **_origin(target, seed),
             "steps": steps,
             "burn_in": steps - draws.shape[1],
             "thin": thin,
@@ -258,3 +263,21 @@ def _posterior(
             "solver_shift_sd": fit.solver_shift,
         },
     )
+
+
+def _acceptance(group: Sequence[Ensemble]) -> dict[str, float]:
+    """Return the share of the proposals that was accepted, by move."""
+    moves = {name: [e.moves[name] for e in group if e.moves[name].proposed] for name in group[0].moves}
+    return {n: sum(m.accepted for m in ms) / sum(m.proposed for m in ms) for n, ms in moves.items() if ms}
+
+
+def _origin(target: LogPosterior, seed: int) -> dict[str, object]:
+    bench = target.problem.bench
+    return {
+        "seed": seed,
+        "noise": target.noise,
+        "versions": {name: version(name) for name in _PACKAGES},
+        "rig": bench.experiments[0].rig.sha256,
+        "recordings": {e.recording.name: e.recording.sha256 for e in bench.experiments},
+        "n_data": bench.n_data,
+    }

@@ -201,12 +201,12 @@ def study_posterior(
     return PosteriorStudy(
         priors,
         tuple(prior_effects(flat, priors)),
-        tuple(profiles(target)),
-        correlations(posterior),
-        autocorrelation(posterior),
-        tuple(bands),
-        tuple(rows),
-        {name: tuple(np.quantile(flat[name], _NEARLY_ALL).tolist()) for name in priors},
+        profiles=tuple(profiles(target)),
+        correlations=correlations(posterior),
+        autocorrelation=autocorrelation(posterior),
+        bands=tuple(bands),
+        coverage=tuple(rows),
+        ranges={name: tuple(np.quantile(flat[name], _NEARLY_ALL).tolist()) for name in priors},
     )
 
 
@@ -226,5 +226,15 @@ def _covered(experiment: Experiment, band: Band, seen: slice) -> list[Coverage]:
         for c, (channel, unit) in enumerate(zip(band.channels, band.units, strict=True)):
             if count[c]:
                 width = float(widths[:, c].mean())
-                rows.append(Coverage(band.name, part, channel, unit, int(count[c]), float(shares[c]), width))
+                rows.append(
+                    Coverage(
+                        band.name,
+                        part,
+                        channel=channel,
+                        unit=unit,
+                        readings=int(count[c]),
+                        share=float(shares[c]),
+                        width=width,
+                    )
+                )
     return rows

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from discovery.recordings.flags import Flag
 from discovery.recordings.quantisation import quantum
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
@@ -58,10 +59,7 @@ def averaged(recording: Recording, length: int) -> Recording:
     count = recording.time.size
     step = float(np.median(np.diff(recording.time)))
     kept = count // length
-    note = (
-        f"{count} readings every {step:.3g} s were averaged by {length} to {kept} every {length * step:.3g} s: nothing "
-        "of the motion that stands out of the noise needs more."
-    )
+    told = {"count": count, "step": step, "length": length, "kept": kept, "apart": length * step}
     return replace(
         recording,
         time=recording.time[: kept * length].reshape(kept, length).mean(axis=1),
@@ -69,7 +67,7 @@ def averaged(recording: Recording, length: int) -> Recording:
         output=_means(recording.output, length),
         noise=_noise(recording, _alike(recording), length),
         jitter=float(recording.jitter / np.sqrt(length)),
-        notes=(*recording.notes, note),
+        flags=(*recording.flags, Flag("averaged", numbers=told)),
     )
 
 

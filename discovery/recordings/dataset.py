@@ -20,6 +20,7 @@ from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
 from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, make_experiment
+from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.holdout_part import fitted_count
 from discovery.recordings.recording import Recording, read_recording
@@ -125,12 +126,12 @@ def load_dataset(
 
 
 def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Recording]]:
-    """Return recordings with a note on each whose scale gravity contradicts."""
+    """Return recordings with a flag on each whose scale gravity contradicts."""
 
     def motions(*recordings: Recording) -> list[tuple[FloatArray, FloatArray]]:
         return [(r.time, r.output[:, 0]) for r in recordings]
 
-    def doubt(r: Recording) -> str:
+    def doubt(r: Recording) -> Flag | None:
         if rig.kind == "falling_body":
             return fall_doubt(rig, *motions(r))
         # Swings of different size say more together, unless one of them alone is in another unit.
@@ -140,9 +141,9 @@ def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Reco
     free = rig.gravity is not None and rig.view is None and all(r.input is None for r in every)
     if not free or rig.kind not in ("pendulum", "falling_body"):
         return found
-    together = angle_doubt(rig, motions(*every)) if rig.kind == "pendulum" else ""
+    together = angle_doubt(rig, motions(*every)) if rig.kind == "pendulum" else None
     return {
-        role: [replace(r, notes=(*r.notes, said)) if (said := doubt(r)) else r for r in listed]
+        role: [replace(r, flags=(*r.flags, said)) if (said := doubt(r)) else r for r in listed]
         for role, listed in found.items()
     }
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
+from discovery.declarations.systems import System
 from discovery.declarations.units import si_symbol
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
@@ -66,9 +66,14 @@ class Experiment:
         return self.first(len(self.recording.time[self.fitted])) if cut else self
 
     @property
+    def system(self) -> System:
+        """Kind of system."""
+        return System.of(self.rig.kind)
+
+    @property
     def is_arm(self) -> bool:
-        """Whether the system is a flexible arm."""
-        return self.rig.kind == ARM
+        """Whether a rod bends between hub and tip: `system.has_rod`."""
+        return self.system.has_rod
 
     @cached_property
     def motor_angle(self) -> FloatArray:
@@ -122,7 +127,7 @@ class Experiment:
         """SI unit of the coordinate."""
         if self.rig.view is not None and self.rig.columns.input is not None:
             return si_symbol(self.rig.columns.input.unit)
-        return "rad" if self.is_arm else self.recording.units[0]
+        return self.system.coordinate_unit(self.recording.units[0])
 
     @cached_property
     def deflection(self) -> FloatArray:

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ellipk
 
-from discovery.declarations.units import quoted, si_factor
+from discovery.declarations.units import si_factor
+from discovery.recordings.flags import Flag
 from discovery.rigs.rig import Rig
 
 __all__ = ["angle_doubt", "fall_doubt"]
@@ -39,8 +40,8 @@ _SLOWEST, _FASTEST = 0.5, 1.1
 _SURE = 4.0
 
 
-def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> str:
-    """Return a doubt about the unit of the angle of a pendulum that swings freely; empty where there is none.
+def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> Flag | None:
+    """Return a doubt about the unit of the angle of a pendulum that swings freely; None where there is none.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> str:
     """
     measured = [row for time, angle in motions for row in _stretches(time, angle)]
     if len(measured) < _FEWEST:
-        return ""
+        return None
     amplitude, frequency, sd = np.array(measured).T
     declared = si_factor(rig.columns.output.unit)
     # A period that hardly grows may be that of a pendulum with a spring: only larger units say something.
@@ -60,14 +61,11 @@ def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> str:
     stated = _misfit(amplitude, frequency, sd)
     unit = min(left, key=lambda name: left[name], default="")
     if not unit or not left[unit] < _SHARE * stated or stated < _SURE**2 * len(measured):
-        return ""
+        return None
     far = float(amplitude.max())
     slower, due = (float(_slowing(np.array(a))) for a in (far * si_factor(unit) / declared, far))
-    return (
-        f"The period grows with the amplitude as that of a pendulum whose angle is in {unit}: by {100 * slower:.2g} % "
-        f"up to {quoted(far, rig.columns.output.unit)}, where it would grow by {100 * due:.2g} % if the unit were "
-        f'as the rig file has it. Is the unit of the output right? For {unit}, set unit = "{unit}".'
-    )
+    sizes = {"right": unit, "slower": 100 * slower, "due": 100 * due, "amplitude": far}
+    return Flag("angle_unit", unit=rig.columns.output.unit, numbers=sizes)
 
 
 def _slowing(amplitude: FloatArray) -> FloatArray:
@@ -128,8 +126,8 @@ def _sine(t: FloatArray, x: FloatArray, guess: float) -> tuple[float, float, flo
     return float(np.hypot(fit.x[1], fit.x[2])), float(abs(fit.x[0])), float(np.sqrt(abs(covariance[0, 0])))
 
 
-def fall_doubt(rig: Rig, motion: Motion) -> str:
-    """Return a doubt about the units of a fall; empty where there is none.
+def fall_doubt(rig: Rig, motion: Motion) -> Flag | None:
+    """Return a doubt about the units of a fall; None where there is none.
 
     Parameters
     ----------
@@ -142,21 +140,14 @@ def fall_doubt(rig: Rig, motion: Motion) -> str:
     good = np.isfinite(motion[1])
     found = _slow_fall(motion[0][good], motion[1][good])
     if found is None:
-        return ""
+        return None
     fall, sd, slow = found
-    if fall - _SURE * sd > _FASTEST * gravity:
-        why = "and drag never makes a fall faster"
-    elif slow and fall + _SURE * sd < _SLOWEST * gravity:
-        why = "and drag is small as long as it is slow"
-    else:
-        return ""
+    too_slow = slow and fall + _SURE * sd < _SLOWEST * gravity
+    if not too_slow and not fall - _SURE * sd > _FASTEST * gravity:
+        return None
     declared = si_factor(rig.columns.output.unit)
     fits = [u for u in _LENGTHS if 0.85 < fall * si_factor(u) / declared / gravity < 1.1]
-    hint = f' Heights in {fits[0]} would fit: set unit = "{fits[0]}" for the output.' if fits else ""
-    return (
-        f"The fall begins with {fall:.3g} m/s^2 where gravity is {gravity:.4g} m/s^2, {why}. Are the units of height "
-        f"and time right, and gravity?{hint}"
-    )
+    return Flag("fall_rate", numbers={"found": fall, "gravity": gravity, "right": fits[0] if fits else ""})
 
 
 def _slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | None:

@@ -6,33 +6,26 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from discovery.declarations.units import si_factor, si_symbol
+from discovery.declarations.units import si_symbol
 from discovery.foundation.errors import InputError
-from discovery.foundation.io import read_table
 from discovery.plots.recordings import RecordingViews
+from discovery.recordings.arm_plausibility import check_arm
+from discovery.recordings.file_signals import Signals
+from discovery.recordings.flags import Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
-from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.quantisation import resolution
-from discovery.recordings.reading_noise import estimate_noise, noise_note
-from discovery.recordings.reading_notes import bend_notes, clean_output, gap_notes, swing_notes, time_notes
+from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
+from discovery.recordings.reading_noise import estimate_noise, noise_flags
 from discovery.recordings.recording_columns import (
-    ARM_OUTPUTS,
     ARM_STEMS,
-    arm_columns,
-    declared_columns,
-    declarer,
-    listed,
-    picked_rows,
-    suggest,
-    without_tip,
 )
-from discovery.recordings.time_jitter import estimate_jitter, jitter_note, scatter
+from discovery.recordings.time_jitter import estimate_jitter, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
-from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ForceView, Rig
 
 __all__ = ["Recording", "read_recording"]
@@ -68,7 +61,7 @@ class Recording(RecordingViews):
         The file, and the rows taken from it.
     noise_estimated : bool
         Whether `noise` was estimated from this recording because the rig does not state it.
-    notes : tuple of str
+    flags : tuple of Flag
         What is unusual: coarse readings, stuck or clipped ones (which are gaps of `output`), spikes, odd times.
     jitter : float
         Standard deviation of the error of a time stamp [s]: a reading that moves errs by slope times that, too.
@@ -84,13 +77,18 @@ class Recording(RecordingViews):
     sha256: str
     source: str
     noise_estimated: bool = False
-    notes: tuple[str, ...] = ()
+    flags: tuple[Flag, ...] = ()
     jitter: float = 0.0
 
     @cached_property
     def scatter(self) -> FloatArray:
         """Standard deviation of each reading, shape (n, c): its noise, and what the error of its stamp adds."""
         return scatter(self.time, self.output, self.noise, self.jitter)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The flags in words."""
+        return tuple(flag.sentence for flag in self.flags)
 
 
 def read_recording(
@@ -133,99 +131,99 @@ def read_recording(
         numbers, times that do not increase, gaps in the input, a dead sensor, too short a record, or values that are
         physically impossible; the message names file, column, row and remedy.
     """
-    table = read_table(path, rig.columns.header)
+    found = Signals.read(path, rig, samples, with_output, where)
+    stated = _stated_noise(rig, found.channels)
+    flags = [*time_flags(found.time, rig.columns.time.assumed), *_checked(rig, found)]
+    if found.inputs is None and found.outputs and rig.kind in _SWINGING:
+        flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
+    noise, more = _cleaned(rig, found, stated)
+    found.check(rig)
+    jitter = _jitter(rig, found, noise)
+    more += _told_of_jitter(rig, found, jitter)
+    if rig.view is not None and found.inputs is not None:
+        noise = _viewed(rig.view, found, noise)
+    missing = np.full(found.time.size, np.nan)
     arm = rig.kind == "flexible_arm"
-    table = table if with_output or not arm else without_tip(table)
-    channels, names, units = arm_columns(table) if arm else declared_columns(table, rig)
-    if with_output and not channels:
-        wanted = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m" if arm else rig.columns.output.name
-        remedy = f"add {wanted}"
-        if not arm:
-            remedy = f"{declarer(rig)} declares {wanted!r}; write its name in [columns] as the file has it"
-        raise InputError(
-            f"{table.path} has no output column: {remedy}.{suggest(table, wanted, names.values())} {listed(table)}"
-        )
-    counted = names
-    if not with_output:
-        channels, names = (), {stem: column for stem, column in names.items() if stem not in channels}
-        # Of an output that is not looked at, its length may be the number of samples.
-        counted = names or counted
-    rows = picked_rows(table, counted, samples, where)[:: rig.columns.every]
-    table = table.take(list(dict.fromkeys(counted.values())), rows)
-    values = {stem: _in_si(table.numbers(column), rig, stem, units[stem]) for stem, column in names.items()}
-    source = str(table.path) + _part(samples, where)
-    time = values["time"] if "time" in values else _counted(rig, len(next(iter(table.columns.values()))))
-    inputs = values.get("motor_angle" if arm else "input")
-    shown = channels or (ARM_OUTPUTS[0] if arm else ("output",))
-    read = {channel: values[channel] for channel in channels}
-    told: list[str] = []
-    if rig.kind == "pendulum" and rig.view is None and "output" in read:
-        read["output"], told = near_hanging(read["output"], units["output"])
-    check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
-    if arm:
-        check_arm(table, names, units, rig, time, inputs, read)
-        told = [] if inputs is None else bend_notes(inputs, read)
-    elif read:
-        check_units(table, rig, names, time, read["output"], inputs is not None)
-    if inputs is not None and "added" in values and rig.controller is not None:
-        # What is added to the command acts as a reference that is further off.
-        inputs = inputs + values["added"] / (rig.controller.kv * rig.controller.kp)
-    si = tuple(ARM_STEMS[channel] if arm else si_symbol(rig.columns.output.unit) for channel in shown)
-    stated, noise, notes = _stated_noise(rig, shown), [], [*time_notes(time, rig.columns.time.assumed), *told]
-    if inputs is None and read and rig.kind in _SWINGING:
-        notes += swing_notes(names["output"], time, read["output"], _own_period(rig))
-    for channel, known in zip(shown, stated, strict=True):
-        if channel not in read:
-            noise.append(1.0 if known is None else known)
-            continue
-        unit = units[channel]
-        notes += gap_notes(names[channel], time, values[channel])
-        # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
-        floor = resolution(read[channel])
-        noise.append(max(estimate_noise(read[channel]) if known is None else known, floor))
-        returns = rig.kind in (*_SWINGING, "base_excited") and rig.view is None
-        read[channel], found = clean_output(names[channel], unit, time, read[channel], noise[-1], returns)
-        notes += found if known is None else found + noise_note(names[channel], unit, time, read[channel], known)
-    check_signals(table, names, units, time, inputs, read, KINDS[rig.kind].fewest)
-    jitter = _jitter(rig, time, [read[channel] for channel in channels], noise, notes)
-    if rig.view is not None and inputs is not None:
-        rate = sampling_rate(time, source)
-        inputs = zero_phase(inputs, rate, rig.view.motion_cutoff)
-        if read:
-            read["output"] = _seen_as_force(rig.view, time, read["output"], rate, source)
-            noise = [noise_gain(rate, rig.view.cutoff) * value for value in noise]
     return Recording(
-        name=name or table.path.stem,
-        time=time,
-        input=inputs,
-        output=np.column_stack([read.get(channel, np.full(time.size, np.nan)) for channel in shown]),
-        channels=shown,
-        units=si,
+        name=name or found.table.path.stem,
+        time=found.time,
+        input=found.inputs,
+        output=np.column_stack([found.outputs.get(channel, missing) for channel in found.channels]),
+        channels=found.channels,
+        units=tuple(ARM_STEMS[c] if arm else si_symbol(rig.columns.output.unit) for c in found.channels),
         noise=np.array(noise),
-        sha256=table.sha256,
-        source=source,
-        noise_estimated=bool(channels) and any(known is None for known in stated),
-        notes=tuple(notes),
+        sha256=found.table.sha256,
+        source=found.source,
+        noise_estimated=bool(found.outputs) and any(known is None for known in stated),
+        flags=tuple(flags) + tuple(more),
         jitter=jitter,
     )
 
 
-def _jitter(rig: Rig, time: FloatArray, read: Sequence[FloatArray], noise: Sequence[float], notes: list[str]) -> float:
-    """Return by how much stamps err [s], and tell of it where nobody stated it; a filtered force does not feel it."""
-    if rig.view is not None or not read:
+def _checked(rig: Rig, found: Signals) -> list[Flag]:
+    """Refuse what cannot be a measurement of this rig; join the turns of an angle, and take in an added input."""
+    flags: list[Flag] = []
+    time, inputs, outputs = found.time, found.inputs, found.outputs
+    if rig.kind == "pendulum" and rig.view is None and "output" in outputs:
+        outputs["output"], flags = near_hanging(outputs["output"], found.units["output"])
+    found.check(rig)
+    if rig.kind == "flexible_arm":
+        given: dict[str, Any] = {"time": time, "inputs": inputs, "outputs": outputs}
+        check_arm(found.table, found.names, units=found.units, rig=rig, **given)
+        flags = [] if inputs is None else bend_flags(inputs, outputs)
+    elif outputs:
+        check_units(found.table, rig, found.names, time, outputs["output"], inputs is not None)
+    if inputs is not None and found.added is not None and rig.controller is not None:
+        # What is added to the command acts as a reference that is further off.
+        found.inputs = inputs + found.added / (rig.controller.kv * rig.controller.kp)
+    return flags
+
+
+def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[list[float], list[Flag]]:
+    """Leave out what no sensor measured, and return the noise of each channel, with what is unusual about it."""
+    noise: list[float] = []
+    flags: list[Flag] = []
+    returns = rig.kind in (*_SWINGING, "base_excited") and rig.view is None
+    for channel, known in zip(found.channels, stated, strict=True):
+        if channel not in found.outputs:
+            noise.append(1.0 if known is None else known)
+            continue
+        name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
+        flags += gap_flags(name, found.time, found.as_read[channel])
+        # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
+        noise.append(max(estimate_noise(values) if known is None else known, resolution(values)))
+        values, told = clean_output(name, unit, found.time, values, noise[-1], returns)
+        found.outputs[channel] = values
+        flags += told if known is None else told + noise_flags(name, unit, found.time, values, known)
+    return noise, flags
+
+
+def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> float:
+    """Return by how much stamps err [s]; a filtered force does not feel it."""
+    if rig.view is not None or not found.outputs:
         return 0.0
     if rig.columns.time.jitter is not None:
         return rig.columns.time.jitter
-    found = estimate_jitter(time, np.column_stack(read), np.array(noise))
-    notes += [jitter_note(found, float(np.median(np.diff(time))))] if found > 0 else []
-    return found
+    read = np.column_stack([found.outputs[channel] for channel in found.channels])
+    return estimate_jitter(found.time, read, np.array(noise))
 
 
-def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
-    column = {"input": rig.columns.input, "output": rig.columns.output}.get(stem)
-    if column is not None and (column.zero, column.scale) != (0.0, 1.0):
-        values = column.scale * (values - column.zero)
-    return values * si_factor(unit)
+def _told_of_jitter(rig: Rig, found: Signals, jitter: float) -> list[Flag]:
+    """Tell that stamps err where nobody stated it."""
+    if jitter == 0.0 or rig.columns.time.jitter is not None:
+        return []
+    return [Flag("stamps_err", numbers={"jitter": jitter, "step": float(np.median(np.diff(found.time)))})]
+
+
+def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:
+    """Turn motion and force into what the view shows, and return the noise that is left."""
+    assert found.inputs is not None
+    rate = sampling_rate(found.time, found.source)
+    found.inputs = zero_phase(found.inputs, rate, view.motion_cutoff)
+    if not found.outputs:
+        return list(noise)
+    found.outputs["output"] = _seen_as_force(view, found.time, found.outputs["output"], rate, found.source)
+    return [noise_gain(rate, view.cutoff) * value for value in noise]
 
 
 def _own_period(rig: Rig) -> float | None:
@@ -233,18 +231,6 @@ def _own_period(rig: Rig) -> float | None:
     if rig.kind != "pendulum" or rig.length is None or rig.gravity is None:
         return None
     return float(2.0 * np.pi * np.sqrt(rig.length.value / rig.gravity.value))
-
-
-def _counted(rig: Rig, size: int) -> FloatArray:
-    rate = rig.columns.time.rate
-    assert rate is not None  # read_rig demands a rate or a column
-    return np.arange(size) * rig.columns.every / rate
-
-
-def _part(samples: tuple[int, int] | None, where: Sequence[tuple[str, str | float]]) -> str:
-    """Name the rows that were taken, in brackets."""
-    words = [f"{column}={value}" for column, value in where] + ([f"{samples[0]}:{samples[1]}"] if samples else [])
-    return f"[{', '.join(words)}]" if words else ""
 
 
 def _seen_as_force(view: ForceView, time: FloatArray, force: FloatArray, rate: float, source: str) -> FloatArray:

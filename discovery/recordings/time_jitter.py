@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["estimate_jitter", "jitter_note", "scatter", "stamp_deviation"]
+__all__ = ["estimate_jitter", "scatter", "stamp_deviation"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,14 +63,6 @@ def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> 
     if most < 1e-6 * float(np.median(np.diff(time))):
         return 0.0
     return min(most, float(np.median([_of_channel(time, c, sd) for c, sd in zip(output.T, noise, strict=True)])))
-
-
-def jitter_note(jitter: float, step: float) -> str:
-    """Tell that readings scatter more where they move fast."""
-    return (
-        f"Readings scatter more where they move fast, as if their time stamps erred by {jitter:.2g} s (of a step of "
-        f"{step:.3g} s): slope times that is added to their noise. State it, time = {{ ..., jitter = ... }}, if known."
-    )
 
 
 def _slope(time: FloatArray, channel: FloatArray) -> FloatArray:

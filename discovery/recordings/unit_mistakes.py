@@ -8,6 +8,7 @@ import numpy.typing as npt
 from discovery.declarations.units import quoted, si_factor
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
+from discovery.recordings.flags import Flag
 from discovery.rigs.rig import Rig
 
 __all__ = ["check_units", "near_hanging"]
@@ -26,7 +27,7 @@ _CLOCKS = ("s", "ms", "us")  # units in which times are written
 _GRAVITY_MARGIN = 10.0  # drag slows a fall, but not to a tenth
 
 
-def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list[str]]:
+def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list[Flag]]:
     """Join the turns of an angle that was recorded modulo 2 pi, and count it from the nearest full turn.
 
     Parameters
@@ -34,35 +35,29 @@ def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list
     angle : array, shape (n,)
         Angle of a pendulum [rad]; NaN are gaps.
     unit : str
-        Unit of its column, for the sentences.
+        Unit of its column, for the flags.
 
     Returns
     -------
     angle : array, shape (n,)
         The same array where it neither jumps nor lies a turn away; NaN where a single reading jumps away from its
         neighbours and back, unless many do.
-    notes : list of str
+    flags : list of Flag
         What was joined and left out.
     """
     alone = _alone(angle)
-    notes = []
+    flags = []
     if alone.any() and alone.mean() < _RARE:
         angle = np.where(alone, np.nan, angle)
         rows = np.flatnonzero(alone)
-        what, it = ("1 spike", "It is") if rows.size == 1 else (f"{rows.size} spikes", "They are")
-        notes.append(
-            f"{what}, first at sample {rows[0]} (counted from 0), more than {quoted(_JUMP, unit)} from the readings "
-            f"before and after, which agree: no pendulum does that. {it} left out."
-        )
+        sizes = {"count": int(rows.size), "first": int(rows[0]), "jump": _JUMP}
+        flags.append(Flag("angle_spikes", unit=unit, numbers=sizes))
     off = _turns_away(angle)
     if off.any() and off.mean() < _FEW:
         rows = np.flatnonzero(off)
-        value = quoted(float(angle[rows[0]]), unit, 6)
+        sizes = {"count": int(rows.size), "first": int(rows[0]), "value": float(angle[rows[0]])}
         angle = np.where(off, np.nan, angle)
-        notes.append(
-            f"{rows.size} {'reading' if rows.size == 1 else 'readings'}, first at sample {rows[0]} (counted from 0) "
-            f"with {value}, more than a turn from those before and after: no pendulum does that. Left out."
-        )
+        flags.append(Flag("angle_turned", unit=unit, numbers=sizes))
     good = np.isfinite(angle)
     joined = angle.copy()
     joined[good] = np.unwrap(angle[good])
@@ -70,13 +65,10 @@ def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list
     places = np.flatnonzero(np.diff(np.round((joined[good] - angle[good]) / _FULL_TURN)))
     if places.size:
         first = int(np.flatnonzero(good)[places[0] + 1])
-        notes.append(
-            f"The angle jumps by full turns in {places.size} place{'s' * (places.size > 1)}, first at sample {first}, "
-            "counted from 0: the turns are joined."
-        )
+        flags.append(Flag("turns_joined", numbers={"count": int(places.size), "first": first}))
     turns = float(np.round(np.median(joined[good]) / _FULL_TURN)) if good.any() else 0.0
     joined -= _FULL_TURN * turns
-    return (joined if turns or places.size else angle), notes
+    return (joined if turns or places.size else angle), flags
 
 
 def _turns_away(angle: FloatArray) -> npt.NDArray[np.bool_]:

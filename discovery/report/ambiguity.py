@@ -81,7 +81,7 @@ def reconciliations_table(run: Run) -> Table | None:
         "Effects that could take the contradicting value to its prediction. Evidence: by how much the effect lowers "
         "chi-square, that of the prediction counted."
     )
-    return Table("reconciliations", caption, head, cells, keys, raw, (0, 1, 2, 6))
+    return Table("reconciliations", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 6))
 
 
 def separation_table(run: Run) -> Table | None:
@@ -112,7 +112,7 @@ def separation_table(run: Run) -> Table | None:
         "be chance, and no manoeuvre within the limits decides; else the motor’s course is in manoeuvre_1.csv and so "
         "on."
     )
-    return Table("separation", caption, head, cells, keys, raw, (0, 1))
+    return Table("separation", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
 
 
 def moves_table(run: Run) -> Table | None:
@@ -178,4 +178,4 @@ def contradictions_table(run: Run) -> Table | None:
     )
     if any(c["parameter"] == "k_g" for c in tested["checks"]):
         caption += " k_g = √(g_c² + g_s²): the pull of gravity, gravity over length of a simple pendulum."
-    return Table("contradictions", caption, head, cells, raw_head, raw, (0, 3, 6))
+    return Table("contradictions", caption, header=head, rows=cells, raw_header=raw_head, raw_rows=raw, text=(0, 3, 6))

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from discovery.declarations.effect import Effect
 from discovery.report.effect_formulas import NEXT, equal
-from discovery.report.mathml import expression, row, symbol
+from discovery.report.mathml import row, symbol
+from discovery.report.mathml_expression import expression
 
 if TYPE_CHECKING:
     from discovery.equations.declared_terms import DeclaredLine

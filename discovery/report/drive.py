@@ -7,7 +7,6 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.declarations.effect import ARM
 from discovery.mechanics import get_base
 from discovery.report.equations import undriven
 from discovery.report.numbers import unit_text
@@ -30,7 +29,7 @@ def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     from discovery.equations.model import Model
 
     base = get_base(model["base"])
-    if base.system == ARM or base.places() or undriven(model):
+    if base.system.has_rod or base.places() or undriven(model):
         return {}
     free = equation_terms(Model(model["base"], tuple(model["effects"]))).drive.free_symbols
     if not free & set(MOVING_INPUT):

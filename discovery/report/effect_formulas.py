@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from discovery.report.mathml import expression, row, symbol
+from discovery.declarations.systems import System
+from discovery.report.mathml import row, symbol
+from discovery.report.mathml_expression import expression
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -32,7 +34,7 @@ NEXT = '<mo>,</mo><mspace width="1em"/>'
 
 def coordinate_name(system: str) -> str:
     """Return what the coordinate of a kind of system is called."""
-    return "theta_t" if system == "flexible_arm" else "q"
+    return System.of(system).coordinate
 
 
 def equal(left: str, right: str) -> str:
@@ -79,7 +81,7 @@ def effect_formula(effect: Effect, system: str) -> str:
         assert declared is not None
         letter = "F" if getattr(effect, "on", None) is not None else LETTERS[effect.kind]
         body = expression(declared(), name)
-        if getattr(effect, "local", False) and system == "flexible_arm":
+        if getattr(effect, "local", False) and System.of(system).has_rod:
             body = along_the_rod(body)
         lines = [equal(symbol(letter), body), *(_states(effect, name) if effect.kind == "memory" else [])]
         return row(NEXT.join(lines))
@@ -144,9 +146,9 @@ def laws(effects: Sequence[Any], system: str) -> str:
     import sympy as sp
 
     from discovery.declarations import symbols as s
-    from discovery.equations.program import radius_of
+    from discovery.equations.contributions import radius_of
 
-    name, arm = coordinate_name(system), system == "flexible_arm"
+    name, arm = coordinate_name(system), System.of(system).has_rod
     kind = effects[0].kind
     if kind == "closure":
         return equal(row(symbol("rho_t"), "<mo>/</mo>", symbol("l")), expression(radius_of(effects), name))

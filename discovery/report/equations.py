@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from discovery.declarations.effect import ARM, Mode, Sensor
+from discovery.declarations.effect import Mode, Sensor
 from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
@@ -22,7 +22,8 @@ from discovery.report.effect_formulas import (
     signed,
     together,
 )
-from discovery.report.mathml import expression, number, power, row, symbol, total
+from discovery.report.mathml import number, power, row, symbol, total
+from discovery.report.mathml_expression import expression
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 
 if TYPE_CHECKING:
@@ -163,10 +164,9 @@ def _exact_arm() -> list[Formula]:
 
     modes = row("<munder><mo>∑</mo><mi>k</mi></munder>", symbol("q_k"), at("t"), symbol("phi_k"), at("s"))
     shape = equal(row(symbol("theta"), at("s", "t")), row(symbol("theta_m"), at("t"), "<mo>+</mo>", modes))
-    lagrange = row(
-        f"<mfrac><mi>d</mi>{row('<mi>d</mi>', symbol('t'))}</mfrac>", partial("T", 1), "<mo>−</mo>", partial("T", 0),
-        "<mo>+</mo>", partial("V", 0), "<mo>+</mo>", partial("D", 1), "<mo>=</mo>", symbol("Q_k"),
-    )  # fmt: skip
+    rate = f"<mfrac><mi>d</mi>{row('<mi>d</mi>', symbol('t'))}</mfrac>"
+    sum_of = row(rate, partial("T", 1), "<mo>−</mo>", partial("T", 0), "<mo>+</mo>", partial("V", 0))
+    lagrange = row(sum_of, "<mo>+</mo>", partial("D", 1), "<mo>=</mo>", symbol("Q_k"))
     curvature = f"<mfrac>{row('<mo>∂</mo>', symbol('theta'))}{row('<mo>∂</mo>', symbol('s'))}</mfrac>"
     energy = row(
         "<mfrac><mn>1</mn><mn>6</mn></mfrac>",
@@ -217,10 +217,10 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
         and sensors say.
     """
     told: list[Effect] = []
-    scalar = get_base(model["base"]).system != ARM or model["base"] == "constant_radius"
+    scalar = not get_base(model["base"]).system.has_rod or model["base"] == "constant_radius"
     if "system" in model:
         found = [Formula(*line) for line in declared_formulas(model["base"])]
-    elif get_base(model["base"]).system != ARM:
+    elif not get_base(model["base"]).system.has_rod:
         found, told = _on_a_line(model)
     elif scalar:
         deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup
@@ -105,7 +105,9 @@ def posterior_table(run: Run) -> Table:
         "does not." if is_independent(run.noise_sampled) else "is that of its own noise."
     )
     order = (0, 3, 2, 4, 5, 6, 7, *([8] if paper else []), 1)
-    return Table("posterior", caption, head, cells, keys, raw, (0, 1, 2), order)
+    return Table(
+        "posterior", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2), narrow=order
+    )
 
 
 def prior_words(prior: Mapping[str, Any] | None) -> str:
@@ -138,11 +140,11 @@ def nuisance_table(run: Run) -> Table | None:
     return Table(
         "initial_states",
         "Initial states, sampled with the parameters.",
-        ("", "unit", "mean ± sd", "90 % interval"),
-        cells,
-        keys,
-        raw,
-        (0, 1),
+        header=("", "unit", "mean ± sd", "90 % interval"),
+        rows=cells,
+        raw_header=keys,
+        raw_rows=raw,
+        text=(0, 1),
     )
 
 
@@ -171,22 +173,33 @@ def final_table(run: Run) -> Table:
     head = ("", "meaning", "unit", "final ± sd", "before ± sd", *told, "why no interval")
     caption = "Parameters of the final model, least squares, one standard deviation; initial states are not listed."
     return Table(
-        "final_model", caption, head, cells, ("name", "unit", "value", "sd", "reason"), raw,
-        (0, 1, 2, 6) if physical else (0, 1, 2, 5), _NARROW_TOLD if physical else _NARROW,
-    )  # fmt: skip
+        "final_model",
+        caption,
+        header=head,
+        rows=cells,
+        raw_header=("name", "unit", "value", "sd", "reason"),
+        raw_rows=raw,
+        text=(0, 1, 2, 6) if physical else (0, 1, 2, 5),
+        narrow=_NARROW_TOLD if physical else _NARROW,
+    )
 
 
-def elastica_table(run: Run) -> Table:
-    """Return posterior against prediction; variants that predict the same number share a row."""
-    comparison = run.results["elastica"]["comparison"]
+def _alike(comparison: Sequence[Mapping[str, Any]]) -> Iterable[list[Mapping[str, Any]]]:
+    """Return the rows of the comparison in groups of the same prediction, in the order of the page."""
     merged: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
     for row in sorted(
         comparison, key=lambda r: _ORDER.index(r["parameter"]) if r["parameter"] in _ORDER else len(_ORDER)
     ):
         key = (row["parameter"], f"{row['predicted_mean']:.9e}", f"{row['predicted_sd']:.6e}")
         merged.setdefault(key, []).append(row)
+    return merged.values()
+
+
+def elastica_table(run: Run) -> Table:
+    """Return posterior against prediction; variants that predict the same number share a row."""
+    comparison = run.results["elastica"]["comparison"]
     cells = []
-    for rows in merged.values():
+    for rows in _alike(comparison):
         r = rows[0]
         masses = dict.fromkeys(MASSES.get(x["mass"], x["mass"]) for x in rows)
         laws = dict.fromkeys(LAWS.get(x["law"], x["law"]) for x in rows)
@@ -202,22 +215,12 @@ def elastica_table(run: Run) -> Table:
             ]
         )
     head = ("", "unit", "rod’s mass", "law", "posterior ± sd", "elastica ± sd", "difference [sd]")
-    keys = (
-        "mass",
-        "law",
-        "parameter",
-        "unit",
-        "posterior_mean",
-        "posterior_sd",
-        "predicted_mean",
-        "predicted_sd",
-        "difference",
-        "discrepancy",
-    )
+    means = ("posterior_mean", "posterior_sd", "predicted_mean", "predicted_sd")
+    keys = ("mass", "law", "parameter", "unit", *means, "difference", "discrepancy")
     raw = [[r.get(k) for k in keys] for r in comparison]
     caption = (
         "Posterior against what the elastica predicts from the rig file; the difference is in standard deviations of "
         "both together. Massless and counted: the rod’s own mass left out, or added to the tip as 33/140 of it. "
         f"Standard deviations of the posterior are those under {effect_name(run.noise_sampled)} noise."
     )
-    return Table("elastica", caption, head, cells, keys, raw, (0, 1, 2, 3))
+    return Table("elastica", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 3))

@@ -45,7 +45,15 @@ def terms_table(run: Run) -> Table:
         "Terms of the discovered equation, SI units. The coefficients are those of the regression; trajectories decide "
         "below."
     )
-    return Table("terms", caption, head, cells, keys, [[t[k] for k in keys] for t in terms], (0, 1))
+    return Table(
+        "terms",
+        caption,
+        header=head,
+        rows=cells,
+        raw_header=keys,
+        raw_rows=[[t[k] for k in keys] for t in terms],
+        text=(0, 1),
+    )
 
 
 def equations_table(run: Run, each: int = 3) -> Table | None:
@@ -79,7 +87,7 @@ def equations_table(run: Run, each: int = 3) -> Table | None:
         "The trade-off: best equations of each size. Unexplained: share of the variance left. Likelihood ratio: "
         "of the best of the size over this one. Probability: share of resamples that prefer it among its size."
     )
-    return Table("equations", caption, head, cells, keys, raw, (1, 5))
+    return Table("equations", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(1, 5))
 
 
 def radius_table(run: Run) -> Table | None:
@@ -102,11 +110,11 @@ def radius_table(run: Run) -> Table | None:
     return Table(
         "radius_laws",
         "Radius laws that compete; a likelihood ratio under 10 means “cannot tell”.",
-        head,
-        cells,
-        keys,
-        raw,
-        (0, 1),
+        header=head,
+        rows=cells,
+        raw_header=keys,
+        raw_rows=raw,
+        text=(0, 1),
     )
 
 
@@ -182,7 +190,15 @@ def ranking_table(run: Run, best: int = 8) -> Table | None:
         "was weighed. Training: log evidence gained over the model of the search. Held out: log predictive score "
         "gained. Size: movement of the prediction over the model error that is left."
     )
-    return Table("candidates", caption, head, cells, ("search", "effects", "outcome", *keys), raw, (1, 2))
+    return Table(
+        "candidates",
+        caption,
+        header=head,
+        rows=cells,
+        raw_header=("search", "effects", "outcome", *keys),
+        raw_rows=raw,
+        text=(1, 2),
+    )
 
 
 def effects_table(run: Run) -> Table | None:
@@ -233,7 +249,15 @@ def model_error_table(run: Run) -> Table:
         "The model error: what a model leaves beside the noise, correlated over the natural time. Its size is fitted "
         "with the parameters, and is one standard deviation."
     )
-    return Table("model_error", caption, ("", "size", "unit"), cells, ("quantity", "value", "unit"), raw, (0, 2))
+    return Table(
+        "model_error",
+        caption,
+        header=("", "size", "unit"),
+        rows=cells,
+        raw_header=("quantity", "value", "unit"),
+        raw_rows=raw,
+        text=(0, 2),
+    )
 
 
 def distortion_table(run: Run) -> Table | None:
@@ -263,5 +287,11 @@ def distortion_table(run: Run) -> Table | None:
     )
     caption = f"Nonlinear distortion of the {multisine['kind']} multisine, before any term is proposed."
     return Table(
-        "distortion", caption, head, cells, keys, [[d[k] for k in keys] for d in multisine["distortions"]], (0, 1, 5, 8)
+        "distortion",
+        caption,
+        header=head,
+        rows=cells,
+        raw_header=keys,
+        raw_rows=[[d[k] for k in keys] for d in multisine["distortions"]],
+        text=(0, 1, 5, 8),
     )

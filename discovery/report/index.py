@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from discovery.declarations.effect import ARM
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.mechanics import get_base
@@ -114,8 +113,8 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
 
 def _coordinate(loop: Mapping[str, Any]) -> str:
     """Return the unit of the coordinate: rad for an arm, else that of the output."""
-    is_arm = get_base(loop["model"]["after"]["model"]["base"]).system == ARM
-    return "rad" if is_arm else str(loop["errors"]["unit"])
+    system = get_base(loop["model"]["after"]["model"]["base"]).system
+    return system.coordinate_unit(str(loop["errors"]["unit"]))
 
 
 def _effect(effect: Mapping[str, Any], coordinate: str) -> str:

@@ -181,9 +181,25 @@ def added_effects(run: Run) -> list[dict[str, Any]]:
 
 
 def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) -> dict[str, Any]:
-    r, model = run.results, run.loop["model"]
-    system = r["rig"]["kind"]
-    discovery, radius = r.get("discovery"), r.get("radius")
+    """Return what the template of the page asks for."""
+    return {
+        "tables": {name: table.html() for name, table in tables.items()},
+        "figures": figures,
+        "is_arm": run.is_arm,
+        "provenance": run.results["provenance"],
+        "effects": effects_used(run),
+        "methods": methods_used(run),
+        **_first_screen(run),
+        **_regression_part(run),
+        **_model_part(run),
+        **_posterior_part(run),
+        "elastica": run.results.get("elastica") if "elastica" in tables else None,
+        **_loop_part(run),
+    }
+
+
+def _first_screen(run: Run) -> dict[str, Any]:
+    """Return the answer, and the chart in the reader's browser."""
     chart = chart_data(run)
     return {
         "policy": policy(chart=chart is not None),
@@ -195,7 +211,7 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "final_values": answer.parameter_lines(run),
         "bars": answer.error_bars(run),
         "standing": standing(run),
-        "name": r["rig"]["name"],
+        "name": run.results["rig"]["name"],
         "origin": origin(run),
         "headline": headline(run),
         "verdict": run.loop["verdict"],
@@ -203,10 +219,16 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "model_error": model_error_words(run.loop["model_error"]),
         "lead": lead_sentence(run.loop["lead"]) if run.loop.get("lead") else "",
         "added": added_effects(run),
-        "tables": {name: table.html() for name, table in tables.items()},
-        "figures": figures,
         "quantities": measures.quantities(run),
         "notes": [(r["name"], n) for r in run.results["recordings"] for n in r.get("notes", ())],
+    }
+
+
+def _regression_part(run: Run) -> dict[str, Any]:
+    """Return what the recording says before any model is fitted."""
+    r, system = run.results, run.results["rig"]["kind"]
+    discovery, radius = r.get("discovery"), r.get("radius")
+    return {
         "discovery": discovery,
         "equation": regression_equation(found_terms(discovery), system) if discovery else "",
         "three": three_terms(discovery, system) if discovery and run.is_arm else None,
@@ -214,6 +236,13 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "radius_interval": interval(*radius["interval"]) if radius else "",
         "radius_gamma": significant(radius["gamma"], 4) if radius else "",
         "multisine": r.get("multisine"),
+    }
+
+
+def _model_part(run: Run) -> dict[str, Any]:
+    """Return the declared and the final model."""
+    model, system = run.loop["model"], run.results["rig"]["kind"]
+    return {
         "declared_formulas": _lines(model_formulas(model["before"]["model"], system)),
         "drive": drive_words(run),
         "final_formulas": _lines(model_formulas(model["after"]["model"], system)),
@@ -221,7 +250,12 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "final": model["after"],
         "reduced_chi2": significant(model["after"]["reduced_chi2"], 4),
         "solver_shift": significant(model["after"]["solver_shift_sd"], 2),
-        "posterior": r.get("posterior"),
+    }
+
+
+def _posterior_part(run: Run) -> dict[str, Any]:
+    return {
+        "posterior": run.results.get("posterior"),
         "pending": posterior.pending_sentence(run),
         "asked": posterior.is_as_asked(run),
         "whole": run.is_whole,
@@ -230,15 +264,15 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "converged": convergence.convergence_sentence(run),
         "leans": posterior.prior_sentence(run),
         "correlated": posterior.correlation_sentences(run),
-        "elastica": r.get("elastica") if "elastica" in tables else None,
+    }
+
+
+def _loop_part(run: Run) -> dict[str, Any]:
+    return {
         "paper": published(run).get("source", ""),
         "steps": story.steps(run),
         "undecided": ambiguity.undecided(run),
         "predictor": ambiguity.predictor(run),
         "contradictions": ambiguity.contradictions(run),
         "unexplained": latent.sentences(run),
-        "is_arm": run.is_arm,
-        "provenance": r["provenance"],
-        "effects": effects_used(run),
-        "methods": methods_used(run),
     }

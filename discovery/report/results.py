@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.declarations.systems import System
 from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import know_system
 from discovery.posterior.inference_data import attributes, by_name
@@ -103,9 +104,14 @@ class Run:
     results: Mapping[str, Any]
 
     @property
+    def system(self) -> System:
+        """Kind of system."""
+        return System.of(self.results["rig"]["kind"])
+
+    @property
     def is_arm(self) -> bool:
         """Whether the system is a flexible arm."""
-        return self.results["rig"]["kind"] == "flexible_arm"
+        return self.system.has_rod
 
     @property
     def is_whole(self) -> bool:
@@ -122,7 +128,7 @@ class Run:
     @property
     def coordinate_unit(self) -> str:
         """Unit of the coordinate: rad for an arm, else as the run states it, or that of the output."""
-        return "rad" if self.is_arm else str(self.results["rig"].get("coordinate_unit", self.loop["errors"]["unit"]))
+        return self.system.coordinate_unit(str(self.results["rig"].get("coordinate_unit", self.loop["errors"]["unit"])))
 
     @property
     def reads_coordinate(self) -> bool:

@@ -58,7 +58,13 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind("oscillator", "oscillator", LINEAR_MODEL, None, "force", "deflection from rest"),
         Kind(
-            "pendulum", "oscillator", ("viscous_damping", "gravity_torque"), None, "torque", "angle from hanging", "rad"
+            "pendulum",
+            "oscillator",
+            declared=("viscous_damping", "gravity_torque"),
+            needs_input=None,
+            input="torque",
+            output="angle from hanging",
+            unit="rad",
         ),
         Kind(
             "base_excited",
@@ -71,7 +77,17 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind("drive", "oscillator", ("viscous_damping",), True, "force", "position", may_be_bare=True),
         Kind("system", "", (), None, "input", "output", may_be_bare=True),
-        Kind("falling_body", "falling_body", (), False, "none", "height", "m", may_be_bare=True, fewest=20),
+        Kind(
+            "falling_body",
+            "falling_body",
+            declared=(),
+            needs_input=False,
+            input="none",
+            output="height",
+            unit="m",
+            may_be_bare=True,
+            fewest=20,
+        ),
     )
 }
 """Every kind by its name."""

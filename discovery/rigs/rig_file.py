@@ -18,14 +18,15 @@ from typing import Any
 from pydantic import ValidationError
 
 from discovery.declarations.registry import get_effect
-from discovery.declarations.units import homogeneous, si_factor, si_symbol, split_suffix
+from discovery.declarations.system import SystemDeclaration
+from discovery.declarations.units import si_factor, si_symbol, split_suffix
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
 from discovery.mechanics import get_base
 from discovery.mechanics.places import check_place
 from discovery.mechanics.systems import declare
 from discovery.rigs.kinds import KINDS
-from discovery.rigs.rig import Quantity, RecordPart, Rig
+from discovery.rigs.rig import Columns, Quantity, RecordPart, Rig
 from discovery.rigs.rig_schema import (
     MEANT_FOR,
     QUANTITIES,
@@ -66,26 +67,9 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         physically impossible, or several subfolders hold a file of ``[records]``.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:  # a name may hold what no file's name can
-        raise InputError(
-            f"The rig file {shown(path)} cannot be read: {reason(error)}. Give the path of a TOML file."
-        ) from error
-    try:
-        text = content.decode("utf-8-sig")
-        document = tomllib.loads(text)
-    except RecursionError as error:
-        raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
-    except ValueError as error:  # no TOML, no text, or a number of thousands of digits
-        raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
+    content, text, document = _parsed(path)
     rest, quantities, keys = _quantities(path, text, document)
-    if isinstance(rest.get("system"), dict):
-        rest.setdefault("kind", "system")
-    try:
-        table = RigTable.model_validate(rest)
-    except ValidationError as error:
-        raise InputError(explain(path, text, error)) from error
+    table = _validated(path, text, rest)
     arm = table.kind == "flexible_arm"
     if arm and "length" not in quantities:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
@@ -94,11 +78,8 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     system = system_of(path, text, table)
     _check_effects(path, text, table, KINDS[table.kind].base if system is None else declare(system))
     values = {stem: quantity.value for stem, quantity in quantities.items()}
-    if arm and values.get("position_noise", 0.0) > 0.1 * values["length"]:
-        raise InputError(
-            f"The rig file {path} states a position noise of {values['position_noise']:g} m on an arm of "
-            f"{values['length']:g} m. If it is in millimetres, name the key 'position_noise_mm'."
-        )
+    if arm:
+        _check_noise(path, values)
     return Rig(
         name=table.name,
         kind=table.kind,
@@ -110,7 +91,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         inertia=quantities.get("inertia"),
         position_noise=values.get("position_noise"),
         angle_noise=values.get("angle_noise"),
-        columns=columns_of(path, text, table) if system is None else read_columns(path, text, table, system),
+        columns=_columns(path, text, table, system, keys),
         declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
         records=_records(path, text, table.records),
         gravity=quantities.get("gravity", _GRAVITY if table.kind in ("pendulum", "falling_body") else None),
@@ -124,6 +105,41 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         path=path,
         sha256=hashlib.sha256(content).hexdigest(),
     )
+
+
+def _check_noise(path: Path, values: Mapping[str, float]) -> None:
+    if values.get("position_noise", 0.0) > 0.1 * values["length"]:
+        raise InputError(
+            f"The rig file {path} states a position noise of {values['position_noise']:g} m on an arm of "
+            f"{values['length']:g} m. If it is in millimetres, name the key 'position_noise_mm'."
+        )
+
+
+def _parsed(path: Path) -> tuple[bytes, str, dict[str, Any]]:
+    """Return a rig file's bytes, its text and its document."""
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:  # a name may hold what no file's name can
+        raise InputError(
+            f"The rig file {shown(path)} cannot be read: {reason(error)}. Give the path of a TOML file."
+        ) from error
+    try:
+        text = content.decode("utf-8-sig")
+        document = tomllib.loads(text)
+    except RecursionError as error:
+        raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
+    except ValueError as error:  # no TOML, no text, or a number of thousands of digits
+        raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
+    return content, text, document
+
+
+def _validated(path: Path, text: str, rest: dict[str, Any]) -> RigTable:
+    if isinstance(rest.get("system"), dict):
+        rest.setdefault("kind", "system")
+    try:
+        return RigTable.model_validate(rest)
+    except ValidationError as error:
+        raise InputError(explain(path, text, error)) from error
 
 
 def _quantities(
@@ -180,7 +196,19 @@ def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str,
             f"{' or '.join(MEANT_FOR[stem])}; kind {table.kind!r} has no use for it. "
             f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
         )
-    turns = table.columns is not None and homogeneous(si_symbol(table.columns.output.unit), "rad")
+
+
+def _columns(
+    path: Path, text: str, table: RigTable, system: SystemDeclaration | None, keys: Mapping[str, str]
+) -> Columns:
+    columns = columns_of(path, text, table) if system is None else read_columns(path, text, table, system)
+    _check_inertia(path, text, columns.output.unit, keys)
+    return columns
+
+
+def _check_inertia(path: Path, text: str, output: str, keys: Mapping[str, str]) -> None:
+    """Refuse a mass of what turns, and a moment of inertia of what does not."""
+    turns = homogeneous(si_symbol(output), "rad")
     for stem, other in (("mass", "inertia"), ("inertia", "mass")):
         if stem in keys and turns == (stem == "mass"):
             moves = "turns: its output is an angle" if turns else "does not turn: its output is no angle"

@@ -217,32 +217,7 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
         return f"The rig file {path}{where} lacks the key {name!r}. Add it.{more}"
     where = f"The rig file {path}, line {line_of(text, keys)}:"
     if detail["type"] == "extra_forbidden":
-        tables: dict[str, type[BaseModel]] = {
-            "columns": ColumnsTable,
-            "time": _Time,
-            "input": _Input,
-            "output": _Output,
-        }
-        tables |= {"model": _Model, "controller": ControllerTable, "view": ViewTable, "records": RecordsTable}
-        tables |= {"system": SystemTable}
-        if keys[:2] == ("system", "constants"):
-            tables |= {keys[-2]: ConstantTable}
-        tables |= dict.fromkeys(("train", "holdout", "test"), _Part)
-        parent = tables.get(keys[-2], QuantityTable) if len(keys) > 1 else RigTable
-        known = list(parent.model_fields)
-        if parent is RigTable:
-            known += [key_of(stem) for stem in QUANTITIES]
-            stem = next((stem for stem in QUANTITIES if len(keys) == 1 and name.startswith(stem)), None)
-            if stem is not None:
-                right = key_of(stem)
-                return (
-                    f"{where} the key {name!r} is not known. Write {right} = 1.0, or with its standard deviation "
-                    f"{right} = {{ value = 1.0, sd = 0.01 }}; any unit of that kind may be the suffix.{more}"
-                )
-        hint = suggestion(keys[-1], known)
-        if parent is RigTable and detail["input"] in get_args(RigTable.model_fields["kind"].annotation):
-            hint = f' Did you mean kind = "{detail["input"]}"?'
-        return f"{where} the key {name!r} is not known.{hint} Known here: {', '.join(known)}.{more}"
+        return f"{where} the key {name!r} is not known.{_known_instead(keys, detail['input'])}{more}"
     value = detail["input"]
     if detail["type"] == "literal_error" and isinstance(value, str):
         known = re.findall("'([^']*)'", detail["ctx"]["expected"])
@@ -251,6 +226,44 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
             f"{', '.join(known)}.{more}"
         )
     return f"{where} the key {name!r} is {value!r}, but {_lower(detail['msg'])}. Correct the value.{more}"
+
+
+#: The table that holds the keys below each key.
+_TABLES: dict[str, type[BaseModel]] = {
+    "columns": ColumnsTable,
+    "time": _Time,
+    "input": _Input,
+    "output": _Output,
+    "model": _Model,
+    "controller": ControllerTable,
+    "view": ViewTable,
+    "records": RecordsTable,
+    "system": SystemTable,
+    "train": _Part,
+    "holdout": _Part,
+    "test": _Part,
+}
+
+
+def _known_instead(keys: Sequence[str], value: object) -> str:
+    """Return what is known where a key is not."""
+    if len(keys) > 1:
+        constant = keys[:2] == ("system", "constants")
+        parent = ConstantTable if constant and len(keys) > 2 else _TABLES.get(keys[-2], QuantityTable)
+        known = list(parent.model_fields)
+        return f"{suggestion(keys[-1], known)} Known here: {', '.join(known)}."
+    stem = next((stem for stem in QUANTITIES if keys[0].startswith(stem)), None)
+    if stem is not None:
+        right = key_of(stem)
+        return (
+            f" Write {right} = 1.0, or with its standard deviation {right} = {{ value = 1.0, sd = 0.01 }}; any unit of "
+            "that kind may be the suffix."
+        )
+    known = [*RigTable.model_fields, *(key_of(stem) for stem in QUANTITIES)]
+    hint = suggestion(keys[0], known)
+    if value in get_args(RigTable.model_fields["kind"].annotation):
+        hint = f' Did you mean kind = "{value}"?'
+    return f"{hint} Known here: {', '.join(known)}."
 
 
 def _lower(message: str) -> str:

@@ -9,7 +9,7 @@ from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
-from discovery.rigs.rig_schema import RigTable, line_of
+from discovery.rigs.rig_schema import ColumnsTable, RigTable, line_of
 
 __all__ = ["check_tables", "columns_of", "controller_of", "view_of"]
 
@@ -63,6 +63,15 @@ def check_tables(path: Path, text: str, table: RigTable) -> None:
         )
 
 
+def _check_header(path: Path, text: str, columns: ColumnsTable) -> None:
+    named = [columns.time.name, columns.input and columns.input.name, columns.output.name]
+    for missing in (name for name in named if name and columns.header is not None and name not in columns.header):
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('columns', 'header'))}: the header does not name the "
+            f"column {missing!r}. Name every column of the file, from left to right."
+        )
+
+
 def columns_of(path: Path, text: str, table: RigTable) -> Columns:
     """Return the declared columns in SI units.
 
@@ -85,13 +94,7 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
     scale = factor("output", columns.output.unit, None if table.view else kind.unit)
     if columns.input is not None:
         factor("input", columns.input.unit, None)
-    if columns.header is not None:
-        named = [time.name, columns.input and columns.input.name, columns.output.name]
-        for missing in (name for name in named if name and name not in columns.header):
-            raise InputError(
-                f"The rig file {path}, line {line_of(text, ('columns', 'header'))}: the header does not name the "
-                f"column {missing!r}. Name every column of the file, from left to right."
-            )
+    _check_header(path, text, columns)
     noise = columns.output.noise
     given = columns.input.model_dump() if columns.input else {}
     if given and given["interpolation"] is None:

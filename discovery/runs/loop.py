@@ -3,42 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.registry import get_effect
-from discovery.declarations.units import in_coordinate
-from discovery.diagnosis.contradiction import ContradictionReport, check_contradictions
-from discovery.diagnosis.separation import Separation, separate
-from discovery.diagnosis.stand_in import StandIn, stand_in
-from discovery.estimation.fit import Fit, declared_model, fit, fit_near, rig_uncertainty
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
-from discovery.estimation.physical import physical_rows
 from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine
 from discovery.estimation.solver_error import error_unit
 from discovery.foundation.workers import at_once, single_algebra
-from discovery.mechanics import upgrades
-from discovery.plots.loops import LoopViews
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.quantisation import resolution
-from discovery.recordings.recording import Recording
+from discovery.runs.follow_up import contradiction_of, separations
+from discovery.runs.loop_result import UPGRADES, LoopResult
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
-from discovery.selection.final import finished, prolonged
+from discovery.selection.final import finished
 from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
 from discovery.selection.verdict import (
-    Lead,
     ModelErrorReport,
     Named,
     is_complete,
@@ -49,150 +42,15 @@ from discovery.selection.verdict import (
 )
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["UPGRADES", "LoopResult", "close_loop"]
+__all__ = ["UPGRADES", "close_loop"]
 
 FloatArray = NDArray[np.float64]
-#: Better bases, and what the step to each is called when the loop finds it.
-UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 #: The exact arm on which effects are searched.
 _EXACT = UPGRADES[-1][0]
 #: A trajectory error below so many noise sds at every sample is none to the search.
 _HIDDEN = 0.06
-#: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
-_DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
-#: Rivals of one effect for which a manoeuvre is designed.
-_RIVALS = 2
 #: A state on which the residual depends explains so much of its variance.
 _DEPENDS = 0.1
-
-
-@dataclass(frozen=True, repr=False)
-class LoopResult(LoopViews):
-    """What the loop found.
-
-    Parameters
-    ----------
-    verdict : str
-        "explained", "partly_explained", "nothing_missing" or "unexplained".
-    declared : tuple of str
-        The declared model.
-    added : tuple of str
-        Effects in the order in which they were added, base upgrades first.
-    named : mapping of str to Named
-        How sure each added effect is, base upgrades left out.
-    before, after : Fit
-        The declared model refitted, and the final one.
-    steps : tuple of Decision
-        What was decided, in order.
-    errors : mapping
-        As in loop.json.
-    model_error : ModelErrorReport
-        The error that the model keeps beside the noise.
-    lead : Lead or None
-        The strongest candidate that is not named, where something is left.
-    residual_before, residual_after : ResidualReport
-        On the training recordings.
-    predictions : mapping
-        "before" and "after": prediction of every recording, training first.
-    complete : bool
-        Whether the model error cannot be told from none.
-    contradiction : ContradictionReport, optional
-        Fitted values against what the rig and the elastica predict.
-    separations : tuple of Separation
-        The manoeuvres that would tell apart what these recordings cannot.
-    recordings : tuple of Recording
-        Training first.
-    """
-
-    verdict: str
-    declared: tuple[str, ...]
-    added: tuple[str, ...]
-    named: Mapping[str, Named]
-    before: Fit
-    after: Fit
-    steps: tuple[Decision, ...]
-    errors: Mapping[str, Any]
-    model_error: ModelErrorReport
-    lead: Lead | None
-    residual_before: ResidualReport
-    residual_after: ResidualReport
-    predictions: Mapping[str, list[FloatArray]]
-    complete: bool
-    contradiction: ContradictionReport | None = None
-    separations: tuple[Separation, ...] = ()
-    recordings: tuple[Recording, ...] = ()
-
-    def __repr__(self) -> str:
-        """Return the answer; all that led to it would fill pages."""
-        before, after = (self.errors[k]["holdout"]["rms"] for k in ("before", "after"))
-        change = f"holdout rms {before:.4g} -> {after:.4g} {self.errors['unit']}"
-        return f"<LoopResult {self.verdict}, added {', '.join(self.added) or 'nothing'}, {change}>"
-
-    @property
-    def ambiguous(self) -> dict[str, tuple[str, ...]]:
-        """What else would serve, by added effect."""
-        return {effect: found.group for effect, found in self.named.items()}
-
-    @property
-    def stand_ins(self) -> dict[str, StandIn]:
-        """What added effects may stand for, by effect: an error of the rig file would do the same."""
-        found = {effect: stand_in(self.after, effect) for effect in self.added}
-        return {effect: other for effect, other in found.items() if other is not None}
-
-    def foresight(self) -> Fit:
-        """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
-        experiments = self.after.problem.bench.experiments
-        noise = float(min(e.recording.noise.min() for e in experiments))
-        return prolonged(self.after, self.model_error.after / noise, experiments)
-
-    def summary(self) -> dict[str, Any]:
-        """Return the content of loop.json."""
-        return {
-            "verdict": self.verdict,
-            "declared": list(self.declared),
-            "recordings": [{"name": r.name, "notes": list(r.notes)} for r in self.recordings],
-            "effects": [self._described(effect) for effect in self.added],
-            "errors": dict(self.errors),
-            "model_error": self.model_error.summary(),
-            "complete": self.complete,
-            **({"lead": self.lead.summary()} if self.lead else {}),
-            **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
-            **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
-            "model": {"before": self.before.summary(), "after": self.after.summary()},
-            "residual": {"before": self.residual_before.summary(), "after": self.residual_after.summary()},
-            "steps": [s.summary() for s in self.steps],
-        }
-
-    def _described(self, effect: str) -> dict[str, Any]:
-        """Return what loop.json holds of an added effect."""
-        sd, values, other = dict(self.after.sd), self.after.values, self.stand_ins.get(effect)
-        if other:
-            # No reading is surer than the ruler.
-            sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
-        names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
-        physical = physical_rows(self.after.physical)
-        coordinate = self.after.problem.bench.experiments[0].coordinate_unit
-        parameters = {
-            n: {
-                "value": values[n],
-                "sd": None if n in self.after.reasons else sd[n],
-                "unit": in_coordinate(self.after.model.parameters[n].value_unit, coordinate),
-                **({"physical": physical[n]} if n in physical else {}),
-            }
-            for n in names
-            if n in values
-        }
-        found = self.named.get(effect)
-        return {
-            "id": effect,
-            "parameters": parameters,
-            "evidence": found.evidence() if found else {},
-            "probability": found.probability if found else None,
-            "group_probability": found.group_probability if found else None,
-            "ambiguous_with": list(found.group if found else ()),
-            "may_stand_for_unknown": found is not None and found.doubtful,
-            **({"stands_for": other.summary()} if other else {}),
-        }
 
 
 def close_loop(
@@ -345,7 +203,7 @@ def _result(
     *,
     complete: bool,
 ) -> LoopResult:
-    train, holdout, judge = context.train, context.judge.separate, context.judge
+    train, judge = context.train, context.judge
     geometry, steps = mechanics
     fits = {"before": before[0], "after": after[0]}
     on_train = {when: f.predict() for when, f in fits.items()}
@@ -362,10 +220,7 @@ def _result(
         after=after[0],
         steps=(*steps, *search.decisions),
         errors={
-            "unit": train[0].recording.units[0],
-            "noise_floor": float(np.sqrt(np.sum(np.square(train[0].recording.noise)))),
-            "holdout_kind": judge.kind,
-            "holdout_motion": judge.motion,
+            **_errors_head(context),
             **{w: {"train": _train_errors(train, on_train[w]), **judge.errors(held[w])} for w in fits},
         },
         model_error=_model_error(context, search.root, before[1], after[1], reports["after"]),
@@ -374,10 +229,21 @@ def _result(
         residual_after=reports["after"],
         predictions={w: on_train[w] if judge.continued else [*on_train[w], *held[w]] for w in fits},
         complete=complete,
-        contradiction=_contradiction(after[0], search, context, complete=complete),
-        separations=_separations(search, found, context),
-        recordings=tuple(e.recording for e in (*train, *holdout)),
+        contradiction=contradiction_of(after[0], search, context, complete=complete),
+        separations=separations(search, found, context),
+        recordings=tuple(e.recording for e in (*train, *judge.separate)),
     )
+
+
+def _errors_head(context: Context) -> dict[str, Any]:
+    """Return what all errors share: unit, noise floor, and what kind of hold-out there is."""
+    recording = context.train[0].recording
+    return {
+        "unit": recording.units[0],
+        "noise_floor": float(np.sqrt(np.sum(np.square(recording.noise)))),
+        "holdout_kind": context.judge.kind,
+        "holdout_motion": context.judge.motion,
+    }
 
 
 def _model_error(
@@ -391,38 +257,6 @@ def _model_error(
     share = sizes[1] / sizes[0] if sizes[0] > 0 and np.isfinite(sizes[0]) else 1.0
     least = least_error(after, root, context) * noise
     return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, depends)
-
-
-def _contradiction(after: Fit, search: Search, context: Context, *, complete: bool) -> ContradictionReport | None:
-    """Test the final values against what the rig and the elastica predict; None where nothing asks for it."""
-    if not context.settings.follow_up or not (complete or search.best.added):
-        return None
-    context.progress("comparing with the rig")
-    bench = search.best.refit.problem.bench
-    rng = np.random.default_rng([context.settings.seed, 1])
-    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, progress=context.progress)
-
-
-def _separations(search: Search, found: Mapping[str, Named], context: Context) -> tuple[Separation, ...]:
-    """Design a manoeuvre, within the limits of the motor, for every added effect that others explain as well."""
-    if not (context.settings.follow_up and context.train[0].is_arm):
-        return ()
-    designs = []
-    for effect, own in found.items():
-        if not own.rivals:
-            continue
-        context.progress(f"designing a manoeuvre that tells {effect} from {' and '.join(own.group[:_RIVALS])}")
-        sets = dict(zip((effect, *own.group[:_RIVALS]), (search.best, *own.rivals[:_RIVALS]), strict=True))
-        fits = {name: fit_near(c.refit.problem, c.refit.values) for name, c in sets.items()}
-        steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
-        rng = np.random.default_rng([context.settings.seed, 2])
-        designs.append(separate(fits, rng, evaluations=_designs(steps)))
-    return tuple(designs)
-
-
-def _designs(steps: float) -> int:
-    """Return how many manoeuvres are tried where the motion takes so many steps: play takes a hundred thousand."""
-    return int(np.clip(_DESIGNS * _LONG / steps, _FEWEST, _DESIGNS))
 
 
 def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]) -> dict[str, float]:

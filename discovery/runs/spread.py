@@ -6,118 +6,30 @@ outcome is the same on any number of workers, in any order, and whatever other c
 
 from __future__ import annotations
 
-import ctypes
-import hashlib
-import json
 import os
-import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-from numpy.random import SeedSequence
-
 from discovery.foundation.errors import InputError
-from discovery.results.provenance import plain, restored
+from discovery.runs.attempt import _GRACE, Outcome, Work, attempt, case_seed
 from discovery.runs.processes import Died, Pool, pool
 
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["SCHEDULER", "Outcome", "TooLong", "Work", "case_seed", "spread"]
+__all__ = ["SCHEDULER", "spread"]
 
 #: Environment variable with the address of a Dask scheduler.
 SCHEDULER = "DISCOVERY_SCHEDULER"
 #: How often a case is tried whose worker dies: it may have died of another case's memory.
 _TRIES = 3
-#: Seconds after which a process whose work does not heed its limit is ended.
-_GRACE = 10.0
 #: Seconds in which a scheduler must answer, and have a worker.
 _PATIENCE = 10.0
-
-Work = Callable[[Any, SeedSequence], Mapping[str, Any]]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of one case.
-
-    Parameters
-    ----------
-    name : str
-        The case.
-    seconds : float
-        Time that it took.
-    result : mapping, optional
-        What its work returned, None where it failed.
-    error, trace : str
-        What went wrong, and where; empty where nothing did.
-    """
-
-    name: str
-    seconds: float
-    result: Mapping[str, Any] | None
-    error: str = ""
-    trace: str = ""
-
-
-def case_seed(seed: int, name: str) -> SeedSequence:
-    """Return the seed of one case: a child of the common seed that its name alone chooses."""
-    words = np.frombuffer(hashlib.sha256(name.encode()).digest()[:16], np.uint32)
-    return SeedSequence(seed, spawn_key=tuple(words.tolist()))
-
-
-class TooLong(BaseException):
-    """The limit of a case has passed: no error of its work's own, which the work might catch."""
-
-
-@contextmanager
-def _limited(limit: float | None, *, alone: bool) -> Iterator[None]:
-    """Raise `TooLong` in this thread after so many seconds; where it is alone, end its process if it does not react."""
-    if limit is None:
-        yield
-        return
-    thread, guard, over = threading.get_ident(), threading.Lock(), threading.Event()
-
-    def watch() -> None:
-        if over.wait(limit):
-            return
-        with guard:
-            if not over.is_set():
-                # What a signal would do, but a signal reaches the main thread only, and Dask's work runs in another.
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(TooLong))
-        if alone and not over.wait(_GRACE):
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        yield
-    finally:
-        with guard:
-            over.set()
-
-
-def _attempt(work: Work, name: str, case: Any, seed: SeedSequence, limit: float | None, alone: bool) -> Outcome:
-    """Do one case; a failure is an outcome, too."""
-    start = time.perf_counter()
-    try:
-        with _limited(limit, alone=alone):
-            result = restored(plain(dict(work(case, seed))))
-            json.dumps(result)
-    except TooLong:
-        said = f"TooLong: the case took longer than its limit of {limit:g} s"
-        trace = traceback.format_exc()
-    except Exception as error:
-        said, trace = f"{type(error).__name__}: {error}", traceback.format_exc()
-    else:
-        return Outcome(name, time.perf_counter() - start, result)
-    return Outcome(name, time.perf_counter() - start, None, said, trace)
 
 
 def spread(
@@ -169,7 +81,7 @@ def spread(
     address = scheduler or os.environ.get(SCHEDULER)
     if address is None and workers == 1:
         for name, case in cases:
-            yield _attempt(work, name, case, case_seed(seed, name), limit, False)
+            yield attempt(work, name, case, case_seed(seed, name), limit, False)
         return
     if address is None and workers < 1:
         raise InputError(f"{workers} workers cannot work; give at least one.")
@@ -183,8 +95,8 @@ class _Crew(Protocol):
     def room(self) -> int:
         """Return how many cases can be done at once."""
 
-    def submit(self, key: int, *arguments: Any) -> None:
-        """Begin with a case: `_attempt` with its arguments."""
+    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
+        """Begin with a case: `attempt` with its arguments."""
 
     def next(self) -> tuple[int, Callable[[], Outcome]]:
         """Return the key of the case that ends next, and a function that returns its outcome, or raises."""
@@ -199,8 +111,8 @@ class _Processes:
     def room(self) -> int:
         return self._size
 
-    def submit(self, key: int, *arguments: Any) -> None:
-        self._made.submit(key, _attempt, *arguments)
+    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
+        self._made.submit(key, attempt, *arguments)
 
     def next(self) -> tuple[int, Callable[[], Outcome]]:
         return self._made.next()
@@ -218,11 +130,11 @@ class _Cluster:
     def room(self) -> int:
         return sum(self._client.ncores().values())
 
-    def submit(self, key: int, *arguments: Any) -> None:
+    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
         # One prefix for all: the scheduler keeps statistics of every prefix for ever.
         own = ("case", os.urandom(8).hex())
         self._keys[own] = key
-        self._done.add(self._client.submit(_attempt, *arguments, key=own, pure=False, retries=0))
+        self._done.add(self._client.submit(attempt, *arguments, key=own, pure=False, retries=0))
 
     def next(self) -> tuple[int, Callable[[], Outcome]]:
         from distributed import KilledWorker
@@ -307,7 +219,7 @@ def _stream(
         key = next(keys)
         running[key] = name, case, tries, time.perf_counter()
         try:
-            crew.submit(key, work, name, case, case_seed(seed, name), limit, True)
+            crew.submit(key, (work, name, case, case_seed(seed, name), limit, True))
         except Exception as error:
             # The case cannot be sent.
             del running[key]

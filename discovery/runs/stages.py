@@ -9,25 +9,25 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
 from discovery.diagnosis.missing_force import MissingForce, missing_force
 from discovery.equations.model import Model
-from discovery.estimation.fit import Fit, declared_model, fit
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
-from discovery.foundation.errors import ComputationError, InputError
+from discovery.foundation.errors import ComputationError
 from discovery.posterior.noise import GAUSSIAN, words_of
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.dataset import Dataset
-from discovery.recordings.experiment import Experiment, largest_deflection, make_experiment
+from discovery.recordings.experiment import largest_deflection, make_experiment
 from discovery.rigs.kinds import KINDS, LINEAR_MODEL
-from discovery.rigs.rig import Rig
-from discovery.runs.loop import LoopResult, close_loop
+from discovery.runs.loop import close_loop
+from discovery.runs.loop_result import LoopResult
+from discovery.runs.stage import Tell, silent, stage_seed
 from discovery.selection.settings import LoopSettings
 
 if TYPE_CHECKING:
@@ -37,133 +37,20 @@ if TYPE_CHECKING:
     from discovery.posterior.study import PosteriorStudy
 
 __all__ = [
-    "Discovered",
     "Fits",
-    "Tell",
-    "can_discover",
     "compared",
     "continued",
-    "discover",
     "estimate",
     "loop",
     "predicted",
     "sampled",
     "scored",
-    "silent",
-    "stage_seed",
     "studied",
     "unexplained",
     "weighed",
 ]
 
 FloatArray = NDArray[np.float64]
-Tell = Callable[[str], None]
-#: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
-DISCOVERY_SAMPLES = 16_384
-_ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
-
-
-def silent(_: str) -> None:
-    """Tell nobody."""
-
-
-def stage_seed(seed: int, stage: str) -> int:
-    """Return the seed of one stage, independent of the others."""
-    return int(SeedSequence(seed).spawn(len(_ORDER))[_ORDER.index(stage)].generate_state(1)[0])
-
-
-@dataclass(frozen=True)
-class Discovered:
-    """Equations found in the motion."""
-
-    equation: Any
-    radius: Any = None
-    multisine: Any = None
-
-    def summary(self) -> dict[str, Any]:
-        """Return what results.json holds of the discovery."""
-        e = self.equation
-
-        def described(equation) -> dict[str, Any]:
-            keys = ("terms", "effects", "coefficients", "sd", "unexplained", "likelihood_ratio", "probability")
-            return {k: getattr(equation, k) for k in keys}
-
-        found = {
-            "terms": e.summary(),
-            "status": e.status,
-            "rows": e.rows,
-            "at_rest": e.at_rest,
-            "threshold": e.threshold,
-            "noise_ratio": e.noise_ratio,
-            "stretches": e.stretches,
-            "resamples": e.resamples,
-            "smoothers": [asdict(x) for x in e.smoothers],
-            "inclusion": e.inclusion,
-            "equation": described(e.equation),
-            "rivals": [described(r) for r in e.rivals],
-            "table": [described(r) for r in e.table],
-            "path": [{"threshold": t, "terms": terms} for t, terms in e.path],
-            "best_three": described(e.best(3)),
-        }
-        law = self.radius
-        radius = None
-        if law is not None:
-            keys = ("gamma", "sd", "drift", "dynamic", "interval", "noise_ratio", "status")
-            radius = {k: getattr(law, k) for k in keys}
-            radius |= {"preferred": asdict(law.preferred), "rivals": law.summary()}
-        lines = None if self.multisine is None else self.multisine.summary()
-        return {"discovery": found, "radius": radius, "multisine": lines}
-
-
-def can_discover(rig: Rig) -> bool:
-    """Return whether the library of the sparse regression describes a system: a coordinate read under a force."""
-    return rig.base in ("constant_radius", "oscillator")
-
-
-def discover(dataset: Dataset, *, seed: int = 1, progress: Tell = silent) -> Discovered:
-    """Find the equation of motion, and an arm's radius law, by sparse regression.
-
-    Raises
-    ------
-    InputError
-        For recordings without the channels that this needs, and for a system that the library does not describe.
-    """
-    if not can_discover(dataset.rig):
-        raise InputError(
-            f"{dataset.rig.name}: sparse regression needs readings of the coordinate and of the force on it. Use "
-            "`discovery loop`, which compares free-run predictions."
-        )
-    from discovery.signals.motion import motion_of
-    from discovery.sindy.radius import discover_radius
-    from discovery.sindy.sindy import discover as sparse
-
-    progress("smoothing the recordings")
-    motions = []
-    for e in dataset.train:
-        recording = _shortened(e)
-        motions.append(motion_of(recording, dataset.rig, e.drive))
-    rng = np.random.default_rng(stage_seed(seed, "discover"))
-    progress("searching the library for the equation of motion")
-    equation = sparse(motions, rng=rng)
-    radius = None
-    if all(m.radius is not None for m in motions):
-        progress("searching for the radius law")
-        radius = discover_radius(motions, rng=rng)
-    multisine = None
-    if not dataset.train[0].is_arm and dataset.train[0].recording.input is not None:
-        from discovery.signals.distortion import analyse_multisine
-
-        progress("reading the multisine's own lines")
-        multisine = analyse_multisine(dataset.train[0].recording)
-    return Discovered(equation, radius, multisine)
-
-
-def _shortened(experiment: Experiment):
-    r = experiment.recording
-    stop = min(DISCOVERY_SAMPLES, len(r.time[experiment.fitted]))
-    if stop == r.time.size:
-        return r
-    return replace(r, time=r.time[:stop], output=r.output[:stop], input=None if r.input is None else r.input[:stop])
 
 
 @dataclass(frozen=True)
@@ -299,7 +186,7 @@ def predicted(dataset: Dataset, posterior, *, seed: int = 1, progress: Tell = si
 
     rig = dataset.rig
     if (
-        rig.kind != ARM
+        not dataset.train[0].system.has_rod
         or rig.flexural_rigidity is None
         or rig.tip_mass is None
         or rig.length is None

@@ -120,38 +120,10 @@ def smooth(
         raise InputError("The standard deviation of the samples must be positive.")
     weight = 1.0 / sigma**2
     offset = np.average(y, weights=weight)  # keeps the sums of squares free of cancellation
-    best: tuple[SplineFit, int, PenalisedSpline, int] | None = None
-    segments = max(t.size // 16, 8)
-    while segments <= max(t.size // 2, 8):
-        knots = uniform_knots(t, segments)
-        basis = basis_matrix(t, knots, 0)
-        weighted = sparse.csr_array(basis.multiply(weight[:, None]))
-        gram = upper_band(sparse.csr_array(weighted.T @ basis))
-        moment, energy = weighted.T @ (y - offset), float(weight @ (y - offset) ** 2)
-        before = np.inf if best is None else best[0].score
-        for order in orders:
-            rough = difference_matrix(segments + DEGREE, order)
-            penalty = upper_band(sparse.csr_array(rough.T @ rough))
-            penalty *= gram[-1].sum() / penalty[-1].sum()
-            system = PenalisedSpline(knots, gram, penalty, moment, energy, t.size, noise is not None)
-            fit = system.best()
-            # Of equal scores the finer knots: the penalty, not the knots, shall set the bandwidth.
-            if best is None or fit.score < best[0].score + (2.0 if segments > best[3] else 0.0):
-                best = fit, order, system, segments
-        if best is None or before - best[0].score < 2.0:  # finer knots no longer pay for one degree of freedom
-            break
-        segments *= 2
-    if best is None:
-        raise InputError("The normal equations of the smoother are singular; look for gaps longer than the signal.")
-    fit, order, system, segments = best
+    fit, order, system, segments = _best_spline(t, y - offset, weight, noise is not None, orders)
     scale = 1.0 if noise is not None else float(np.sqrt(fit.misfit / max(t.size - fit.degrees_of_freedom, 1.0)))
-    covariance = inverse_band(fit.factor)
     spline = BSpline(system.knots, fit.coefficients + offset, DEGREE)
-    sd = np.empty((3, t.size))
-    for nu in range(3):
-        rows = basis_matrix(t, system.knots, nu)
-        variance = np.asarray((rows @ covariance).multiply(rows).sum(axis=1)).ravel()
-        sd[nu] = scale * np.sqrt(np.maximum(variance, 0.0))
+    sd = scale * _deviations(t, fit, system)
     smoother = Smoother(
         name="penalised quintic spline",
         criterion="generalised cross-validation" if noise is None else "known noise",
@@ -162,4 +134,55 @@ def smooth(
         noise=float(np.sqrt(np.mean(sigma**2))) * scale,
     )
     q, q_dot, q_ddot = (spline(t, nu=nu) for nu in range(3))
-    return Trajectory(t, y, sigma * scale, q, q_dot, q_ddot, sd, smoother, spline)
+    return Trajectory(
+        t, y, noise=sigma * scale, q=q, q_dot=q_dot, q_ddot=q_ddot, sd=sd, smoother=smoother, spline=spline
+    )
+
+
+def _best_spline(
+    t: FloatArray, y: FloatArray, weight: FloatArray, known_noise: bool, orders: tuple[int, ...]
+) -> tuple[SplineFit, int, PenalisedSpline, int]:
+    """Return the fit of lowest score with its order of penalty, its system and its number of segments."""
+    best: tuple[SplineFit, int, PenalisedSpline, int] | None = None
+    segments = max(t.size // 16, 8)
+    while segments <= max(t.size // 2, 8):
+        knots = uniform_knots(t, segments)
+        basis = basis_matrix(t, knots, 0)
+        weighted = sparse.csr_array(basis.multiply(weight[:, None]))
+        gram = upper_band(sparse.csr_array(weighted.T @ basis))
+        moment, energy = weighted.T @ y, float(weight @ y**2)
+        before = np.inf if best is None else best[0].score
+        for order in orders:
+            rough = difference_matrix(segments + DEGREE, order)
+            penalty = upper_band(sparse.csr_array(rough.T @ rough))
+            penalty *= gram[-1].sum() / penalty[-1].sum()
+            system = PenalisedSpline(
+                knots,
+                gram,
+                penalty=penalty,
+                moment=moment,
+                energy=energy,
+                samples=t.size,
+                known_noise=known_noise,
+            )
+            fit = system.best()
+            # Of equal scores the finer knots: the penalty, not the knots, shall set the bandwidth.
+            if best is None or fit.score < best[0].score + (2.0 if segments > best[3] else 0.0):
+                best = fit, order, system, segments
+        if best is None or before - best[0].score < 2.0:  # finer knots no longer pay for one degree of freedom
+            break
+        segments *= 2
+    if best is None:
+        raise InputError("The normal equations of the smoother are singular; look for gaps longer than the signal.")
+    return best
+
+
+def _deviations(t: FloatArray, fit: SplineFit, system: PenalisedSpline) -> FloatArray:
+    """Return the deviations of value, rate and acceleration under noise of the weights, shape (3, n)."""
+    covariance = inverse_band(fit.factor)
+    sd = np.empty((3, t.size))
+    for nu in range(3):
+        rows = basis_matrix(t, system.knots, nu)
+        variance = np.asarray((rows @ covariance).multiply(rows).sum(axis=1)).ravel()
+        sd[nu] = np.sqrt(np.maximum(variance, 0.0))
+    return sd

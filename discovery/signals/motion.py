@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from discovery.declarations.systems import System
 from discovery.foundation.errors import InputError
 from discovery.signals.differentiate import FloatArray, Trajectory, smooth
 
@@ -45,7 +46,7 @@ class Motion:
     name : str
         Name of the recording.
     kind : str
-        "flexible_arm" or "oscillator".
+        That of the rig.
     coordinate : Trajectory
         theta_t [rad] of an arm, the output of an oscillator.
     drive : Evaluable or None
@@ -60,11 +61,16 @@ class Motion:
     drive: Evaluable | None
     radius: Trajectory | None = None
 
+    @property
+    def system(self) -> System:
+        """What the kind of rig is to the equations."""
+        return System.of(self.kind)
+
     def state(self, t: FloatArray) -> State:
         """Return the state at the times ``t`` [s]."""
         q, q_dot, q_ddot = self.coordinate.evaluate(t)
         driven = None if self.drive is None else self.drive.evaluate(t)
-        if self.kind != "flexible_arm":
+        if not self.system.has_rod:
             return State(q, q_dot, q_ddot, q, q_dot, None if driven is None else driven[0])
         base, base_rate = (np.zeros_like(q), np.zeros_like(q)) if driven is None else (driven[0], driven[1])
         return State(q, q_dot, q_ddot, q - base, q_dot - base_rate, None)
@@ -99,7 +105,7 @@ def motion_of(recording: Recording, rig: Rig, drive: Evaluable | None) -> Motion
         If an arm has no length, or its tip deflection comes without a motor angle.
     """
     time, output, noise = recording.time, recording.output, recording.noise
-    if rig.kind != "flexible_arm":
+    if not System.of(rig.kind).has_rod:
         return Motion(recording.name, rig.kind, smooth(time, output[:, 0], noise[0]), drive)
     if rig.length is None:
         raise InputError(f"{recording.name}: the rig file gives no length; add `length_m`.")

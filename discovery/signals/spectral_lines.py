@@ -73,7 +73,15 @@ def lines_of(u: FloatArray, y: FloatArray, periods: tuple[tuple[int, ...], ...],
         spread[excited] = realisations / (realisations - 1) * _power(error[:, excited])
     multisine: Literal["odd", "full"] = "odd" if np.all(number[excited] % 2 == 1) else "full"
     return Lines(
-        multisine, number, kinds, tones, power, total, np.where(excited, total, _power(error)), spread, response
+        multisine,
+        number,
+        kinds=kinds,
+        tones=tones,
+        input=power,
+        total=total,
+        output=np.where(excited, total, _power(error)),
+        spread=spread,
+        response=response,
     )
 
 

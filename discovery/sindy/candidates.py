@@ -90,7 +90,7 @@ class Candidates:
     ) -> None:
         if len({motion.kind for motion in motions}) != 1:
             raise InputError("SINDy needs one or more recordings of one kind of system.")
-        arm = motions[0].kind == "flexible_arm"
+        arm = motions[0].system.has_rod
         driven = all(motion.drive is not None for motion in motions) and not (arm and at_rest)
         position, rate = ("delta", "theta_t'") if arm else ("q", "q'")
         # The sign of a rate is graded where the rate is not known better than that.

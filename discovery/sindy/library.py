@@ -10,8 +10,9 @@ the base rests, if it does for long enough.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -68,6 +69,11 @@ def _runs(motion: Motion, at_rest: bool, shortest: float) -> list[np.ndarray]:
     return [run for run in runs if rests[run[0]] and run.size >= 20 and time[run[-1]] - time[run[0]] >= shortest]
 
 
+def _rests_half_the_time(motions: Sequence[Motion]) -> bool:
+    at_rest = sum(run.size for motion in motions for run in _runs(motion, True, 0.0))
+    return 2 * at_rest >= sum(motion.coordinate.time.size for motion in motions)
+
+
 def build_library(
     motions: Sequence[Motion],
     *,
@@ -110,27 +116,24 @@ def build_library(
     """
     if rows not in ("response", "force", "power"):
         raise InputError(f"There are no {rows!r} rows; choose 'response', 'force' or 'power'.")
-    samples = sum(motion.coordinate.time.size for motion in motions)
-    arm = bool(motions) and motions[0].kind == "flexible_arm"
-    if at_rest is None:
-        at_rest = arm and 2 * sum(run.size for motion in motions for run in _runs(motion, True, 0.0)) >= samples
+    arm = bool(motions) and motions[0].system.has_rod
+    at_rest = arm and _rests_half_the_time(motions) if at_rest is None else at_rest
     trigonometric = arm if trigonometric is None else trigonometric
     candidates = Candidates(motions, degree=degree, trigonometric=trigonometric, at_rest=at_rest)
     oscillator = candidates.nearest_oscillator(motions)
     longest = max(float(motion.coordinate.time[-1] - motion.coordinate.time[0]) for motion in motions)
     period = 2.0 * np.pi / np.sqrt(oscillator[0]) if oscillator[0] > 0.0 else longest
-    parts: list[Rows] = []
-    for motion in motions:
-        for run in _runs(motion, at_rest, min(period / 2.0, longest / 5.0)):
-            for cut in np.array_split(run, -(-run.size // window)):
-                if rows == "response":
-                    parts.append(response_rows(motion, cut, candidates, oscillator))
-                else:
-                    parts.append((force_rows if rows == "force" else power_rows)(motion, cut, candidates))
+    respond = partial(response_rows, oscillator=oscillator)
+    makers: dict[str, Callable[..., Rows]] = {"response": respond, "force": force_rows, "power": power_rows}
+    parts: list[Rows] = [
+        makers[rows](motion, cut, candidates)
+        for motion in motions
+        for run in _runs(motion, at_rest, min(period / 2.0, longest / 5.0))
+        for cut in np.array_split(run, -(-run.size // window))
+    ]
     if not parts:
         raise InputError("The base never rests for half a period; ask for rows of the whole recording (at_rest=False).")
-    if stretch is None:
-        stretch = float(np.clip(period, longest / 50.0, longest / 5.0))
+    stretch = float(np.clip(period, longest / 50.0, longest / 5.0)) if stretch is None else stretch
     return Library(
         terms=candidates.terms,
         columns=np.vstack([part[1] for part in parts]),

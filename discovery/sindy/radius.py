@@ -9,7 +9,7 @@ G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413 (variable projection).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,10 +107,6 @@ def _best_gamma(
     return gamma, c, least
 
 
-def _is_cosine(parameters: Mapping[str, float], dynamic: bool) -> bool:
-    return "gamma" in parameters and ("kappa" in parameters) == dynamic
-
-
 def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator, resamples: int = 200) -> RadiusLaw:
     """Discover how the radius of an arm's tip depends on its motion.
 
@@ -136,18 +132,97 @@ def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator, resa
     InputError
         If no recording has a radius.
     """
-    tracks = [(motion.radius, motion.state(motion.radius.time)) for motion in motions if motion.radius is not None]
-    if not tracks:
-        raise InputError("The radius law needs recordings of the tip's x and y.")
-    delta, rate = (np.concatenate([getattr(state, name) for _, state in tracks]) for name in ("delta", "q_dot"))
-    ratio, sd = (np.concatenate([getattr(track, name) for track, _ in tracks]) for name in ("observed", "noise"))
-    longest = max(float(track.time[-1] - track.time[0]) for track, _ in tracks)
-    blocks = stretches([track.time for track, _ in tracks], longest / 12.0)
-    count = int(blocks.max()) + 1
-    pull = (delta**2 * rate**2 / sd)[:, None]
-    energy = float(np.sum(((1.0 - ratio) / sd) ** 2))
+    readings = _Readings.of(motions)
+    fits = _fits(readings)
+    noise = loudness(fits[0].left, (1.0 - readings.ratio) / readings.sd)
+    evidence = log_ratio(np.array([fit.rss for fit in fits]), fits[0].rss, noise, readings.stretches)
+    energy = float(np.sum(((1.0 - readings.ratio) / readings.sd) ** 2))
+    rivals = tuple(
+        RadiusRival(fit.law, fit.parameters, fit.rss / energy, float(np.exp(min(e, 700.0))))
+        for fit, e in zip(fits, evidence, strict=True)
+    )
+    equal = [i for i, e in enumerate(evidence) if e <= np.log(CANNOT_TELL)]
+    preferred = rivals[min(equal, key=lambda i: (fits[i].complexity, i))]
 
-    fits: list[tuple[int, str, dict[str, float], float, FloatArray]] = []
+    gamma, moved = (f.parameters["gamma"] for kappa in (False, True) for f in fits if f.is_cosine(kappa))
+    spread = readings.spread(gamma, rng, resamples)
+    drift, dynamic = readings.drift(), abs(moved - gamma)
+    width = 1.96 * float(np.linalg.norm([spread, drift, dynamic]))
+    status = f"{preferred.law} is the simplest law that fits; in (16) alone gamma = {gamma:.4f} +- {width:.4f}."
+    if len(equal) > 1:
+        status += f" Cannot tell it from {'; '.join(rivals[i].law for i in equal if rivals[i] is not preferred)}."
+    return RadiusLaw(
+        gamma,
+        spread,
+        drift=drift,
+        dynamic=dynamic,
+        interval=(gamma - width, gamma + width),
+        preferred=preferred,
+        rivals=rivals,
+        noise_ratio=noise,
+        status=status,
+    )
+
+
+@dataclass(frozen=True)
+class _Readings:
+    """Deflection, radius over length with its deviation, and pull of the mass, of all recordings in `blocks`."""
+
+    delta: FloatArray
+    ratio: FloatArray
+    sd: FloatArray
+    pull: FloatArray
+    blocks: np.ndarray
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion]) -> _Readings:
+        tracks = [(motion.radius, motion.state(motion.radius.time)) for motion in motions if motion.radius is not None]
+        if not tracks:
+            raise InputError("The radius law needs recordings of the tip's x and y.")
+        delta, rate = (np.concatenate([getattr(state, name) for _, state in tracks]) for name in ("delta", "q_dot"))
+        ratio, sd = (np.concatenate([getattr(track, name) for track, _ in tracks]) for name in ("observed", "noise"))
+        longest = max(float(track.time[-1] - track.time[0]) for track, _ in tracks)
+        blocks = stretches([track.time for track, _ in tracks], longest / 12.0)
+        return cls(delta, ratio, sd, (delta**2 * rate**2 / sd)[:, None], blocks)
+
+    @property
+    def stretches(self) -> int:
+        return int(self.blocks.max()) + 1
+
+    def drift(self) -> float:
+        """Return half the difference between gamma of the larger and of the smaller deflections."""
+        size = np.sort(np.abs(self.delta))
+        weight = np.cumsum(size**4)
+        half = size[int(np.searchsorted(weight, weight[-1] / 2.0))]  # equal information on either side
+        sides = (np.abs(self.delta) <= half, np.abs(self.delta) > half)
+        low, high = (_best_gamma(self.delta[k], self.ratio[k], self.sd[k], self.pull[k][:, :0])[0] for k in sides)
+        return abs(high - low) / 2.0
+
+    def spread(self, gamma: float, rng: np.random.Generator, resamples: int) -> float:
+        """Return the deviation of gamma: one Gauss-Newton step for every resample, from sums over stretches."""
+        delta, sd, count = self.delta, self.sd, self.stretches
+        slope, rest = -delta * np.sin(gamma * delta) / sd, (self.ratio - np.cos(gamma * delta)) / sd
+        upper, lower = (np.bincount(self.blocks, slope * other, minlength=count) for other in (rest, slope))
+        draws = rng.multinomial(count, np.full(count, 1.0 / count), size=resamples)
+        return float(np.std((draws @ upper) / (draws @ lower)))
+
+
+@dataclass(frozen=True)
+class _LawFit:
+    complexity: int
+    law: str
+    parameters: dict[str, float]
+    rss: float
+    left: FloatArray
+
+    def is_cosine(self, dynamic: bool) -> bool:
+        return "gamma" in self.parameters and ("kappa" in self.parameters) == dynamic
+
+
+def _fits(readings: _Readings) -> list[_LawFit]:
+    """Return the cosine and the polynomials, each alone and with the pull of the mass, the best first."""
+    delta, ratio, sd, pull = readings.delta, readings.ratio, readings.sd, readings.pull
+    fits = []
     for pulled in (False, True):
         extra = pull if pulled else pull[:, :0]
         tail = " + kappa delta^2 theta_t'^2" if pulled else ""
@@ -155,37 +230,11 @@ def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator, resa
         left = (ratio - np.cos(gamma * delta)) / sd - extra @ c
         labels = ["kappa"][: c.size]
         found = {"gamma": gamma, **dict(zip(labels, map(float, c), strict=True))}
-        fits.append((2 + pulled, "cos(gamma delta)" + tail, found, rss, left))
+        fits.append(_LawFit(2 + pulled, "cos(gamma delta)" + tail, found, rss, left))
         for degree, law in ((1, "1 - a delta^2"), (2, "1 - a delta^2 - b delta^4")):
             powers = -(delta[:, None] ** (2 * np.arange(1, degree + 1))) / sd[:, None]
             c, rss = _project(1.0 / sd, ratio / sd, columns := np.column_stack([powers, extra]))
             left = (ratio - 1.0) / sd - columns @ c
             found = dict(zip(["a", "b"][:degree] + labels, map(float, c), strict=True))
-            fits.append((2 * degree - 1 + pulled, law + tail, found, rss, left))
-    fits.sort(key=lambda fit: fit[3])
-    noise = loudness(fits[0][4], (1.0 - ratio) / sd)
-    evidence = log_ratio(np.array([fit[3] for fit in fits]), fits[0][3], noise, count)
-    rivals = tuple(
-        RadiusRival(law, found, rss / energy, float(np.exp(min(e, 700.0))))
-        for (_, law, found, rss, _), e in zip(fits, evidence, strict=True)
-    )
-    equal = [i for i, e in enumerate(evidence) if e <= np.log(CANNOT_TELL)]
-    preferred = rivals[min(equal, key=lambda i: (fits[i][0], i))]
-
-    gamma, moved = (fit[2]["gamma"] for kappa in (False, True) for fit in fits if _is_cosine(fit[2], kappa))
-    size = np.sort(np.abs(delta))
-    weight = np.cumsum(size**4)
-    half = size[int(np.searchsorted(weight, weight[-1] / 2.0))]  # equal information on either side
-    sides = (np.abs(delta) <= half, np.abs(delta) > half)
-    low, high = (_best_gamma(delta[k], ratio[k], sd[k], pull[k][:, :0])[0] for k in sides)
-    # One Gauss-Newton step from the full estimate for every resample, from sums over stretches.
-    slope, rest = -delta * np.sin(gamma * delta) / sd, (ratio - np.cos(gamma * delta)) / sd
-    upper, lower = (np.bincount(blocks, slope * other, minlength=count) for other in (rest, slope))
-    draws = rng.multinomial(count, np.full(count, 1.0 / count), size=resamples)
-    spread, drift, dynamic = float(np.std((draws @ upper) / (draws @ lower))), abs(high - low) / 2.0, abs(moved - gamma)
-    width = 1.96 * float(np.linalg.norm([spread, drift, dynamic]))
-    status = f"{preferred.law} is the simplest law that fits; in (16) alone gamma = {gamma:.4f} +- {width:.4f}."
-    if len(equal) > 1:
-        status += f" Cannot tell it from {'; '.join(rivals[i].law for i in equal if rivals[i] is not preferred)}."
-    interval = (gamma - width, gamma + width)
-    return RadiusLaw(gamma, spread, drift, dynamic, interval, preferred, rivals, noise, status)
+            fits.append(_LawFit(2 * degree - 1 + pulled, law + tail, found, rss, left))
+    return sorted(fits, key=lambda fit: fit.rss)

@@ -12,7 +12,8 @@ S. L. Brunton, J. L. Proctor, J. N. Kutz, PNAS 113 (2016) 3932 (SINDy); U. Fasel
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pysindy
@@ -111,35 +112,123 @@ def discover(
     """
     library = build_library(motions, rows=rows, degree=degree, trigonometric=trigonometric, at_rest=at_rest)
     signs = _signs(library, {**PHYSICAL_BOUNDS, **(bounds or {})})
-    names, p = library.names, len(library.terms)
     max_terms = max_terms or 5 + any(term.family == "input" for term in library.terms)
+    subsets = _Subsets.build(library, _best_subsets(library, max_terms, signs))
+    choice, rss, noise = subsets.choice, subsets.rss, subsets.noise
+    size = choice.size(subsets.energy, rss)
+    preferred, included = _resampled(subsets, signs, rng, resamples)
+
+    def equation(k: int, i: int) -> Equation:
+        return subsets.equation(k, i, float(preferred[k - 1][i] / resamples))
+
+    nothing = Equation((), (), coefficients=(), sd=(), unexplained=1.0, likelihood_ratio=1.0, probability=1.0)
+    chosen = equation(size, choice.preferred(rss, size)) if size else nothing
+    equal = choice.near(rss, size) if size else np.array([], int)
+    rivals = tuple(equation(size, i) for i in equal if i != choice.preferred(rss, size))
+    return Discovery(
+        equation=chosen,
+        rivals=rivals,
+        inclusion={name: float(n / resamples) for name, n in zip(library.names, included, strict=True)},
+        table=tuple(equation(k, i) for k, i in subsets.ranking()),
+        path=tuple(subsets.path()),
+        threshold=float(choice.price * noise[size] / subsets.energy),
+        noise_ratio=float(noise[size]),
+        rows=rows,
+        at_rest=library.at_rest,
+        smoothers=tuple(motion.coordinate.smoother for motion in motions),
+        stretches=choice.stretches,
+        resamples=resamples,
+        status=status_of(chosen, rivals, size == max_terms, float(noise[size])),
+    )
+
+
+_Table = Sequence[tuple[np.ndarray, FloatArray]]
+
+
+def _best_subsets(library: Library, max_terms: int, signs: np.ndarray) -> _Table:
+    """Return the best subsets of the terms of each size, and what each leaves."""
     scale = np.sqrt(np.mean(library.columns**2, axis=0))
     table = np.column_stack([library.columns / scale, library.target])
     triangle: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))  # the same least squares in p + 1 rows
     optimizer = BestSubset(max_terms=max_terms, signs=signs)
     optimizer.fit(triangle[:, :-1], triangle[:, -1:])
-    sets, rss = tuple(s for s, _ in optimizer.table_), tuple(r for _, r in optimizer.table_)
-    energy = float(library.target @ library.target)
+    return optimizer.table_
 
-    def solve(terms: np.ndarray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        x = library.columns[:, terms]
-        c: FloatArray = np.asarray(np.linalg.lstsq(x, library.target, rcond=None)[0])
-        return c, np.sqrt(np.diag(np.linalg.pinv(x.T @ x))), library.target - x @ c
 
-    noise = np.array([loudness(r, library.target) for r in (library.target, *(solve(s[0])[2] for s in sets))])
-    grams, moments, energies = _block_grams(library)
-    count = energies.size
-    choice = Choice(
-        sets,
-        complexity=tuple(np.array([[library.terms[j].complexity for j in s] for s in k]).sum(axis=1) for k in sets),
-        noise=noise,
-        stretches=count,
-        price=float(chi2.isf(FALSE_ALARM / p, 1)),
-    )
-    size = choice.size(energy, rss)
+@dataclass(frozen=True)
+class _Subsets:
+    """The best subsets of each size; `rss` is what each leaves, `noise` what the best of each leaves over the noise."""
 
+    library: Library
+    sets: tuple[np.ndarray, ...]
+    rss: tuple[FloatArray, ...]
+    noise: FloatArray
+    choice: Choice
+
+    @classmethod
+    def build(cls, library: Library, table: _Table) -> _Subsets:
+        sets, rss = tuple(s for s, _ in table), tuple(r for _, r in table)
+        left = (library.target, *(_solve(library, s[0])[2] for s in sets))
+        noise = np.array([loudness(r, library.target) for r in left])
+        choice = Choice(
+            sets,
+            complexity=tuple(np.array([[library.terms[j].complexity for j in s] for s in k]).sum(axis=1) for k in sets),
+            noise=noise,
+            stretches=np.unique(library.blocks).size,
+            price=float(chi2.isf(FALSE_ALARM / len(library.terms), 1)),
+        )
+        return cls(library, sets, rss, noise, choice)
+
+    @property
+    def energy(self) -> float:
+        """Sum of squares of the target."""
+        return float(self.library.target @ self.library.target)
+
+    def equation(self, k: int, i: int, probability: float) -> Equation:
+        """Return one subset of k terms as an equation."""
+        terms = self.sets[k - 1][i]
+        c, sd, _ = _solve(self.library, terms)
+        return Equation(
+            terms=tuple(self.library.names[j] for j in terms),
+            effects=tuple(self.library.terms[j].effect for j in terms),
+            coefficients=tuple(float(v) for v in c),
+            sd=tuple(float(v * np.sqrt(self.noise[k])) for v in sd),
+            unexplained=float(self.rss[k - 1][i] / self.energy),
+            likelihood_ratio=float(np.exp(min(self.choice.evidence(self.rss, k)[i], 700.0))),
+            probability=probability,
+        )
+
+    def ranking(self) -> Iterator[tuple[int, int]]:
+        """Return size and place of the five best subsets of each size, the preferred one first."""
+        for k, found in enumerate(self.sets, 1):
+            first = self.choice.preferred(self.rss, k)
+            others = (i for i in range(min(6, len(found))) if i != first)
+            yield from ((k, i) for i in [first, *others][:5])
+
+    def path(self) -> Iterator[tuple[float, tuple[str, ...]]]:
+        """Return the terms that are preferred at each threshold of explained variance."""
+        best = np.array([self.energy, *(values.min() for values in self.rss)])
+        for threshold in np.geomspace(self.choice.price / self.energy, 0.5, 40):
+            if k := stopping_size(best, np.full(best.size, threshold * self.energy)):
+                terms = self.sets[k - 1][self.choice.preferred(self.rss, k)]
+                yield float(threshold), tuple(self.library.names[j] for j in terms)
+
+
+def _solve(library: Library, terms: np.ndarray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return coefficients, their deviations under noise of variance one, and what is left of the target."""
+    x = library.columns[:, terms]
+    c: FloatArray = np.asarray(np.linalg.lstsq(x, library.target, rcond=None)[0])
+    return c, np.sqrt(np.diag(np.linalg.pinv(x.T @ x))), library.target - x @ c
+
+
+def _resampled(
+    subsets: _Subsets, signs: np.ndarray, rng: np.random.Generator, resamples: int
+) -> tuple[list[FloatArray], FloatArray]:
+    """Return how often each subset is preferred of its size, and each term chosen, over resamples of stretches."""
+    sets, choice, count = subsets.sets, subsets.choice, subsets.choice.stretches
+    grams, moments, energies = _block_grams(subsets.library)
     preferred = [np.zeros(len(s)) for s in sets]
-    included = np.zeros(p)
+    included = np.zeros(len(subsets.library.terms))
     for draw in rng.multinomial(count, np.full(count, 1.0 / count), size=resamples).astype(float):
         gram, moment, e = np.tensordot(draw, grams, 1), draw @ moments, float(draw @ energies)
         again = [residual_sums(gram, moment, e, s, signs) for s in sets]
@@ -147,48 +236,7 @@ def discover(
             preferred[k - 1][choice.preferred(again, k)] += 1.0
         if k := choice.size(e, again):
             included[sets[k - 1][choice.preferred(again, k)]] += 1.0
-
-    def equation(k: int, i: int) -> Equation:
-        terms = sets[k - 1][i]
-        c, sd, _ = solve(terms)
-        return Equation(
-            terms=tuple(names[j] for j in terms),
-            effects=tuple(library.terms[j].effect for j in terms),
-            coefficients=tuple(float(v) for v in c),
-            sd=tuple(float(v * np.sqrt(noise[k])) for v in sd),
-            unexplained=float(rss[k - 1][i] / energy),
-            likelihood_ratio=float(np.exp(min(choice.evidence(rss, k)[i], 700.0))),
-            probability=float(preferred[k - 1][i] / resamples),
-        )
-
-    ranking: list[Equation] = []
-    for k in range(1, len(sets) + 1):
-        first = choice.preferred(rss, k)
-        ranking += [equation(k, i) for i in [first, *(i for i in range(min(6, len(sets[k - 1]))) if i != first)][:5]]
-    nothing = Equation((), (), (), (), 1.0, 1.0, 1.0)
-    chosen = equation(size, choice.preferred(rss, size)) if size else nothing
-    equal = choice.near(rss, size) if size else np.array([], int)
-    rivals = tuple(equation(size, i) for i in equal if i != choice.preferred(rss, size))
-    best = np.array([energy, *(values.min() for values in rss)])
-    path = []
-    for threshold in np.geomspace(choice.price / energy, 0.5, 40):
-        if k := stopping_size(best, np.full(best.size, threshold * energy)):
-            path.append((float(threshold), tuple(names[j] for j in sets[k - 1][choice.preferred(rss, k)])))
-    return Discovery(
-        equation=chosen,
-        rivals=rivals,
-        inclusion={name: float(n / resamples) for name, n in zip(names, included, strict=True)},
-        table=tuple(ranking),
-        path=tuple(path),
-        threshold=float(choice.price * noise[size] / energy),
-        noise_ratio=float(noise[size]),
-        rows=rows,
-        at_rest=library.at_rest,
-        smoothers=tuple(motion.coordinate.smoother for motion in motions),
-        stretches=count,
-        resamples=resamples,
-        status=status_of(chosen, rivals, size == max_terms, float(noise[size])),
-    )
+    return preferred, included
 
 
 def default_pysindy(motions: Sequence[Motion]) -> tuple[tuple[str, ...], ...]:
@@ -202,7 +250,7 @@ def default_pysindy(motions: Sequence[Motion]) -> tuple[tuple[str, ...], ...]:
     found = []
     for motion in motions:
         track = motion.coordinate
-        names = ["delta", "theta_t'"] if motion.kind == "flexible_arm" else ["q", "q'"]
+        names = ["delta", "theta_t'"] if motion.system.has_rod else ["q", "q'"]
         difference = pysindy.FiniteDifference()
         rate = difference(track.observed[:, None], track.time)
         base = track.q - motion.state(track.time).delta

@@ -12,8 +12,9 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Effect, Load, Memory
-from discovery.equations.program import RECORDED, Program, strands
+from discovery.declarations.effect import Effect, Load, Memory
+from discovery.equations.contributions import strands
+from discovery.equations.program import RECORDED, Program
 from discovery.mechanics import get_base
 from discovery.mechanics.rod_end import LoadedEnd, loaded_end
 from discovery.simulation.kernel.compile import numpy_derivative
@@ -113,7 +114,7 @@ def _mechanics(base_name: str, program: Program) -> tuple[tuple[str, ...], Evalu
     received = tuple(symbol for symbol, _ in program.drive)
     named = (*received, *(symbol for symbol, _ in channels))
     mass = (entry for row in mechanics.mass for entry in row)
-    path = base.reading(None, program.rod) if base.system == ARM else (mechanics.channels[s.theta].value,)
+    path = base.reading(None, program.rod) if base.system.has_rod else (mechanics.channels[s.theta].value,)
     rows = (*named, *mass, *mechanics.force, *path)
     shown = replace(program, derivative=(*mechanics.assignments, *channels), slopes=rows)
     return tuple(symbol.name for symbol in named), evaluator(shown)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Joint, Load, Memory, Mode, Shape
+from discovery.declarations.effect import Joint, Memory, Mode, Shape
 from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
 from discovery.recordings.drive import Drive
@@ -28,6 +27,7 @@ from discovery.testing.equations import (
     slopes_of,
 )
 from discovery.testing.hinge import hinge_residual, joint_power, turning_energy
+from discovery.testing.lagrange import elastic_pull, push_of
 from discovery.testing.states import Sample, derivative, every_effect, sample_states, whole, without
 
 __all__ = ["MechanicsContract"]
@@ -104,7 +104,8 @@ class MechanicsContract:
         middle = (np.zeros(1, np.int64), np.array([0.5]), time[1:2], drive.evaluate(time[1:2]).T.copy())
         steps = (grid.times, grid.steps, grid.restart, grid.drive)
         given = (sample.parameters, sample.state.copy())
-        kernel.run(*steps, *middle, *plain, *given, out, sums, 0, 1, 0, np.empty((0, 0)), False)
+        left = (out, sums, 0, 1, 0, np.empty((0, 0)), False)
+        kernel.run(*steps, *middle, *plain, *given, *left)
 
         expected = _plain_step(base, sample, drive, h)
         # Round-off of a stiff step grows as a small disturbance of the state does.
@@ -115,7 +116,7 @@ class MechanicsContract:
     def test_force_is_the_gradient_of_the_energy(self, effect: str, base: str) -> None:
         """What the effect adds to Euler-Lagrange's row is the numerical derivative of its energy or power."""
         _needs_motion(base)
-        instance, n = get_effect(effect), get_base(base).n_coordinates
+        instance = get_effect(effect)
         sample = sample_states(base, ("linear_stiffness", effect))
         absent = without(sample, base, effect)
         if instance.kind == "drive":
@@ -126,19 +127,14 @@ class MechanicsContract:
         if instance.kind in ("closure", "sensor", "drive"):
             np.testing.assert_allclose(added, 0.0, atol=1e-12 * np.abs(mass).max())
             return
+        if not isinstance(instance, Mode):
+            assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
         if isinstance(instance, Shape):
             # The rod's own inertia and elastic energy change: the whole of Lagrange's equation is checked.
-            bare = bare_base(base, sample)
-            assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
-
-            def elastic(i: int) -> FloatArray:
-                return derivative(lambda by: bare_base(base, sample.moved(i, by)).of(s.alpha * s.U))
-
-            pull = np.einsum("ijk,jk->ik", mass, acceleration) - bare.force
-            np.testing.assert_allclose(pull, -np.array([elastic(i) for i in range(n)]), rtol=1e-7, atol=1e-9)
+            pull = np.einsum("ijk,jk->ik", mass, acceleration) - bare_base(base, sample).force
+            np.testing.assert_allclose(pull, elastic_pull(base, sample), rtol=1e-7, atol=1e-9)
             return
         if isinstance(instance, Joint):
-            assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
             np.testing.assert_allclose(hinge_residual(base, sample), 0.0, atol=1e-6 * np.abs(added).max())
             return
         if isinstance(instance, Memory):
@@ -149,37 +145,7 @@ class MechanicsContract:
             np.testing.assert_array_equal(added, 0.0)
             self._read_mode(instance, base, sample)
             return
-        end = loaded_end_of(instance, base)
-        stored = energy(instance, base) if end is None else end.kinetic(energy(instance, base))
-
-        def push(row: int, at: Sample) -> FloatArray:
-            return derivative(lambda by: bare_base(base, at.moved(row, by)).of(stored))
-
-        def momentum_rate(i: int) -> FloatArray:
-            return derivative(lambda tau: push(n + i, sample.along(tau, acceleration, n)))
-
-        # Of a load or a memory: the gradient of its power in the rates.
-        rows: dict[str, Callable[[int], FloatArray]] = {
-            "potential": lambda i: -push(i, sample),
-            "dissipation": lambda i: -push(n + i, sample),
-            "kinetic": lambda i: push(i, sample) - momentum_rate(i),
-        }
-        row = rows.get(instance.kind, lambda i: push(n + i, sample))
-        if isinstance(instance, Load) and (on := instance.on) is not None:
-            force = bare_base(base, sample).of(instance.expression())
-
-            def row(i: int) -> FloatArray:
-                return force * derivative(lambda by: bare_base(base, sample.moved(n + i, by)).of(on))
-
-        assert np.abs(added).max() > 1e-6, f"{effect} does nothing on {base}"
-        expected = np.array([row(i) for i in range(n)])
-        if end is not None:
-            moment = bare_base(base, sample).of(end.moment)
-
-            def turned(i: int) -> FloatArray:
-                return derivative(lambda by: bare_base(base, sample.moved(i, by)).of(s.slope))
-
-            expected += np.array([turned(i) for i in range(n)]) * moment
+        expected = push_of(instance, base, sample, acceleration)
         np.testing.assert_allclose(added, expected, rtol=1e-5, atol=1e-7 * np.abs(added).max())
 
     def _read_mode(self, mode: Mode, base: str, sample: Sample) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,23 +32,33 @@ _ROD = {"mu": 0.5, "tau_r": 1e-3}
 
 
 def _experiment(base: str, drive: Drive, time: FloatArray, output: FloatArray, noise: float) -> Experiment:
-    arm = get_base(base).system == ARM
+    system = get_base(base).system
+    arm, channels = system.has_rod, system.channels
     unit = "m" if arm else "q"
-    channels = ("tip_x", "tip_y") if arm else ("output",)
     columns = Columns(TimeColumn(), InputColumn("input", unit, "spline"), OutputColumn("output", unit))
     rig = Rig("contract", get_base(base).system, Quantity(1.2, 0.0) if arm else None, columns=columns)
     recording = Recording(
         "contract",
         time,
-        drive.evaluate(time)[0],
-        output,
-        channels,
-        (unit,) * len(channels),
-        np.full(len(channels), noise),
-        "",
-        "",
+        input=drive.evaluate(time)[0],
+        output=output,
+        channels=channels,
+        units=(unit,) * len(channels),
+        noise=np.full(len(channels), noise),
+        sha256="",
+        source="",
     )
     return Experiment(recording, drive, rig)
+
+
+def _there_in_a_second() -> Drive:
+    """Return one radian there within a second, at constant accelerations; then the arm rings."""
+    edges = np.array([0.0, 0.2, 0.4, 1.0, 1.2, 5.0])
+    return Drive(
+        edges,
+        np.array([[0.0, 3.125, 0.0, -3.125, 0.0], [0.0, 0.0, 1.25, 1.25, 0.0], [0.0, 0.0, 0.125, 0.875, 1.0]]),
+        edges[1:-1],
+    )
 
 
 def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
@@ -64,7 +76,7 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
     base = base or next(b for b in bases if effect in every_effect(b))
     context = ("viscous_damping", "linear_stiffness")
     rod = {n: v for n, v in _ROD.items() if n in {p.name for p in get_base(base).parameters()}}
-    known = {"length": 1.2, **rod} if get_base(base).system == ARM else {"g": 1.0}
+    known = {"length": 1.2, **rod} if get_base(base).system.has_rod else {"g": 1.0}
     model = Model(base, (*context, *({effect} - set(context))), known)
     units = NaturalUnits(time=1 / 3, coordinate=1.0, length=1.2)
     truth = {}
@@ -72,15 +84,9 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
         p = model.parameters[name]
         size = p.default if p.shape else _AMPLITUDE * p.prior.width
         truth[name] = {"alpha": 9.0, "xi": 0.1}.get(name, size * units.scale(p))
-    # One radian there within a second, at constant accelerations; then the arm rings.
-    edges = np.array([0.0, 0.2, 0.4, 1.0, 1.2, 5.0])
-    drive = Drive(
-        edges,
-        np.array([[0.0, 3.125, 0.0, -3.125, 0.0], [0.0, 0.0, 1.25, 1.25, 0.0], [0.0, 0.0, 0.125, 0.875, 1.0]]),
-        edges[1:-1],
-    )
+    drive = _there_in_a_second()
     time, noise = np.linspace(0.0, 5.0, 401), 1e-4
-    nothing = _experiment(base, drive, time, np.zeros((time.size, 2 if get_base(base).system == ARM else 1)), noise)
+    nothing = _experiment(base, drive, time, np.zeros((time.size, len(get_base(base).system.channels))), noise)
     bench = Bench(base, every_effect(base), [nothing], _STEP)
     defaults = {n: p.default * units.scale(p) for n, p in Model(base, every_effect(base)).parameters.items()}
     values = np.array([[{**defaults, **known, **truth}[n]] for n in bench.names])
@@ -90,11 +96,17 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
         base, drive, time, clean[:, :, 0] + noise * rng.standard_normal(clean[:, :, 0].shape), noise
     )
     bench = Bench(base, every_effect(base), [experiment], _STEP)
+    fits = list(_fits(model, Model(base, context, known), experiment, bench, units, truth))
+    return min(fits, key=lambda f: f.chi2), truth
+
+
+def _fits(
+    model: Model, declared: Model, experiment: Experiment, bench: Bench, units: NaturalUnits, truth: Mapping[str, float]
+) -> Iterator[Fit]:
+    """Return the fits from every start beside the truth."""
     shapes = [n for n in truth if model.parameters[n].shape]
     # Residuals have many minima in a frequency: a grid of starts, none of them the truth.
     grid = np.linspace(0.5, 1.5, 10) if shapes else np.ones(1)
-    declared = Model(base, context, known)
-    fits = []
     for off in (0.5, 1.5):
         start = {n: v * off for n, v in truth.items()}
         before = fit(declared, [experiment], start=start, bench=bench, units=units).values
@@ -102,8 +114,7 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
         for first in ({}, {n: before[n] for n in declared.free}):
             for shape in grid:
                 trial = {**start, **first, **{n: truth[n] * shape for n in shapes}}
-                fits.append(fit(model, [experiment], start=trial, bench=bench, units=units))
-    return min(fits, key=lambda f: f.chi2), truth
+                yield fit(model, [experiment], start=trial, bench=bench, units=units)
 
 
 def check_recovery(effect: str, base: str = "") -> None:

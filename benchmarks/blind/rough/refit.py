@@ -30,7 +30,8 @@ class Wanted:
 
 def _fitted(rig: Path, train: Sequence[Path], wanted: Wanted) -> Any:
     from discovery.equations.model import Model
-    from discovery.estimation.fit import declared_model, fit
+    from discovery.estimation.declared import declared_model
+    from discovery.estimation.fit import fit
     from discovery.recordings.dataset import load_dataset
 
     experiments = load_dataset(rig, train, keep_third=False).train

@@ -17,7 +17,8 @@ from benchmarks.paper.stand import Stand, manoeuvre, scaled_rig, stand
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.recordings.experiment import make_experiment
-from discovery.runs.loop import LoopResult, close_loop
+from discovery.runs.loop import close_loop
+from discovery.runs.loop_result import LoopResult
 from discovery.signals.motion import motion_of
 from discovery.sindy.sindy import discover
 

@@ -28,22 +28,45 @@ TOGETHER = 8
 _SAME = 1e-10
 
 
+# First numbers of the rows of a block of lanes: quadratic form, logarithms, their product to come, share; ...
+_Q, _LOG, _PROD, _SHARE = (LANES * row for row in range(4))
+# ... mean, variance and decay of the exponential process; ...
+_M, _P, _D = (LANES * row for row in range(4, 7))
+# ... means of q and q' of the oscillator, and their covariance.
+_X, _Y, _XX, _XY, _YY = (LANES * row for row in range(4, 9))
+
+
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
+def _begin(s, share):
+    s[:] = 0.0
+    s[_PROD : _PROD + LANES] = 1.0
+    s[_SHARE : _SHARE + LANES] = share
+
+
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
+def _take_logarithm(s):
+    for j in range(LANES):
+        s[_LOG + j] += math.log(s[_PROD + j])
+        s[_PROD + j] = 1.0
+
+
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
+def _finish(s, first, k, sums):
+    for j in range(LANES):
+        sums[first + j] = s[_Q + j]
+        sums[k + first + j] = s[_LOG + j] + math.log(s[_PROD + j])
+
+
 @compiled(nogil=True, fastmath=FAST, error_model="numpy")
 def _exponential(time, seen, residual, share, tau, innovation, sums):
     n, c, k = residual.shape
     keep = innovation.shape[2] > 0
-    s = np.empty(8 * LANES)
-    # Rows of s: mean, variance, decay, innovation variance, quadratic form, logarithms, product, share.
-    m, p, d, v, q, log, prod, a = (
-        0, LANES, 2 * LANES, 3 * LANES, 4 * LANES, 5 * LANES, 6 * LANES, 7 * LANES,
-    )  # fmt: skip
+    s = np.empty(7 * LANES)
     for first in range(0, k, LANES):
-        s[q : log + LANES] = 0.0
-        s[prod : prod + LANES] = 1.0
-        s[a : a + LANES] = share[first : first + LANES]
+        _begin(s, share[first : first + LANES])
         for channel in range(c):
-            s[m : m + LANES] = 0.0
-            s[p : p + LANES] = s[a : a + LANES]
+            s[_M : _M + LANES] = 0.0
+            s[_P : _P + LANES] = s[_SHARE : _SHARE + LANES]
             gap = -1.0
             held = 0
             for i in range(n):
@@ -52,34 +75,29 @@ def _exponential(time, seen, residual, share, tau, innovation, sums):
                     if abs(step - gap) > _SAME * step:
                         gap = step
                         for j in range(LANES):
-                            s[d + j] = math.exp(-step / tau[first + j])
+                            s[_D + j] = math.exp(-step / tau[first + j])
                     for j in range(LANES):
-                        s[m + j] *= s[d + j]
-                        s[p + j] = s[a + j] + s[d + j] * s[d + j] * (s[p + j] - s[a + j])
+                        s[_M + j] *= s[_D + j]
+                        s[_P + j] = s[_SHARE + j] + s[_D + j] * s[_D + j] * (s[_P + j] - s[_SHARE + j])
                 if not seen[i, channel]:
                     continue
                 row = residual[i, channel]
                 for j in range(LANES):
-                    off = row[first + j] - s[m + j]
-                    white = 1.0 - s[a + j]
-                    total = s[p + j] + white
-                    gain = s[p + j] / total
-                    s[v + j] = total
-                    s[q + j] += off * off / total
-                    s[prod + j] *= total
-                    s[m + j] += gain * off
-                    s[p + j] = gain * white
+                    off = row[first + j] - s[_M + j]
+                    white = 1.0 - s[_SHARE + j]
+                    total = s[_P + j] + white
+                    gain = s[_P + j] / total
+                    s[_Q + j] += off * off / total
+                    s[_PROD + j] *= total
+                    s[_M + j] += gain * off
+                    s[_P + j] = gain * white
                     if keep:
                         innovation[i, channel, first + j] = off / math.sqrt(total)
                 held += 1
                 if held == TOGETHER:
                     held = 0
-                    for j in range(LANES):
-                        s[log + j] += math.log(s[prod + j])
-                        s[prod + j] = 1.0
-        for j in range(LANES):
-            sums[first + j] = s[q + j]
-            sums[k + first + j] = s[log + j] + math.log(s[prod + j])
+                    _take_logarithm(s)
+        _finish(s, first, k, sums)
 
 
 @njit(fastmath=FAST, error_model="numpy", forceinline=True)
@@ -103,24 +121,54 @@ def _transition(step, omega, xi, phi):
         phi[3 * LANES + j] = even - half * odd
 
 
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
+def _carry(s, omega, phi):
+    """Carry means and covariance of the oscillator over a step of this transition."""
+    for j in range(LANES):
+        f, g, h, e = phi[j], phi[LANES + j], phi[2 * LANES + j], phi[3 * LANES + j]
+        mean = f * s[_X + j] + g * s[_Y + j]
+        s[_Y + j] = h * s[_X + j] + e * s[_Y + j]
+        s[_X + j] = mean
+        # What is known beyond the stationary covariance decays; the rest is the stationary one.
+        still = s[_SHARE + j] * omega[j] * omega[j]
+        u, t, z = s[_XX + j] - s[_SHARE + j], s[_XY + j], s[_YY + j] - still
+        s[_XX + j] = s[_SHARE + j] + f * f * u + 2.0 * f * g * t + g * g * z
+        s[_XY + j] = f * h * u + (f * e + g * h) * t + g * e * z
+        s[_YY + j] = still + h * h * u + 2.0 * h * e * t + e * e * z
+
+
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
+def _correct(s, slope, residual, innovation, keep):
+    """Correct the oscillator by the residuals of one channel."""
+    for j in range(LANES):
+        off = residual[j] - slope * s[_X + j]
+        white = 1.0 - s[_SHARE + j]
+        cross, other = slope * s[_XX + j], slope * s[_XY + j]
+        total = slope * cross + white
+        s[_Q + j] += off * off / total
+        s[_PROD + j] *= total
+        s[_X + j] += cross / total * off
+        s[_Y + j] += other / total * off
+        s[_YY + j] -= other * other / total
+        s[_XY + j] *= white / total
+        s[_XX + j] *= white / total
+        if keep:
+            innovation[j] = off / math.sqrt(total)
+
+
 @compiled(nogil=True, fastmath=FAST, error_model="numpy")
 def _oscillating(time, seen, residual, share, omega, xi, slope, innovation, sums):
     n, c, k = residual.shape
     keep = innovation.shape[2] > 0
     phi = np.empty(4 * LANES)
     s = np.empty(9 * LANES)
-    # Rows of s: means of q and q', their covariance, quadratic form, logarithms, product, share.
-    x, y, xx, xy, yy, q, log, prod, a = (
-        0, LANES, 2 * LANES, 3 * LANES, 4 * LANES, 5 * LANES, 6 * LANES, 7 * LANES, 8 * LANES,
-    )  # fmt: skip
     for first in range(0, k, LANES):
-        w, b = omega[first : first + LANES], xi[first : first + LANES]
-        s[:prod] = 0.0
-        s[prod : prod + LANES] = 1.0
-        s[a : a + LANES] = share[first : first + LANES]
+        lanes = slice(first, first + LANES)
+        w, b = omega[lanes], xi[lanes]
+        _begin(s, share[lanes])
         for j in range(LANES):
-            s[xx + j] = s[a + j]
-            s[yy + j] = s[a + j] * w[j] * w[j]
+            s[_XX + j] = s[_SHARE + j]
+            s[_YY + j] = s[_SHARE + j] * w[j] * w[j]
         gap = -1.0
         held = 0
         for i in range(n):
@@ -129,44 +177,16 @@ def _oscillating(time, seen, residual, share, omega, xi, slope, innovation, sums
                 if abs(step - gap) > _SAME * step:
                     gap = step
                     _transition(step, w, b, phi)
-                for j in range(LANES):
-                    f, g, h, e = phi[j], phi[LANES + j], phi[2 * LANES + j], phi[3 * LANES + j]
-                    mean = f * s[x + j] + g * s[y + j]
-                    s[y + j] = h * s[x + j] + e * s[y + j]
-                    s[x + j] = mean
-                    # What is known beyond the stationary covariance decays; the rest is the stationary one.
-                    still = s[a + j] * w[j] * w[j]
-                    u, t, z = s[xx + j] - s[a + j], s[xy + j], s[yy + j] - still
-                    s[xx + j] = s[a + j] + f * f * u + 2.0 * f * g * t + g * g * z
-                    s[xy + j] = f * h * u + (f * e + g * h) * t + g * e * z
-                    s[yy + j] = still + h * h * u + 2.0 * h * e * t + e * e * z
+                _carry(s, w, phi)
             for channel in range(c):
                 if not seen[i, channel]:
                     continue
-                row, r = residual[i, channel], slope[i, channel]
-                for j in range(LANES):
-                    off = row[first + j] - r * s[x + j]
-                    white = 1.0 - s[a + j]
-                    cross, other = r * s[xx + j], r * s[xy + j]
-                    total = r * cross + white
-                    s[q + j] += off * off / total
-                    s[prod + j] *= total
-                    s[x + j] += cross / total * off
-                    s[y + j] += other / total * off
-                    s[yy + j] -= other * other / total
-                    s[xy + j] *= white / total
-                    s[xx + j] *= white / total
-                    if keep:
-                        innovation[i, channel, first + j] = off / math.sqrt(total)
+                _correct(s, slope[i, channel], residual[i, channel, lanes], innovation[i, channel, lanes], keep)
                 held += 1
                 if held == TOGETHER:
                     held = 0
-                    for j in range(LANES):
-                        s[log + j] += math.log(s[prod + j])
-                        s[prod + j] = 1.0
-        for j in range(LANES):
-            sums[first + j] = s[q + j]
-            sums[k + first + j] = s[log + j] + math.log(s[prod + j])
+                    _take_logarithm(s)
+        _finish(s, first, k, sums)
 
 
 def padded(residual: FloatArray, *rows: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
@@ -205,7 +225,7 @@ def exponential(
     k = residual.shape[2]
     block, (a, t) = padded(residual, share, tau)
     innovation, sums = np.zeros((*seen.shape, block.shape[2] if keep else 0)), np.empty(2 * a.size)
-    _exponential(time, seen, block, a, t, innovation, sums)
+    _exponential(time, seen, residual=block, share=a, tau=t, innovation=innovation, sums=sums)
     return sums[:k], sums[a.size : a.size + k], innovation[:, :, :k]
 
 
@@ -238,5 +258,5 @@ def oscillating(
     k = residual.shape[2]
     block, (a, w, b) = padded(residual, share, omega, xi)
     innovation, sums = np.zeros((*seen.shape, block.shape[2] if keep else 0)), np.empty(2 * a.size)
-    _oscillating(time, seen, block, a, w, b, slope, innovation, sums)
+    _oscillating(time, seen, residual=block, share=a, omega=w, xi=b, slope=slope, innovation=innovation, sums=sums)
     return sums[:k], sums[a.size : a.size + k], innovation[:, :, :k]

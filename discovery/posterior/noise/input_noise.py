@@ -88,7 +88,7 @@ class InputNoise(Noise):
         """Return the log density of the readings of one experiment."""
         time, seen, slope = self.readings[i]
         square, log_variance, _ = oscillating(
-            time, seen, residual[: len(seen)], share_of(noise[1]), *self._system(x), slope, False
+            time, seen, residual[: len(seen)], share_of(noise[1]), *self._system(x), slope=slope, keep=False
         )
         return -0.5 * (square * np.exp(-2 * noise[0]) + log_variance + seen.sum() * (2 * noise[0] + LOG_2PI))
 
@@ -96,7 +96,9 @@ class InputNoise(Noise):
         """Return the innovations of the columns, of unit variance."""
         time, seen, slope = self.readings[i]
         system = self._system(x[:, None])
-        *_, innovation = oscillating(time, seen, columns[: len(seen)], share_of(noise[1:2]), *system, slope, True)
+        *_, innovation = oscillating(
+            time, seen, columns[: len(seen)], share_of(noise[1:2]), *system, slope=slope, keep=True
+        )
         return innovation * math.exp(-noise[0])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -24,17 +25,9 @@ def _inner(ticks: Iterable[float], low: float, high: float) -> list[float]:
     return [tick for tick in ticks if low + _EDGE * (high - low) < tick < high - _EDGE * (high - low)]
 
 
-def draw(run: Run) -> Picture | None:
-    """Return the corner plot of the physical parameters and the noise; initial states are left out."""
-    shown = [r for r in run.quantities_sampled if r["name"] in run.draws][:_MOST]
-    if len(shown) < 2:
-        return None
+def _draw_pairs(figure: Any, draws: Any, labels: list[str], fitted: list[float]) -> None:
     import corner
 
-    draws = np.stack([run.draws[r["name"]].ravel() for r in shown], axis=1)
-    draws = draws[:: max(1, len(draws) // _DRAWS)]
-    labels = [quantity_label(r["name"], unit_text(r["unit"], run.coordinate_unit)) for r in shown]
-    figure = new_figure(1.35 * len(shown), 1.35 * len(shown), layout="none")
     corner.corner(
         draws,
         fig=figure,
@@ -49,12 +42,24 @@ def draw(run: Run) -> Picture | None:
         hist_kwargs={"linewidth": 1.0},
         smooth=0.8,
     )
-    corner.overplot_lines(figure, [r["fit_value"] for r in shown], color=ORANGE, linewidth=0.9)
+    corner.overplot_lines(figure, fitted, color=ORANGE, linewidth=0.9)
     for axis in figure.axes:
         axis.grid(visible=False)
         axis.tick_params(labelsize=7.5, colors=GREY)
         for one in (axis.xaxis, axis.yaxis):
             one.set_ticks(_inner(one.get_majorticklocs(), *one.get_view_interval()))
+
+
+def draw(run: Run) -> Picture | None:
+    """Return the corner plot of the physical parameters and the noise; initial states are left out."""
+    shown = [r for r in run.quantities_sampled if r["name"] in run.draws][:_MOST]
+    if len(shown) < 2:
+        return None
+    draws = np.stack([run.draws[r["name"]].ravel() for r in shown], axis=1)
+    draws = draws[:: max(1, len(draws) // _DRAWS)]
+    labels = [quantity_label(r["name"], unit_text(r["unit"], run.coordinate_unit)) for r in shown]
+    figure = new_figure(1.35 * len(shown), 1.35 * len(shown), layout="none")
+    _draw_pairs(figure, draws, labels, [r["fit_value"] for r in shown])
     priors = {p["name"]: p for p in (run.results["posterior"] or {}).get("profiles", ())}
     for i, r in enumerate(shown):
         if r["name"] in priors:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
@@ -10,6 +12,10 @@ from discovery.report.style import BLUE, GREY, RED, Picture, new_figure, plain_l
 from discovery.report.words import error_groups
 
 __all__ = ["draw"]
+
+
+#: Colour, marker, name and place beside its line of each of the two errors.
+_SIDES = ((RED, "s", "before: declared model", -0.13), (BLUE, "o", "after: final model", 0.13))
 
 
 def draw(run: Run) -> Picture | None:
@@ -22,44 +28,9 @@ def draw(run: Run) -> Picture | None:
     figure = new_figure(0.62 * len(groups) + 1.25)
     axes = figure.subplots()
     for row, group in enumerate(groups):
-        values = [m[group]["rms"] * scale.factor for m in (before, after)]
-        peaks = [m[group]["peak"] * scale.factor for m in (before, after)]
-        axes.plot(values, [row, row], color="#BBBBBB", linewidth=1.5, zorder=1)
-        for value, peak, colour, marker, name, shift in zip(
-            values,
-            peaks,
-            (RED, BLUE),
-            ("s", "o"),
-            ("before: declared model", "after: final model"),
-            (-0.13, 0.13),
-            strict=True,
-        ):
-            if math.isinf(value):
-                # At the right edge, above or below the line of its group as its bar would be.
-                blown = f"{name.partition(':')[0]}: blows up"
-                axes.text(
-                    0.99,
-                    row + 2 * shift,
-                    blown,
-                    color=colour,
-                    fontsize=8,
-                    ha="right",
-                    va="center",
-                    transform=axes.get_yaxis_transform(),
-                )
-                continue
-            axes.plot([value, peak], [row + shift] * 2, color=colour, linewidth=0.8, alpha=0.7)
-            axes.plot(peak, row + shift, marker="|", color=colour, markersize=6)
-            axes.plot(
-                value,
-                row,
-                marker=marker,
-                color=colour,
-                markersize=7,
-                linestyle="none",
-                label=name if row == 0 else None,
-            )
-            axes.annotate(significant(value), (value, row), (0, 8), textcoords="offset points", ha="center", fontsize=8)
+        _draw_group(
+            axes, row, [(m[group]["rms"] * scale.factor, m[group]["peak"] * scale.factor) for m in (before, after)]
+        )
     floor = errors["noise_floor"] * scale.factor
     axes.axvline(floor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise floor")
     axes.set_xscale("log")
@@ -82,3 +53,20 @@ def draw(run: Run) -> Picture | None:
         f"Free-run error before and after. {names[last].capitalize()}: {words}.",
         f"Dots on a logarithmic axis compare the error of the declared and of the final model. {words}.",
     )
+
+
+def _draw_group(axes: Any, row: int, sizes: Sequence[tuple[float, float]]) -> None:
+    """Draw rms and peak of both models on the line of one group."""
+    axes.plot([rms for rms, _ in sizes], [row, row], color="#BBBBBB", linewidth=1.5, zorder=1)
+    for (rms, peak), (colour, marker, name, shift) in zip(sizes, _SIDES, strict=True):
+        if math.isinf(rms):
+            # At the right edge, above or below the line of its group as its bar would be.
+            blown = f"{name.partition(':')[0]}: blows up"
+            place = {"ha": "right", "va": "center", "transform": axes.get_yaxis_transform()}
+            axes.text(0.99, row + 2 * shift, blown, color=colour, fontsize=8, **place)
+            continue
+        axes.plot([rms, peak], [row + shift] * 2, color=colour, linewidth=0.8, alpha=0.7)
+        axes.plot(peak, row + shift, marker="|", color=colour, markersize=6)
+        dot = {"marker": marker, "color": colour, "markersize": 7, "linestyle": "none"}
+        axes.plot(rms, row, label=name if row == 0 else None, **dot)
+        axes.annotate(significant(rms), (rms, row), (0, 8), textcoords="offset points", ha="center", fontsize=8)

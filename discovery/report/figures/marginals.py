@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from discovery.report.numbers import near_one, unit_text
@@ -12,6 +15,20 @@ from discovery.report.words import prose
 __all__ = ["draw"]
 
 _BINS = 25
+
+
+def _draw_curves(axis: Any, p: Mapping[str, Any], draws: Any) -> None:
+    values = np.array(p["values"])
+    density, edges = np.histogram(draws, _BINS, (p["prior_values"][0], p["prior_values"][-1]))
+    axis.stairs(density / max(1, density.max()), edges, fill=True, color=BLUE, alpha=0.35, label="posterior")
+    # The logarithm is what a few held values follow smoothly.
+    statistic = np.array([np.nan if x is None else x for x in p["statistic"]])
+    known = np.isfinite(statistic)
+    fine = np.linspace(values[0], values[-1], 200)
+    root = np.interp(fine, values[known], (np.sign(values - p["best"]) * np.sqrt(statistic))[known])
+    axis.plot(fine, np.exp(-0.5 * root**2), color=ORANGE, linewidth=1.4, label="profile likelihood")
+    axis.plot(p["prior_values"], p["prior_density"], color=GREY, linestyle=(0, (4, 1.6)), label="prior")
+    axis.axhline(np.exp(-0.5 * p["cut"]), color="black", linestyle=(0, (1, 1.2)), linewidth=0.9, label="90 % cut")
 
 
 def draw(run: Run) -> Picture | None:
@@ -29,17 +46,7 @@ def draw(run: Run) -> Picture | None:
     for axis in axes[len(profiles) :]:
         axis.set_visible(False)
     for axis, p in zip(axes, profiles, strict=False):
-        values = np.array(p["values"])
-        density, edges = np.histogram(run.draws[p["name"]], _BINS, (p["prior_values"][0], p["prior_values"][-1]))
-        axis.stairs(density / max(1, density.max()), edges, fill=True, color=BLUE, alpha=0.35, label="posterior")
-        # The logarithm is what a few held values follow smoothly.
-        statistic = np.array([np.nan if x is None else x for x in p["statistic"]])
-        known = np.isfinite(statistic)
-        fine = np.linspace(values[0], values[-1], 200)
-        root = np.interp(fine, values[known], (np.sign(values - p["best"]) * np.sqrt(statistic))[known])
-        axis.plot(fine, np.exp(-0.5 * root**2), color=ORANGE, linewidth=1.4, label="profile likelihood")
-        axis.plot(p["prior_values"], p["prior_density"], color=GREY, linestyle=(0, (4, 1.6)), label="prior")
-        axis.axhline(np.exp(-0.5 * p["cut"]), color="black", linestyle=(0, (1, 1.2)), linewidth=0.9, label="90 % cut")
+        _draw_curves(axis, p, run.draws[p["name"]])
         axis.set_xlabel(quantity_label(p["name"], unit_text(units[p["name"]], run.coordinate_unit)))
         axis.set_ylim(0, 1.08)
         axis.locator_params(axis="x", nbins=3)

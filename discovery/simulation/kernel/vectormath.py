@@ -73,7 +73,8 @@ def put(context, out, j, k, place, w, row, count):
         return context.get_dummy_value()
 
     whole = types.int64
-    return types.none(out, whole, whole, whole, w, whole, whole), build
+    taken = (out, whole, whole, whole, w, whole, whole)
+    return types.none(*taken), build
 
 
 @intrinsic

@@ -177,7 +177,9 @@ def move_arm(
     motor = drive.evaluate(time)
     states = integrate(slopes, arm.start(deflection, rate, motor[:2, 0]), time, np.asarray(drive.kinks, float))
     rows = [np.broadcast_to(np.asarray(row, float), time.shape) for row in arm.rows(time, motor, states)[size:]]
-    return ArmMotion(time, motor[0], rows[1], rows[2], rows[3], arm.inertia * rows[0], states)
+    return ArmMotion(
+        time, motor[0], theta_t=rows[1], x=rows[2], y=rows[3], coupling_torque=arm.inertia * rows[0], states=states
+    )
 
 
 class NumberedModel(Protocol):

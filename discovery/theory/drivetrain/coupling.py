@@ -19,10 +19,11 @@ import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Joint, Kinetic
+from discovery.declarations.effect import Joint, Kinetic
 from discovery.declarations.registry import get_effect
+from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
-from discovery.equations.program import RECORDED, Program, build_program, radius_of
+from discovery.equations.program import RECORDED, Program, build_program
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.base import SHORTENING_RADIUS, Channel
@@ -51,7 +52,7 @@ def _kinetic_torque(energy: sp.Expr, second: Mapping[sp.Symbol, sp.Expr]) -> sp.
 def _program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     """Return the program of a model whose slopes go on with Gamma_c / (m_eff l^2), theta_t, and the tip's x, y [m]."""
     base, effects = get_base(base_name), [get_effect(e) for e in effect_ids]
-    if base.system != ARM:
+    if not base.system.has_rod:
         raise InputError(f"The base {base_name!r} has no hub, so no coupling torque; use a base of the flexible arm.")
     stand_in = sorted(SHORTENING_RADIUS.intersection(effect_ids))
     if stand_in:

@@ -53,6 +53,43 @@ class DrivenMotion:
     states: FloatArray
 
 
+@dataclass(frozen=True)
+class _Loop:
+    """Motor, controller and arm, whose torque per unit of its own is fed back to the motor."""
+
+    arm: Arm
+    motor: Motor
+    controller: PositionController
+    reference: DriveLike
+    feed: float
+
+    @property
+    def size(self) -> int:
+        return len(self.arm.program.states)
+
+    def balance(self, t: Any, command: Any, hub: Any, state: Any) -> tuple[Any, Any, list]:
+        """Return asked current, hub acceleration and the arm's rows for angle, rate and error integral of the hub."""
+        motor, size = self.motor, self.size
+        angle, speed, integral = hub
+        asked = self.controller.current(motor, command, angle, speed, integral)
+        torque = motor.hub_constant * np.clip(asked, -motor.current_limit, motor.current_limit) - motor.friction(speed)
+        still, moved = (self.arm.rows(t, (angle, speed, a), state) for a in (0.0 * angle, 0.0 * angle + 1.0))
+        slope = moved[size] - still[size]
+        acceleration = (torque - self.feed * still[size]) / (motor.hub_inertia + self.feed * slope)
+        return asked, acceleration, [a + acceleration * (b - a) for a, b in zip(still, moved, strict=True)]
+
+    def slopes(self, t: float, y: FloatArray, left: bool) -> FloatArray:
+        """Return the rates of hub, integral and arm."""
+        motor, limit = self.motor, self.motor.current_limit
+        command = self.reference.evaluate(t, side="left" if left else "right")[:, 0].tolist()
+        values = y.tolist()
+        asked, acceleration, rows = self.balance(t, command, values[:3], values[3:])
+        # At the limit the integral takes back what the motor cannot give: no sudden halt, no windup.
+        excess = (asked - min(max(asked, -limit), limit)) * motor.hub_constant
+        excess /= motor.hub_inertia * self.controller.bandwidth**2
+        return np.array([values[1], acceleration, command[0] - values[0] - excess, *rows[: self.size]], float)
+
+
 def drive_arm(
     arm: Arm,
     motor: Motor,
@@ -91,32 +128,12 @@ def drive_arm(
         If the motion blows up.
     """
     time = check_start(reference, time, deflection, rate)
-    size, feed = len(arm.program.states), arm.inertia * coupled
-    limit, inertia, constant = motor.current_limit, motor.hub_inertia, motor.hub_constant
-
-    def balance(t: Any, command: Any, hub: Any, state: Any) -> tuple[Any, Any, list]:
-        """Return asked current, hub acceleration and the arm's rows for angle, rate and error integral of the hub."""
-        angle, speed, integral = hub
-        asked = controller.current(motor, command, angle, speed, integral)
-        torque = constant * np.clip(asked, -limit, limit) - motor.friction(speed)
-        still, moved = (arm.rows(t, (angle, speed, a), state) for a in (0.0 * angle, 0.0 * angle + 1.0))
-        slope = moved[size] - still[size]
-        acceleration = (torque - feed * still[size]) / (inertia + feed * slope)
-        return asked, acceleration, [a + acceleration * (b - a) for a, b in zip(still, moved, strict=True)]
-
-    def slopes(t: float, y: FloatArray, left: bool) -> FloatArray:
-        command = reference.evaluate(t, side="left" if left else "right")[:, 0].tolist()
-        values = y.tolist()
-        asked, acceleration, rows = balance(t, command, values[:3], values[3:])
-        # At the limit the integral takes back what the motor cannot give: no sudden halt, no windup.
-        excess = (asked - min(max(asked, -limit), limit)) * constant / (inertia * controller.bandwidth**2)
-        return np.array([values[1], acceleration, command[0] - values[0] - excess, *rows[:size]], float)
-
+    loop = _Loop(arm, motor, controller, reference, arm.inertia * coupled)
     command = reference.evaluate(time)
     start = np.concatenate([command[:2, 0], [0.0], arm.start(deflection, rate, command[:2, 0])])
-    y = integrate(slopes, start, time, np.asarray(reference.kinks, float))
-    asked, acceleration, rows = balance(time, command, y[:3], y[3:])
-    torque, theta_t, tip_x, tip_y = (np.broadcast_to(np.asarray(row, float), time.shape) for row in rows[size:])
+    y = integrate(loop.slopes, start, time, np.asarray(reference.kinks, float))
+    asked, acceleration, rows = loop.balance(time, command, y[:3], y[3:])
+    torque, theta_t, tip_x, tip_y = (np.broadcast_to(np.asarray(row, float), time.shape) for row in rows[loop.size :])
     return DrivenMotion(
         time=time,
         command=command[0],
@@ -126,7 +143,7 @@ def drive_arm(
         alpha_m=acceleration,
         x=tip_x,
         y=tip_y,
-        current=np.clip(asked, -limit, limit),
+        current=np.clip(asked, -motor.current_limit, motor.current_limit),
         coupling_torque=arm.inertia * torque,
         states=y[3:],
     )

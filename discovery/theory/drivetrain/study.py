@@ -135,7 +135,32 @@ def _fitted_alpha(arm: Arm, experiment: Experiment) -> tuple[float, float, float
 
 def _recording(motion: DrivenMotion, angle: FloatArray) -> Recording:
     tip = np.column_stack([motion.x, motion.y])
-    return Recording("driven", motion.time, angle, tip, ("tip_x", "tip_y"), ("m", "m"), np.full(2, _CAMERA), "", "")
+    return Recording(
+        "driven",
+        motion.time,
+        input=angle,
+        output=tip,
+        channels=("tip_x", "tip_y"),
+        units=("m", "m"),
+        noise=np.full(2, _CAMERA),
+        sha256="",
+        source="",
+    )
+
+
+def _felt(
+    arm: Arm, motor: Motor, controller: PositionController, motion: DrivenMotion, alone: DrivenMotion
+) -> tuple[float, ...]:
+    """Return hub inertia and stiffness of the control over the arm's, and how far the arm moves the hub [rad]."""
+    moved = motion.theta_m - alone.theta_m
+    stiffness = motor.hub_inertia * controller.bandwidth**2
+    return (
+        motor.hub_inertia / arm.inertia,
+        stiffness / (arm.values["alpha"] * arm.inertia),
+        np.sqrt(np.mean(moved**2)),
+        np.abs(moved).max(),
+        np.abs(alone.coupling_torque).max() / stiffness,
+    )
 
 
 def encoder_as_input(
@@ -192,28 +217,11 @@ def encoder_as_input(
     for ratio in gear_ratios:
         geared = replace(motor, gear_ratio=float(ratio))
         motion = drive_arm(arm, geared, controller, command, time)
-        alone = drive_arm(arm, geared, controller, command, time, coupled=False)
-        moved = motion.theta_m - alone.theta_m
-        expected = np.abs(alone.coupling_torque).max() / (geared.hub_inertia * controller.bandwidth**2)
-        distance = np.hypot(motion.x - ideal.x, motion.y - ideal.y)
         read = motion.theta_m + rng.uniform(-_ENCODER, _ENCODER, time.size)
         commanded = _fitted_alpha(arm, Experiment(_recording(motion, motion.command), command, rig))
         encoded = _fitted_alpha(arm, make_experiment(_recording(motion, read), rig))
-        rows.append(
-            (
-                ratio,
-                geared.hub_inertia / arm.inertia,
-                geared.hub_inertia * controller.bandwidth**2 / (arm.values["alpha"] * arm.inertia),
-                np.sqrt(np.mean(moved**2)),
-                np.abs(moved).max(),
-                expected,
-                distance.mean(),
-                distance.max(),
-                commanded[0],
-                encoded[0],
-                encoded[1],
-                commanded[2],
-                encoded[2],
-            )
-        )
+        alone = drive_arm(arm, geared, controller, command, time, coupled=False)
+        distance = np.hypot(motion.x - ideal.x, motion.y - ideal.y)
+        fitted = (commanded[0], *encoded[:2], commanded[2], encoded[2])
+        rows.append((ratio, *_felt(arm, geared, controller, motion, alone), distance.mean(), distance.max(), *fitted))
     return EncoderStudy(*np.array(rows, float).T)

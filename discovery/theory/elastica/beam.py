@@ -154,7 +154,7 @@ def shape_under_load(force: npt.ArrayLike, direction: npt.ArrayLike, arc: npt.Ar
 
     # 1 / p <= dT/dz <= 1 / c bounds the fall of z from the clamp to s.
     low, high = np.minimum(load.c * tension * s, z), np.minimum(p * tension * s, z)
-    fall = increasing_root(equation, low, high, 0.5 * (low + high), load.w, load.c, z, tension * (1.0 - s))
+    fall = increasing_root(equation, low, high, 0.5 * (low + high), (load.w, load.c, z, tension * (1.0 - s)))
     rest = bend(*half_angle(fall, load.w, load.c, z), z - fall)
     slope = whole.turn - rest.turn
     x, y = 1.0 - rest.shortening, rest.y
@@ -206,6 +206,6 @@ def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
 
     # sqrt(1.5 delta) is the root's small-deflection limit and 0.3 % off at pi / 2.
     guess = np.sqrt(1.5 * size)
-    z = increasing_root(equation, 0.8 * guess, 1.25 * guess, guess, w, c, 0.5 * np.sin(size))
+    z = increasing_root(equation, 0.8 * guess, 1.25 * guess, guess, (w, c, 0.5 * np.sin(size)))
     b = bend(w, c, z)
     return np.sign(angle) * b.t**2, 2.0 * w * b.tau / b.t

@@ -155,14 +155,14 @@ def bend(w: FloatArray, c: FloatArray, z: FloatArray) -> Bend:
     return Bend(
         w,
         c,
-        tau,
-        sigma,
-        p2,
-        w**2 * sigma,
-        tau * three_r / (3.0 * p),
-        sigma * tau**3 * r_sigma / (3.0 * p),
-        scale * c * (r_1 + w**2 * sigma / p2 * r_f),
-        scale * w * (r_1 - f * r_f),
+        tau=tau,
+        sigma=sigma,
+        p2=p2,
+        q2=w**2 * sigma,
+        t=tau * three_r / (3.0 * p),
+        j=sigma * tau**3 * r_sigma / (3.0 * p),
+        y=scale * c * (r_1 + w**2 * sigma / p2 * r_f),
+        shortening=scale * w * (r_1 - f * r_f),
     )
 
 
@@ -197,7 +197,7 @@ def clamp_parameter(load: Load) -> FloatArray:
     # 1 <= T / z <= 1 / c, with equality at phi = 0; T - z tends to log(2 / (1 + c)) as the force grows.
     low = load.c * tension
     start = np.maximum(low, tension - np.log(2.0 / (1.0 + load.c)))
-    return increasing_root(equation, low, tension, start, load.w, load.c, tension, close=_HALLEY)
+    return increasing_root(equation, low, tension, start, (load.w, load.c, tension), close=_HALLEY)
 
 
 def increasing_root(
@@ -205,7 +205,7 @@ def increasing_root(
     low: FloatArray,
     high: FloatArray,
     start: FloatArray,
-    *parameters: FloatArray,
+    parameters: tuple[FloatArray, ...],
     close: float = _NEWTON,
 ) -> FloatArray:
     """Root of an increasing function, elementwise: Newton's method, kept in its bracket by geometric bisection.

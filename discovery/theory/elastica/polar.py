@@ -46,12 +46,12 @@ def polar_slopes(b: Bend) -> PolarSlopes:
     return PolarSlopes(
         (x * s.shortening_z - b.y * s.y_z) / rho,
         (x * s.shortening_phi - b.y * s.y_phi) / rho,
-        delta_z,
-        delta_phi,
-        2.0 * b.t * b.t_z * cos + tangential * delta_z,
-        2.0 * b.t * b.t_phi * cos + tangential * (delta_phi - 1.0),
-        2.0 * b.t * b.t_z * sin - radial * delta_z,
-        2.0 * b.t * b.t_phi * sin - radial * (delta_phi - 1.0),
+        delta_z=delta_z,
+        delta_phi=delta_phi,
+        radial_z=2.0 * b.t * b.t_z * cos + tangential * delta_z,
+        radial_phi=2.0 * b.t * b.t_phi * cos + tangential * (delta_phi - 1.0),
+        tangential_z=2.0 * b.t * b.t_z * sin - radial * delta_z,
+        tangential_phi=2.0 * b.t * b.t_phi * sin - radial * (delta_phi - 1.0),
     )
 
 

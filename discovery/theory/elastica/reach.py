@@ -56,7 +56,7 @@ def _buckled(size: FloatArray) -> FloatArray:
 
     # pi delta / 4 is the root at the Euler load; sqrt(FORCE_MAX) bounds it at the other end.
     low, high = 0.7 * size, np.maximum(0.8 * size, np.sqrt(FORCE_MAX))
-    z = increasing_root(equation, low, high, np.pi / 4 * size, size)
+    z = increasing_root(equation, low, high, np.pi / 4 * size, (size,))
     return 1.0 - bend(np.full_like(z, w), np.full_like(z, c), z).radial_shortening
 
 
@@ -74,5 +74,5 @@ def _pulled(size: FloatArray) -> FloatArray:
 
     # The force is ahead of the tip by about 2 sin(delta / 2) / sqrt(F_n).
     high = np.minimum(1.02 * size, np.pi)
-    phi = increasing_root(equation, size, high, np.minimum(1.01 * size, np.pi), size)
+    phi = increasing_root(equation, size, high, np.minimum(1.01 * size, np.pi), (size,))
     return tip_under_load(FORCE_MAX, phi).radius

@@ -51,6 +51,14 @@ class ElasticaSeries:
     energy: sp.Expr
 
 
+def _refuse(order: int, radial_order: int) -> None:
+    if order < 1 or order % 2 == 0 or radial_order < 0:
+        raise InputError(
+            "The series of the elastica need an odd, positive order in the deflection and none below 0 in the radial "
+            f"force; got {order} and {radial_order}."
+        )
+
+
 @cache
 def elastica_series(order: int = 5, radial_order: int = 1) -> ElasticaSeries:
     """Derive the series of the elastica from eq. (5) of the paper.
@@ -71,11 +79,7 @@ def elastica_series(order: int = 5, radial_order: int = 1) -> ElasticaSeries:
     InputError
         If `order` is not odd and positive, or `radial_order` is negative.
     """
-    if order < 1 or order % 2 == 0 or radial_order < 0:
-        raise InputError(
-            "The series of the elastica need an odd, positive order in the deflection and none below 0 in the radial "
-            f"force; got {order} and {radial_order}."
-        )
+    _refuse(order, radial_order)
     from sympy import QQ, Symbol
     from sympy.polys.rings import ring
 

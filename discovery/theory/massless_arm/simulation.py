@@ -80,6 +80,26 @@ def simulate_general(
     depends on the retardation by as much as the table says.
     """
     t = np.asarray(time, np.float64)
+    _refuse(t, drive, deflection=deflection, rate=rate, step=step, retardation=retardation)
+    unit = model.time_scale
+    grid = Grid.build(t, drive, step * unit)
+    stage_times = grid.times[:, None] + grid.steps[:, None] * STAGES
+    hub = np.zeros(stage_times.shape) if drive is None else drive.evaluate(stage_times.ravel())[0].reshape(-1, 3)
+    start = _start(deflection, rate * unit, grid.drive[0, 0] * unit ** np.arange(3), model.xi * unit)
+    path = integrate_tip(hub, grid.steps / unit, start, model.xi * unit, retardation)
+    if path.reached < grid.steps.size:
+        raise SimulationFailure(
+            {"EI": model.flexural_rigidity, "m": model.tip_mass, "l": model.length, "xi": model.xi},
+            float(grid.times[path.reached]),
+            "the tip leaves the deflections and radial forces that the elastica's potential covers; "
+            "a longer retardation calms radial ringing.",
+        )
+    return _motion(model, t, grid.out_drive[:, 0], *path.at(grid.out_step, grid.out_fraction))
+
+
+def _refuse(
+    t: FloatArray, drive: DriveLike | None, *, deflection: float, rate: float, step: float, retardation: float
+) -> None:
     if t.ndim != 1 or t.size < 2 or not np.all(np.diff(t) > 0.0) or not np.isfinite(t).all():
         raise InputError("A simulation needs at least two finite times in increasing order.")
     if drive is not None and not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):
@@ -95,23 +115,15 @@ def simulate_general(
             f"most {DEFLECTION_LIMIT} rad and a finite rate; got {step:.6g} T, {retardation:.6g} T, {deflection:.6g} "
             f"rad and {rate:.6g} rad/s."
         )
-    unit = model.time_scale
-    grid = Grid.build(t, drive, step * unit)
-    stage_times = grid.times[:, None] + grid.steps[:, None] * STAGES
-    hub = np.zeros(stage_times.shape) if drive is None else drive.evaluate(stage_times.ravel())[0].reshape(-1, 3)
-    start = _start(deflection, rate * unit, grid.drive[0, 0] * unit ** np.arange(3), model.xi * unit)
-    path = integrate_tip(hub, grid.steps / unit, start, model.xi * unit, retardation)
-    if path.reached < grid.steps.size:
-        raise SimulationFailure(
-            {"EI": model.flexural_rigidity, "m": model.tip_mass, "l": model.length, "xi": model.xi},
-            float(grid.times[path.reached]),
-            "the tip leaves the deflections and radial forces that the elastica's potential covers; "
-            "a longer retardation calms radial ringing.",
-        )
-    (theta, momentum, rho, rho_rate, load), radial = path.at(grid.out_step, grid.out_fraction)
-    theta_m = grid.out_drive[:, 0]
+
+
+def _motion(
+    model: GeneralModel, t: FloatArray, theta_m: FloatArray, states: FloatArray, radial: FloatArray
+) -> GeneralMotion:
+    """Return a path in SI units."""
+    theta, momentum, rho, rho_rate, load = states
     _, rho_d, _, moment, *_ = tip_potential().tip(theta - theta_m, load)
-    length, force = model.length, model.force_scale
+    length, force, unit = model.length, model.force_scale, model.time_scale
     return GeneralMotion(
         model=model,
         time=t,

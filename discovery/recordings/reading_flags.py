@@ -1,19 +1,19 @@
-"""What people should know of a recording before they trust what is found in it, as sentences."""
+"""What people should know of a recording before they trust what is found in it, as flags."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from discovery.declarations.units import quoted
 from discovery.recordings.angles import within_half_a_turn
+from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.quantisation import quantum
-from discovery.recordings.repeated_notes import by_fault
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 
-__all__ = ["bend_notes", "clean_output", "gap_notes", "misread", "swing_notes", "time_notes"]
+__all__ = ["bend_flags", "clean_output", "gap_flags", "swing_flags", "time_flags"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,16 +26,13 @@ _BENT = 0.9  # rms deflection of a rod [rad]
 _STRETCHES = 6  # of an arm's record, each with some swings
 _ASIDE = 0.2  # rms of their mean deflections [rad]
 _STRAIGHTER = 0.5  # of that, where a column is not what it is called
-_MISREAD = (
-    "Are its columns exchanged, is one of opposite sign, or is an angle in another unit than its column's name says?"
-)
 _WHOLE = 0.95  # swings that count as one
 _SOME = 3.0  # swings
 _SINE = 0.12  # of the standard deviation, what a sine may leave of a part of a swing
 _ENOUGH = 300  # samples of a part of a swing
 
 
-def time_notes(time: FloatArray, assumed: bool) -> list[str]:
+def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
     """Tell what is unusual about sample times.
 
     Parameters
@@ -46,34 +43,27 @@ def time_notes(time: FloatArray, assumed: bool) -> list[str]:
         Whether the sampling rate is not known.
     """
     if assumed:
-        return ["The sampling rate is not known: times count samples, and rates and frequencies are per sample."]
+        return [Flag("rate_unknown")]
     steps = np.diff(time)
     step = float(np.median(steps))
-    notes = []
+    flags = []
     gaps = steps > _GAP * step
     regular = np.abs(steps[~gaps] - step) < _JITTER * step
     if 0 < gaps.mean() < _RARE and regular.mean() > 0.9:
         missing = int(np.round(steps[gaps] / step - 1.0).sum())
-        notes.append(
-            f"{_count(missing, 'sample is', 'samples are')} missing in {_count(int(gaps.sum()), 'gap')} of the times; "
-            f"the longest lasts {steps.max():.4g} s. The motion is computed through them, an input is interpolated."
-        )
+        sizes = {"missing": missing, "gaps": int(gaps.sum()), "longest": float(steps.max())}
+        flags.append(Flag("samples_missing", numbers=sizes))
     elif np.quantile(np.abs(steps - step), 0.95) > _JITTER * step:
         kind = "come in bursts" if steps.mean() > 2.0 * step else "jitter"
-        notes.append(
-            f"The time stamps {kind}: their steps lie between {steps.min():.4g} and {steps.max():.4g} s. "
-            "They are taken as they are."
-        )
+        between = {"shortest": float(steps.min()), "longest": float(steps.max())}
+        flags.append(Flag("times_irregular", numbers={"kind": kind, **between}))
     if not _FAST < step < _SLOW:
         right, times = ("milliseconds", "too long") if step >= _SLOW else ("seconds", "too short")
-        notes.append(
-            f"The samples are {step:.4g} s apart. If the times are in {right}, they are {times} by a thousand: correct "
-            "the unit or the rate in the rig file."
-        )
-    return notes
+        flags.append(Flag("times_scaled", numbers={"step": step, "right": right, "times": times}))
+    return flags
 
 
-def bend_notes(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> list[str]:
+def bend_flags(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> list[Flag]:
     """Tell of an arm whose tip does not point where the motor does: its columns may not be what they are called.
 
     Parameters
@@ -103,22 +93,7 @@ def bend_notes(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> li
     mistaken = aside > _ASIDE and left < min(_ASIDE, _STRAIGHTER * aside)
     if bend <= _BENT and not mistaken:
         return []
-    hint = f" With {likely} it would lie {left:.2g} rad beside it on average, not {aside:.2g}." if mistaken else ""
-    more = ", more than a rod bends in use" if bend > _BENT else ""
-    return [f"The tip lies {bend:.2g} rad beside the motor's direction (rms){more}.{hint} {_MISREAD}"]
-
-
-def misread(notes: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return a sentence for each mistake in columns that notes, by recording, tell of, with its first numbers."""
-    return [
-        f"{first}: {note}" + (f" So in {', '.join(name for name, _ in others)}." if others else "")
-        for (first, note), *others in by_fault(notes, _mistake).values()
-    ]
-
-
-def _mistake(note: str) -> tuple[str, str] | None:
-    """Return the likely mistake in columns that a note tells of, which stands before its numbers, and the note."""
-    return (note.partition(" With ")[2].partition(" it would ")[0], note) if note.endswith(_MISREAD) else None
+    return [Flag(MISREAD, numbers={"bend": bend, "likely": likely if mistaken else "", "left": left, "aside": aside})]
 
 
 def _aside(angle: FloatArray) -> float:
@@ -127,13 +102,13 @@ def _aside(angle: FloatArray) -> float:
     return float(np.sqrt(np.mean([part.mean() ** 2 for part in parts if part.size])))
 
 
-def gap_notes(label: str, time: FloatArray, values: FloatArray) -> list[str]:
+def gap_flags(label: str, time: FloatArray, values: FloatArray) -> list[Flag]:
     """Tell of cells that the file leaves empty.
 
     Parameters
     ----------
     label : str
-        Column, for the sentence.
+        Column.
     time, values : array, shape (n,)
         Times [s] and readings as the file has them, NaN where a cell is empty.
     """
@@ -142,14 +117,12 @@ def gap_notes(label: str, time: FloatArray, values: FloatArray) -> list[str]:
         return []
     runs = np.split(empty, np.flatnonzero(np.diff(empty) > 1) + 1)
     longest = max(runs, key=len)
-    where = f"the first at {time[empty[0]]:.4g} s"
-    if longest.size > 1:
-        where = f"up to {longest.size} in a row, from {time[longest[0]]:.4g} s"
-    count = _count(empty.size, "empty cell")
-    return [f"{label!r} has {count} in {values.size} rows, {where}: gaps, which are not compared."]
+    start = longest[0] if longest.size > 1 else empty[0]
+    sizes = {"count": empty.size, "rows": values.size, "longest": longest.size, "start": float(time[start])}
+    return [Flag("cells_empty", label, numbers=sizes)]
 
 
-def swing_notes(label: str, time: FloatArray, values: FloatArray, period: float | None = None) -> list[str]:
+def swing_flags(label: str, time: FloatArray, values: FloatArray, period: float | None = None) -> list[Flag]:
     """Tell of a free motion that ends before it has swung a few times to and fro.
 
     A sine that fits the whole motion says how much of a swing it is; one of many swings fits no slow sine.
@@ -157,7 +130,7 @@ def swing_notes(label: str, time: FloatArray, values: FloatArray, period: float 
     Parameters
     ----------
     label : str
-        Column, for the sentence.
+        Column.
     time, values : array, shape (n,)
         Times [s] and readings, NaN in gaps.
     period : float, optional
@@ -176,16 +149,8 @@ def swing_notes(label: str, time: FloatArray, values: FloatArray, period: float 
         swings = np.inf if period is None else duration / period
     if swings > _SOME:
         return []
-    if swings >= _WHOLE:
-        return [
-            f"{label!r} holds about {swings:.2g} swings ({duration:.3g} s): few to tell damping and weak forces apart. "
-            "Better record ten."
-        ]
-    return [
-        f"{label!r} holds about {swings:.1g} of a swing ({duration:.3g} s): frequency, damping and the form of the "
-        "force are hardly told apart. If it swings at all, record several swings, better ten: without a hold-out, the "
-        "last third judges."
-    ]
+    code = "swings_few" if swings >= _WHOLE else "swing_cut"
+    return [Flag(code, label, numbers={"swings": float(swings), "duration": duration})]
 
 
 def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
@@ -197,13 +162,13 @@ def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
 
 def clean_output(
     label: str, unit: str, time: FloatArray, values: FloatArray, noise: float, returns: bool
-) -> tuple[FloatArray, list[str]]:
+) -> tuple[FloatArray, list[Flag]]:
     """Leave out what the instrument did not measure, and tell what else is unusual.
 
     Parameters
     ----------
     label, unit : str
-        Column and its unit in the file, for the sentences.
+        Column and its unit in the file.
     time, values : array, shape (n,)
         Times [s] and readings; NaN are gaps.
     noise : float
@@ -215,45 +180,28 @@ def clean_output(
     -------
     values : array, shape (n,)
         With NaN for stuck and clipped readings; the same array where there are none.
-    notes : list of str
+    flags : list of Flag
     """
     step = quantum(values)
     rounding = step / np.sqrt(12.0)
-    notes = []
+    flags = []
+
+    def tell(code: str, **numbers: Any) -> None:
+        flags.append(Flag(code, label, unit, numbers))
+
     if rounding > _COARSE * noise:
-        notes.append(
-            f"{label!r} reads in steps of {quoted(step, unit, 4)}: its noise is taken as at least "
-            f"{quoted(rounding, unit)}, the standard deviation of rounding."
-        )
+        tell("readings_coarse", step=float(step), rounding=float(rounding))
     flat = flat_runs(values, max(noise, step))
     if flat.stretches:
         start, length = max(flat.stretches, key=lambda run: run[1])
-        count, total = len(flat.stretches), int(flat.stuck.sum())
-        where = "for" if count == 1 else f"in {count} stretches, {total} samples in all, the longest of"
-        notes.append(
-            f"{label!r} is stuck {where} {length} samples from {time[start]:.4g} s, while the system moves. "
-            "They are left out."
-        )
+        total = {"stretches": len(flat.stretches), "total": int(flat.stuck.sum())}
+        tell("readings_stuck", **total, length=int(length), start=float(time[start]))
     if flat.limits:
-        at = " and ".join(quoted(limit, unit, 4) for limit in flat.limits)
-        notes.append(
-            f"{label!r} saturates at {at}: {int(flat.clipped.sum())} clipped samples are left out. Widen the "
-            "instrument's range."
-        )
+        tell("readings_clipped", limits=[float(limit) for limit in flat.limits], count=int(flat.clipped.sum()))
     kept = values if not flat.stretches and not flat.limits else np.where(flat.stuck | flat.clipped, np.nan, values)
     found = spikes(kept, noise)
     if found.size:
-        notes.append(
-            f"{label!r} has {_count(found.size, 'spike')}, far from where the readings beside them would put them, the "
-            f"first at {time[found[0]]:.4g} s. They are kept."
-        )
+        tell("spikes", count=int(found.size), start=float(time[found[0]]))
     if returns and (creep := drift(time, kept)):
-        notes.append(
-            f"The mean of {label!r} creeps by {quoted(creep, unit)} over the record: a drifting instrument, or a rest "
-            "position that moves."
-        )
-    return kept, notes
-
-
-def _count(number: int, one: str, several: str = "") -> str:
-    return f"{number} {one if number == 1 else several or one + 's'}"
+        tell("mean_creeps", creep=float(creep))
+    return kept, flags

@@ -1,0 +1,171 @@
+"""What no recording of an arm can show: angles, lengths and durations beyond those of its rig."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.declarations.units import quoted
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import Table
+from discovery.recordings.angles import within_half_a_turn
+from discovery.rigs.rig import Rig
+
+__all__ = ["check_arm"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+#: So small a share of readings may be wild ones.
+_WILD = 0.01
+# Room for errors of scale and origin that are effects to be found, not mistakes of the file.
+LENGTH_MARGIN = 0.10
+NEAREST = 0.2
+LARGEST_TURN = 4.0 * np.pi
+LARGEST_DEFLECTION = np.pi
+# Where the rig does not tell the period [s]; the arms of the literature swing faster.
+SLOWEST_SWING = 20.0
+
+
+def check_arm(
+    table: Table,
+    names: Mapping[str, str],
+    units: Mapping[str, str],
+    rig: Rig,
+    time: FloatArray,
+    inputs: FloatArray | None,
+    outputs: Mapping[str, FloatArray],
+) -> None:
+    """Check that a flexible arm of this length can have moved like this; arguments as in `check_signals`.
+
+    Raises
+    ------
+    InputError
+        If lengths look like millimetres, angles like degrees or times like milliseconds given in SI units, if the tip
+        leaves the reach of the arm, or if the record is shorter than one swing.
+    """
+    assert rig.length is not None  # read_rig demands it of an arm
+    length = rig.length.value
+    assert inputs is not None  # the column is required
+    _check_motor(table, names["motor_angle"], units["motor_angle"], inputs)
+    if not outputs:
+        return
+    _check_duration(table, names["time"], units["time"], rig, time)
+    if "tip_x" in outputs:
+        columns = names["tip_x"], names["tip_y"]
+        radius = np.hypot(outputs["tip_x"], outputs["tip_y"])
+        _check_within(table, columns, units["tip_x"], length, radius)
+        _check_not_nearer(table, columns, units["tip_x"], length, radius)
+        direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
+        # The camera does not count turns.
+        deflection = within_half_a_turn(direction - inputs)
+        _check_follows(table, names["motor_angle"], units["motor_angle"], inputs, direction, deflection)
+    elif "tip_angle" in outputs:
+        deflection = outputs["tip_angle"] - inputs
+        worst = int(np.nanargmax(np.abs(deflection)))
+        if abs(deflection[worst]) > LARGEST_DEFLECTION:
+            raise InputError(
+                f"{table.path}, column {names['tip_angle']!r}, {table.where(worst)}: the tip would be "
+                f"deflected by {quoted(float(deflection[worst]), units['tip_angle'], 4)} from the motor's direction, "
+                "more than half a turn. If one of the angles is in degrees, rename its column to end in _deg; the "
+                "angle of the tip must not jump by full turns."
+            )
+    else:
+        _check_within(
+            table, [names["tip_deflection"]], units["tip_deflection"], length, np.abs(outputs["tip_deflection"])
+        )
+
+
+def _degrees(unit: str) -> str:
+    """Return what to do about an angle that turns too far."""
+    if unit == "deg":
+        return "Correct the unit in the column's name."
+    return "If the angle is in degrees, rename the column to 'motor_angle_deg'."
+
+
+def _check_motor(table: Table, column: str, unit: str, inputs: FloatArray) -> None:
+    turn = float(np.ptp(inputs))
+    if turn > LARGEST_TURN:
+        row = int(np.argmax(np.abs(inputs - inputs[0])))
+        raise InputError(
+            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by "
+            f"{quoted(turn, unit, 4)}, more than two full turns. {_degrees(unit)}"
+        )
+
+
+def _check_duration(table: Table, column: str, unit: str, rig: Rig, time: FloatArray) -> None:
+    """Refuse records shorter than a swing, and sampling too slow to see one."""
+    duration, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    period, source = SLOWEST_SWING, ""
+    if rig.length and rig.tip_mass and rig.flexural_rigidity:
+        # Linear arm (eq. 12 of the paper) with the whole rod's mass at the tip: longer than the true period.
+        mass = rig.tip_mass.value + (rig.beam_mass.value if rig.beam_mass else 0.0)
+        period = 2.0 * np.pi * np.sqrt(mass * rig.length.value**3 / (3.0 * rig.flexural_rigidity.value))
+        source = " by the rig file's masses, length and rigidity"
+        if duration < period:
+            raise InputError(
+                f"{table.path}, column {column!r}: the record is too short: it lasts "
+                f"{quoted(duration, unit, 4)}, less than one swing of this arm ({quoted(period, unit)}{source}). "
+                "Record longer, or correct these, or the unit in the column's name."
+            )
+    if step > 0.25 * period:
+        remedy = "If the times are in milliseconds, rename the column to 'time_ms'; else sample faster"
+        if unit != "s":
+            remedy = "Correct the unit in the column's name, or sample faster"
+        if source:
+            remedy += ", or correct these quantities and their units"
+        raise InputError(
+            f"{table.path}, column {column!r}: the samples are {quoted(step, unit, 4)} apart, too far for an arm that "
+            f"swings in {quoted(period, unit)}{source}. {remedy}."
+        )
+
+
+def _check_within(table: Table, columns: Sequence[str], unit: str, length: float, distance: FloatArray) -> None:
+    """Refuse a tip beyond the reach of the arm, at its first row."""
+    beyond = distance > (1.0 + LENGTH_MARGIN) * length
+    if not beyond.any():
+        return
+    row = int(np.argmax(beyond))
+    if unit == "m" and np.nanmedian(distance[beyond]) > 30.0 * length:
+        names = " and ".join(repr(f"{column.rsplit('_', 1)[0]}_mm") for column in columns)
+        cure = f"If it is in millimetres, rename to {names}."
+    else:
+        cure = "Correct length_m in the rig file, the unit in the column's name, or the camera's origin: it is the hub."
+        if beyond.sum() <= _WILD * np.isfinite(distance).sum():
+            cure = f"Few readings are that far ({beyond.sum()}): empty the cells of a wild one. Else: {cure}"
+    raise InputError(
+        f"{table.path}, {_columns(columns)}, {table.where(row)}: the tip would be "
+        f"{quoted(float(distance[row]), unit, 4)} away on an arm that is {quoted(length, unit, 4)} long. {cure}"
+    )
+
+
+def _check_not_nearer(table: Table, columns: Sequence[str], unit: str, length: float, radius: FloatArray) -> None:
+    farthest = int(np.nanargmax(radius))
+    if radius[farthest] < NEAREST * length:
+        raise InputError(
+            f"{table.path}, {_columns(columns)}, {table.where(farthest)}: the tip is never farther from the "
+            f"hub than {quoted(float(radius[farthest]), unit, 4)}, but the arm is {quoted(length, unit, 4)} long. "
+            "Correct length_m in the rig file or the unit in the columns' names, and measure from the hub."
+        )
+
+
+def _columns(columns: Sequence[str]) -> str:
+    return ("column " if len(columns) == 1 else "columns ") + " and ".join(map(repr, columns))
+
+
+def _check_follows(
+    table: Table, column: str, unit: str, inputs: FloatArray, direction: FloatArray, deflection: FloatArray
+) -> None:
+    """Refuse a motor angle in degrees: it runs away from the tip, by 57 radians for each."""
+    finite = np.isfinite(direction)
+    turn = float(np.ptp(inputs[finite]))
+    follows = float(np.ptp(np.unwrap(direction[finite])))
+    far = float(np.nanmax(np.abs(deflection)))
+    if turn > 1.0 and (turn > 20.0 * follows or (turn > 2.0 * np.pi and far > 0.9 * LARGEST_DEFLECTION)):
+        row = int(np.argmax(np.abs(inputs - inputs[0])))
+        raise InputError(
+            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by "
+            f"{quoted(turn, unit, 4)} while the tip's direction changes by {quoted(follows, unit)}. {_degrees(unit)}"
+        )

@@ -1,0 +1,95 @@
+"""A data set as results.json describes it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.declarations.units import si_symbol
+from discovery.recordings.dataset import Dataset
+from discovery.recordings.experiment import Experiment, largest_deflection
+from discovery.recordings.quantisation import quantum
+from discovery.rigs.rig import Rig
+
+__all__ = ["describe"]
+
+FloatArray = NDArray[np.float64]
+
+
+_STATED = (
+    ("length", "m"),
+    ("tip_mass", "kg"),
+    ("beam_mass", "kg"),
+    ("flexural_rigidity", "N m^2"),
+    ("mass", "kg"),
+    ("inertia", "kg m^2"),
+    ("gravity", "m s^-2"),
+)
+_NUMBERS = (
+    ("position_noise", "m"),
+    ("angle_noise", "rad"),
+    ("motor_angle_limit", "rad"),
+    ("motor_speed_limit", "rad s^-1"),
+    ("motor_acceleration_limit", "rad s^-2"),
+    ("deflection_limit", "rad"),
+)
+
+
+def describe(dataset: Dataset) -> dict[str, Any]:
+    """Return the rig and its recordings, JSON-ready."""
+    rig = dataset.rig
+    return {
+        "rig": {
+            "name": rig.name,
+            "kind": rig.kind,
+            "base": rig.base,
+            "coordinate_unit": dataset.train[0].coordinate_unit,
+            "input_unit": None if rig.columns.input is None else si_symbol(rig.columns.input.unit),
+            "quantities": _quantities(rig),
+            "declared": list(rig.declared),
+            "view": None if rig.view is None else asdict(rig.view),
+        },
+        "recordings": [_recording(role, e) for role, e in (*dataset.everything, *(("test", e) for e in dataset.test))],
+    }
+
+
+def _signal(output: FloatArray) -> dict[str, float]:
+    """Return the size of what was read, gaps left out: rms of the readings and of their distance from their mean."""
+    read = output[np.isfinite(output).all(axis=1)]
+    return {
+        name: float(np.sqrt(np.mean(np.sum(x**2, axis=1))))
+        for name, x in (("rms", read), ("sd", read - read.mean(axis=0)))
+    }
+
+
+def _quantities(rig: Rig) -> dict[str, dict[str, Any]]:
+    stated = ((name, unit, getattr(rig, name)) for name, unit in _STATED)
+    numbers = ((name, unit, getattr(rig, name)) for name, unit in _NUMBERS)
+    return {
+        **{name: {"value": q.value, "sd": q.sd, "unit": unit} for name, unit, q in stated if q is not None},
+        **{name: {"value": v, "sd": None, "unit": unit} for name, unit, v in numbers if v is not None},
+    }
+
+
+def _recording(role: str, e: Experiment) -> dict[str, Any]:
+    return {
+        "name": e.recording.name,
+        "role": role,
+        "samples": e.recording.time.size,
+        "fitted_samples": len(e.recording.time[e.fitted]) if role == "train" else 0,
+        "duration_s": float(e.recording.time[-1] - e.recording.time[0]),
+        # Of rounded times no single step is right.
+        "rate_hz": float((e.recording.time.size - 1) / np.ptp(e.recording.time)),
+        "largest_deflection": largest_deflection([e]),
+        "channels": list(e.recording.channels),
+        "units": list(e.recording.units),
+        "noise": e.recording.noise,
+        "noise_estimated": e.recording.noise_estimated,
+        "signal": _signal(e.recording.output),
+        "step": [quantum(column) for column in e.recording.output.T],
+        "notes": list(e.recording.notes),
+        "flags": [flag.summary() for flag in e.recording.flags],
+    }

@@ -1,0 +1,56 @@
+"""What follows an answer: its values against the rig, and manoeuvres between what it cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from discovery.diagnosis.contradiction import ContradictionReport, check_contradictions
+from discovery.diagnosis.separation import Separation, separate
+from discovery.estimation.fit import Fit, fit_near
+from discovery.selection.context import Context
+from discovery.selection.search import Search
+from discovery.selection.verdict import (
+    Named,
+)
+
+__all__ = ["contradiction_of", "designs", "separations"]
+
+
+#: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
+_DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
+#: Rivals of one effect for which a manoeuvre is designed.
+_RIVALS = 2
+
+
+def contradiction_of(after: Fit, search: Search, context: Context, *, complete: bool) -> ContradictionReport | None:
+    """Test the final values against what the rig and the elastica predict; None where nothing asks for it."""
+    if not context.settings.follow_up or not (complete or search.best.added):
+        return None
+    context.progress("comparing with the rig")
+    bench = search.best.refit.problem.bench
+    rng = np.random.default_rng([context.settings.seed, 1])
+    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, progress=context.progress)
+
+
+def separations(search: Search, found: Mapping[str, Named], context: Context) -> tuple[Separation, ...]:
+    """Design a manoeuvre, within the limits of the motor, for every added effect that others explain as well."""
+    if not (context.settings.follow_up and context.train[0].is_arm):
+        return ()
+    made = []
+    for effect, own in found.items():
+        if not own.rivals:
+            continue
+        context.progress(f"designing a manoeuvre that tells {effect} from {' and '.join(own.group[:_RIVALS])}")
+        sets = dict(zip((effect, *own.group[:_RIVALS]), (search.best, *own.rivals[:_RIVALS]), strict=True))
+        fits = {name: fit_near(c.refit.problem, c.refit.values) for name, c in sets.items()}
+        steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
+        rng = np.random.default_rng([context.settings.seed, 2])
+        made.append(separate(fits, rng, evaluations=designs(steps)))
+    return tuple(made)
+
+
+def designs(steps: float) -> int:
+    """Return how many manoeuvres are tried where the motion takes so many steps: play takes a hundred thousand."""
+    return int(np.clip(_DESIGNS * _LONG / steps, _FEWEST, _DESIGNS))

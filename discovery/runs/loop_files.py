@@ -1,0 +1,173 @@
+"""The files of a loop: loop.json, its predictions and curves, and what its page reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.diagnosis.missing_force import MissingForce
+from discovery.estimation.fit import Fit
+from discovery.estimation.predict import predict
+from discovery.estimation.problem import natural_units
+from discovery.estimation.residual import errors
+from discovery.export import FittedModel
+from discovery.foundation.errors import ComputationError
+from discovery.foundation.io import atomic_write
+from discovery.recordings.dataset import Dataset
+from discovery.results import curves
+from discovery.results.provenance import provenance, write_json
+from discovery.runs.description import describe
+from discovery.runs.loop_result import LoopResult
+
+__all__ = [
+    "gather_loop",
+    "loops_predictions",
+    "models_of",
+    "of_loop",
+    "save_curves",
+    "save_prediction",
+    "to_clean",
+    "write_loop",
+]
+
+FloatArray = NDArray[np.float64]
+
+
+def models_of(result: LoopResult) -> dict[str, Any]:
+    """Return the models before and after the loop with all that an export needs, see `discovery.export`."""
+    return {
+        "before": FittedModel.from_fit(result.before).to_dict(),
+        "after": FittedModel.from_fit(result.after).to_dict(),
+    }
+
+
+def write_loop(
+    out: Path, result: LoopResult, *, alone: bool = True, missing: MissingForce | None = None
+) -> dict[str, Any]:
+    """Write loop.json and return its content; where it stands alone, its models are in it, ready to be exported.
+
+    A designed manoeuvre that can decide between rivals is written beside it as a course of the motor.
+    """
+    content = result.summary()
+    if missing is not None:
+        content["missing_force"] = missing.summary()
+    designed = {f"manoeuvre_{i}.csv": s for i, s in enumerate(getattr(result, "separations", ()), 1) if s.decides}
+    for name, separation in designed.items():
+        with atomic_write(out / name) as draft:
+            draft.write_text(separation.csv(), encoding="utf-8")
+    # Those of an earlier run would tell apart what this one never named.
+    for old in {p.name for p in out.glob("manoeuvre_*.csv")} - {*designed}:
+        (out / old).unlink()
+    if alone and isinstance(result, LoopResult):
+        content["models"] = models_of(result)
+    write_json(out / "loop.json", content)
+    return content
+
+
+def of_loop(dataset: Dataset, loop: LoopResult, missing: MissingForce | None) -> dict[str, Any]:
+    """Return what results.json holds of a loop and its recordings."""
+    return {
+        **describe(dataset),
+        "loop": loop.summary(),
+        "missing_force": None if missing is None else missing.summary(),
+    }
+
+
+def loops_predictions(loop: LoopResult) -> dict[str, list[FloatArray]]:
+    """Return the predictions of the models before and after, of every recording."""
+    return {when: list(loop.predictions[when]) for when in ("before", "after")}
+
+
+def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> None:
+    """Gather in an empty folder what the page of a loop alone is made of."""
+    predictions = loops_predictions(result)
+    content = {
+        "provenance": provenance(dataset, seed=seed),
+        **of_loop(dataset, result, missing),
+        "scope": "loop",
+        "clean": to_clean(dataset, predictions),
+    }
+    save_curves(folder, dataset, predictions=predictions, bands=(), posterior=None, discovered=None, elastica=None)
+    if missing is not None:
+        curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
+    write_json(folder / "results.json", content)
+
+
+def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, discovered, elastica) -> None:
+    """Save what the report draws."""
+    curves.save_groups(folder / "trajectories.nc", curves.trajectories(dataset, predictions, bands))
+    period = 2 * np.pi * natural_units(dataset.train).time
+    decays = curves.backbones(dataset, predictions, period)
+    if decays:
+        curves.save_groups(folder / "amplitude.nc", decays)
+    if elastica is not None:
+        groups = {"laws": curves.laws(posterior, elastica["delta_max"])}
+        points = curves.measured_radius(dataset)
+        if points is not None:
+            groups["measured"] = points
+        curves.save_groups(folder / "laws.nc", groups)
+    if discovered is not None and discovered.multisine is not None:
+        curves.save_groups(folder / "multisine.nc", {"/": curves.lines(discovered.multisine)})
+
+
+def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:
+    """Write what the instrument would read before and after the loop, with standard deviations.
+
+    The declared model may blow up beyond the motions that it was fitted to: its columns are empty then.
+
+    Parameters
+    ----------
+    path : Path
+        prediction.csv.
+    experiment : Experiment
+        Times and input.
+    before, after : Fit
+        The declared model and the final one.
+    initial : tuple of float, optional
+        Deflection and rate at the first time; the static equilibrium at rest otherwise.
+
+    Returns
+    -------
+    str
+        Why the columns of the declared model are empty, if they are.
+
+    Raises
+    ------
+    ComputationError
+        If the final model has no prediction.
+    """
+    import pandas as pd
+
+    columns: dict[str, FloatArray] = {"time_s": experiment.recording.time}
+    spreads: dict[str, FloatArray] = {}
+    arm = experiment.is_arm
+    final, why = predict(after, experiment, initial), ""
+    try:
+        first = predict(before, experiment, initial)
+    except ComputationError as failure:
+        nothing, why = np.full_like(final[0], np.nan), str(failure)
+        first = nothing, nothing
+    for label, (value, sd) in (("before", first), ("after", final)):
+        if arm:
+            for k, axis in enumerate("xy"):
+                columns[f"tip_{axis}_{label}_m"] = value[:, k]
+                spreads[f"tip_{axis}_{label}_sd_m"] = sd[:, k]
+        else:
+            columns[f"output_{label}"] = value[:, 0]
+            spreads[f"output_{label}_sd"] = sd[:, 0]
+    with atomic_write(path) as temporary:
+        pd.DataFrame({**columns, **spreads}).to_csv(temporary, index=False, float_format="%.9g")
+    return why
+
+
+def to_clean(dataset: Dataset, predictions: dict[str, list[FloatArray]]) -> dict[str, Any] | None:
+    """Return distances to the noise-free tip where a simulated recording brings it along."""
+    found: dict[str, Any] = {}
+    for i, (role, e) in enumerate(dataset.everything):
+        clean = curves.noise_free(e) if role == "holdout" else None
+        if clean is not None:
+            found[e.recording.name] = {label: errors(arrays[i], clean) for label, arrays in predictions.items()}
+    return found or None

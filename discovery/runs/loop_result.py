@@ -1,0 +1,169 @@
+"""What the loop found: the models before and after, every decision, and what is told of the effects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.declarations.registry import get_effect
+from discovery.declarations.units import in_coordinate
+from discovery.diagnosis.contradiction import ContradictionReport
+from discovery.diagnosis.separation import Separation
+from discovery.diagnosis.stand_in import StandIn, stand_in
+from discovery.estimation.fit import Fit
+from discovery.estimation.physical import physical_rows
+from discovery.estimation.residual import ResidualReport
+from discovery.mechanics import upgrades
+from discovery.plots.loops import LoopViews
+from discovery.recordings.recording import Recording
+from discovery.selection.decision import Decision
+from discovery.selection.final import prolonged
+from discovery.selection.verdict import (
+    Lead,
+    ModelErrorReport,
+    Named,
+)
+
+__all__ = ["UPGRADES", "LoopResult"]
+
+FloatArray = NDArray[np.float64]
+
+
+#: Better bases, and what the step to each is called when the loop finds it.
+UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
+
+
+@dataclass(frozen=True, repr=False)
+class LoopResult(LoopViews):
+    """What the loop found.
+
+    Parameters
+    ----------
+    verdict : str
+        "explained", "partly_explained", "nothing_missing" or "unexplained".
+    declared : tuple of str
+        The declared model.
+    added : tuple of str
+        Effects in the order in which they were added, base upgrades first.
+    named : mapping of str to Named
+        How sure each added effect is, base upgrades left out.
+    before, after : Fit
+        The declared model refitted, and the final one.
+    steps : tuple of Decision
+        What was decided, in order.
+    errors : mapping
+        As in loop.json.
+    model_error : ModelErrorReport
+        The error that the model keeps beside the noise.
+    lead : Lead or None
+        The strongest candidate that is not named, where something is left.
+    residual_before, residual_after : ResidualReport
+        On the training recordings.
+    predictions : mapping
+        "before" and "after": prediction of every recording, training first.
+    complete : bool
+        Whether the model error cannot be told from none.
+    contradiction : ContradictionReport, optional
+        Fitted values against what the rig and the elastica predict.
+    separations : tuple of Separation
+        The manoeuvres that would tell apart what these recordings cannot.
+    recordings : tuple of Recording
+        Training first.
+    """
+
+    verdict: str
+    declared: tuple[str, ...]
+    added: tuple[str, ...]
+    named: Mapping[str, Named]
+    before: Fit
+    after: Fit
+    steps: tuple[Decision, ...]
+    errors: Mapping[str, Any]
+    model_error: ModelErrorReport
+    lead: Lead | None
+    residual_before: ResidualReport
+    residual_after: ResidualReport
+    predictions: Mapping[str, list[FloatArray]]
+    complete: bool
+    contradiction: ContradictionReport | None = None
+    separations: tuple[Separation, ...] = ()
+    recordings: tuple[Recording, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the answer; all that led to it would fill pages."""
+        before, after = (self.errors[k]["holdout"]["rms"] for k in ("before", "after"))
+        change = f"holdout rms {before:.4g} -> {after:.4g} {self.errors['unit']}"
+        return f"<LoopResult {self.verdict}, added {', '.join(self.added) or 'nothing'}, {change}>"
+
+    @property
+    def ambiguous(self) -> dict[str, tuple[str, ...]]:
+        """What else would serve, by added effect."""
+        return {effect: found.group for effect, found in self.named.items()}
+
+    @property
+    def stand_ins(self) -> dict[str, StandIn]:
+        """What added effects may stand for, by effect: an error of the rig file would do the same."""
+        found = {effect: stand_in(self.after, effect) for effect in self.added}
+        return {effect: other for effect, other in found.items() if other is not None}
+
+    def foresight(self) -> Fit:
+        """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
+        experiments = self.after.problem.bench.experiments
+        noise = float(min(e.recording.noise.min() for e in experiments))
+        return prolonged(self.after, self.model_error.after / noise, experiments)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the content of loop.json."""
+        return {
+            "verdict": self.verdict,
+            "declared": list(self.declared),
+            "recordings": [
+                {"name": r.name, "notes": list(r.notes), "flags": [f.summary() for f in r.flags]}
+                for r in self.recordings
+            ],
+            "effects": [self._described(effect) for effect in self.added],
+            "errors": dict(self.errors),
+            "model_error": self.model_error.summary(),
+            "complete": self.complete,
+            **({"lead": self.lead.summary()} if self.lead else {}),
+            **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
+            **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
+            "model": {"before": self.before.summary(), "after": self.after.summary()},
+            "residual": {"before": self.residual_before.summary(), "after": self.residual_after.summary()},
+            "steps": [s.summary() for s in self.steps],
+        }
+
+    def _described(self, effect: str) -> dict[str, Any]:
+        """Return what loop.json holds of an added effect."""
+        sd, values, other = dict(self.after.sd), self.after.values, self.stand_ins.get(effect)
+        if other:
+            # No reading is surer than the ruler.
+            sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
+        names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
+        physical = physical_rows(self.after.physical)
+        coordinate = self.after.problem.bench.experiments[0].coordinate_unit
+        parameters = {
+            n: {
+                "value": values[n],
+                "sd": None if n in self.after.reasons else sd[n],
+                "unit": in_coordinate(self.after.model.parameters[n].value_unit, coordinate),
+                **({"physical": physical[n]} if n in physical else {}),
+            }
+            for n in names
+            if n in values
+        }
+        found = self.named.get(effect)
+        return {
+            "id": effect,
+            "parameters": parameters,
+            "evidence": found.evidence() if found else {},
+            "probability": found.probability if found else None,
+            "group_probability": found.group_probability if found else None,
+            "ambiguous_with": list(found.group if found else ()),
+            "may_stand_for_unknown": found is not None and found.doubtful,
+            **({"stands_for": other.summary()} if other else {}),
+        }
