@@ -208,7 +208,7 @@ def _columns(
 
 def _check_inertia(path: Path, text: str, output: str, keys: Mapping[str, str]) -> None:
     """Refuse a mass of what turns, and a moment of inertia of what does not."""
-    turns = homogeneous(si_symbol(output), "rad")
+    turns = known_dimension(si_symbol(output)) == {}
     for stem, other in (("mass", "inertia"), ("inertia", "mass")):
         if stem in keys and turns == (stem == "mass"):
             moves = "turns: its output is an angle" if turns else "does not turn: its output is no angle"
