@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.system import SystemDeclaration
-from discovery.declarations.units import si_factor, si_symbol, split_suffix
+from discovery.declarations.units import known_dimension, si_factor, si_symbol, split_suffix
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
 from discovery.mechanics import get_base
