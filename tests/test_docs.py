@@ -15,9 +15,9 @@ import pytest
 
 from discovery.declarations.registry import catalogue
 from discovery.mechanics.upgrades import UPGRADES
+from discovery.report.sentences import OUTCOMES
 from discovery.selection.decision import Candidacy, Decision
 from discovery.selection.odds import Odds
-from discovery.selection.sentences import OUTCOMES
 from discovery.selection.settings import LoopSettings
 from discovery.selection.verdict import VERDICTS, Lead, ModelErrorReport
 

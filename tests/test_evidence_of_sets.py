@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.stats import multivariate_normal
 
+from discovery.estimation.belief import Belief
+from discovery.estimation.laplace import bounded_step
+from discovery.estimation.log_evidence import Linearised, evidence_of
 from discovery.estimation.model_error import Channel
-from discovery.selection.belief import Belief
-from discovery.selection.evidence import Linearised, _bounded, evidence_of
 
 TIME = np.arange(0, 30, 0.05)
 #: Natural time of the motion, and the memory of the model error.
@@ -173,7 +174,7 @@ def test_a_bounded_step_is_that_of_bounded_least_squares(seed: int) -> None:
     rng = np.random.default_rng(seed)
     matrix, target = rng.normal(size=(30, 4)), rng.normal(size=30)
     low, high = -rng.random(4) * 0.2, rng.random(4) * 0.2
-    found = _bounded(matrix.T @ matrix, matrix.T @ target, low, high, np.ones(4, bool))
+    found = bounded_step(matrix.T @ matrix, matrix.T @ target, low, high, np.ones(4, bool))
     exact = lsq_linear(matrix, -target, (low, high)).x
     cost, least = (np.sum((matrix @ x + target) ** 2) for x in (found, exact))
     assert np.all((found >= low) & (found <= high))

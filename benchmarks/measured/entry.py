@@ -14,9 +14,9 @@ from discovery.declarations.units import si_factor
 from discovery.foundation.errors import InputError
 from discovery.report.numbers import scale_for, significant, unit_text
 from discovery.report.results import Run, read_run
+from discovery.report.sentences import verdict_sentence
 from discovery.report.words import effect_name, listed
 from discovery.results.provenance import read_json
-from discovery.selection.sentences import verdict_sentence
 
 __all__ = ["Entry", "Outcome", "read_entries", "read_entry"]
 

@@ -12,10 +12,10 @@ from benchmarks.measured.figure import draw
 from discovery.foundation.io import atomic_write
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.page import added_effects, embed, environment
+from discovery.report.sentences import verdict_sentence
 from discovery.report.style import styled
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed, sentence
-from discovery.selection.sentences import verdict_sentence
 
 __all__ = ["build_comparison"]
 

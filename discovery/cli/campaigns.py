@@ -24,9 +24,9 @@ __all__ = ["COMMANDS", "close"]
 
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     """Run the loop of one case, write its loop.json, and return what the tables of the campaign hold."""
+    from discovery.report.sentences import verdict_sentence
     from discovery.runs.loop_files import write_loop
     from discovery.runs.stages import loop, unexplained
-    from discovery.selection.sentences import verdict_sentence
 
     # A case that is done again and fails leaves nothing of before.
     for stale in (case.out / "loop.json", case.out / "report.html", *case.out.glob("manoeuvre_*.csv")):

@@ -19,7 +19,7 @@ __all__ = ["say_doubts", "say_left_out", "say_loop", "say_missing"]
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
-    from discovery.selection.sentences import lead_sentence, model_error_words
+    from discovery.report.sentences import lead_sentence, model_error_words
 
     content = result.summary()
     click.echo(f"verdict: {content['verdict']}")
@@ -51,8 +51,8 @@ def say_missing(missing: MissingForce | None) -> None:
 
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
+    from discovery.report.sentences import effect_sentence
     from discovery.runs.loop_result import UPGRADES
-    from discovery.selection.sentences import effect_sentence
 
     role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"
     values = ", ".join(

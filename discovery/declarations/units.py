@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
@@ -26,7 +27,6 @@ __all__ = [
     "homogeneous",
     "in_coordinate",
     "known_dimension",
-    "named_unit",
     "quoted",
     "si_factor",
     "si_symbol",
@@ -116,34 +116,11 @@ def dimension(unit: str) -> dict[str, Fraction]:
     return dict(_exponents(unit))
 
 
-#: Units of mechanics by what they measure, the shortest first.
-_WORDS = (
-    *("1", "m", "s", "kg", "N", "N m", "N s", "N m s", "N m^-1", "N s m^-1", "m s^-1", "m s^-2", "kg m^2", "kg m"),
-    *("A", "V", "ohm", "N m A^-1", "N A^-1"),
-)
-
-
-def named_unit(exponents: Mapping[str, Fraction]) -> str:
-    """Return a unit of given base units in the words of mechanics: ``"N m"``, or powers of the base units.
-
-    Examples
-    --------
-    >>> named_unit(dimension("kg m^2 s^-2")), named_unit(dimension("N s^2 m^-2"))
-    ('N m', 'kg m^-1')
-    """
-    for word in _WORDS:
-        if dimension(word) == exponents:
-            return word
-    order = sorted(exponents.items(), key=lambda pair: (pair[1] < 0, pair[0]))
-    return " ".join(base if power == 1 else f"{base}^{power}" for base, power in order)
-
-
 def known_dimension(unit: str) -> dict[str, Fraction] | None:
     """Return the dimension of a unit; None of one that is no SI unit, such as the pixel of a camera."""
-    try:
+    with suppress(InputError):
         return dimension(unit)
-    except InputError:
-        return None
+    return None
 
 
 def homogeneous(first: str, second: str) -> bool:

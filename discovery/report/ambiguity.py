@@ -5,9 +5,9 @@ from __future__ import annotations
 from discovery.report.estimates import symbol_of
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
+from discovery.report.sentences import probability_words
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed
-from discovery.selection.sentences import probability_words
 
 __all__ = [
     "contradictions",

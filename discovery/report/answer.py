@@ -15,8 +15,8 @@ from discovery.report.latex import latex
 from discovery.report.mathml import block, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
+from discovery.report.sentences import chances, probability_words
 from discovery.report.words import effect_name, error_groups, error_scale
-from discovery.selection.sentences import chances, probability_words
 
 __all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
 

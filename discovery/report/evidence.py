@@ -9,10 +9,10 @@ from markupsafe import Markup
 
 from discovery.report.numbers import MISSING, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
+from discovery.report.sentences import chances, probability_words, share_words
 from discovery.report.story import named, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose
-from discovery.selection.sentences import chances, probability_words, share_words
 
 __all__ = [
     "dependence_table",

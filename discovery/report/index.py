@@ -17,9 +17,9 @@ from discovery.mechanics import get_base
 from discovery.report.numbers import scale_for, significant, uncertain, unit_text
 from discovery.report.page import environment
 from discovery.report.results import read_run
+from discovery.report.sentences import chances
 from discovery.report.words import effect_name, held_group, origin, sentence
 from discovery.results.provenance import read_json
-from discovery.selection.sentences import chances
 
 __all__ = ["build_index"]
 

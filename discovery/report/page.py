@@ -32,10 +32,10 @@ from discovery.report.references import effects_used, methods_used
 from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
 from discovery.report.scripts import policy, scripts, sheet
+from discovery.report.sentences import effect_sentence, lead_sentence, model_error_words, verdict_sentence
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
 from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, prose, sentence
-from discovery.selection.sentences import effect_sentence, lead_sentence, model_error_words, verdict_sentence
 
 if TYPE_CHECKING:
     from jinja2 import Environment

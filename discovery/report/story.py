@@ -8,8 +8,8 @@ from itertools import groupby
 from typing import Any
 
 from discovery.report.results import Run
+from discovery.report.sentences import OUTCOMES, decision_sentence
 from discovery.report.words import effect_name, effect_title, listed
-from discovery.selection.sentences import OUTCOMES, decision_sentence
 from discovery.selection.settings import LoopSettings
 
 __all__ = ["Search", "named", "searches", "steps"]

@@ -11,7 +11,7 @@ from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
 from discovery.report.numbers import Scale, scale_for, significant
 from discovery.report.results import Run
-from discovery.selection.sentences import effect_name, lead_sentence, listed, verdict_sentence
+from discovery.report.sentences import effect_name, lead_sentence, listed, verdict_sentence
 
 __all__ = [
     "FITS",

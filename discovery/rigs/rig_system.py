@@ -15,7 +15,8 @@ from discovery.declarations import symbols
 from discovery.declarations.formula import reserved_words
 from discovery.declarations.registry import catalogue
 from discovery.declarations.system import Constant, SystemDeclaration
-from discovery.declarations.units import dimension, homogeneous, named_unit, si_factor, si_symbol
+from discovery.declarations.unit_words import named_unit
+from discovery.declarations.units import dimension, homogeneous, si_factor, si_symbol
 from discovery.foundation.errors import InputError, suggestion
 from discovery.mechanics.systems import system_base
 from discovery.rigs.rig import Columns

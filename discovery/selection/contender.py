@@ -13,12 +13,12 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
+from discovery.estimation.log_evidence import Evidence, evidence_of
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
 from discovery.foundation.workers import at_once
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
-from discovery.selection.evidence import Evidence, evidence_of
 from discovery.selection.linearise import Slopes, linearised
 from discovery.simulation.simulate import THREADS
 

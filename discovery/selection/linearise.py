@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.estimation.belief import belief_of
 from discovery.estimation.bench import Bench
+from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
 from discovery.recordings.experiment import Experiment
 from discovery.screening.refits import Refit
-from discovery.selection.belief import belief_of
 from discovery.selection.context import Context
-from discovery.selection.evidence import Linearised
 
 __all__ = ["Slopes", "linearised"]
 

@@ -6,8 +6,8 @@ import math
 
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
+from discovery.report.sentences import verdict_sentence
 from discovery.report.style import BLUE, GREY, RED, Picture, new_figure, plain_log
-from discovery.selection.sentences import verdict_sentence
 
 __all__ = ["draw"]
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from discovery.report.figures.nats import bar, nats_axis
 from discovery.report.results import Run
+from discovery.report.sentences import chances
 from discovery.report.style import BLUE, ORANGE, Picture, new_figure
 from discovery.report.words import effect_name, listed
-from discovery.selection.sentences import chances
 
 __all__ = ["draw"]
 

@@ -1,0 +1,31 @@
+"""Units in the words of mechanics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+
+from discovery.declarations.units import dimension
+
+__all__ = ["named_unit"]
+
+#: Units of mechanics by what they measure, the shortest first.
+_WORDS = (
+    *("1", "m", "s", "kg", "N", "N m", "N s", "N m s", "N m^-1", "N s m^-1", "m s^-1", "m s^-2", "kg m^2", "kg m"),
+    *("A", "V", "ohm", "N m A^-1", "N A^-1"),
+)
+
+
+def named_unit(exponents: Mapping[str, Fraction]) -> str:
+    """Return a unit of given base units in the words of mechanics: ``"N m"``, or powers of the base units.
+
+    Examples
+    --------
+    >>> named_unit(dimension("kg m^2 s^-2")), named_unit(dimension("N s^2 m^-2"))
+    ('N m', 'kg m^-1')
+    """
+    for word in _WORDS:
+        if dimension(word) == exponents:
+            return word
+    order = sorted(exponents.items(), key=lambda pair: (pair[1] < 0, pair[0]))
+    return " ".join(base if power == 1 else f"{base}^{power}" for base, power in order)

@@ -1,0 +1,143 @@
+"""Laplace's method for the parameters of a linearised model under one size of the model error.
+
+The posterior is Gaussian around the generalised least squares estimate, within bounds. The size of the white noise is that
+of the highest likelihood, never below what is stated (MacKay, Information Theory, Inference and Learning Algorithms,
+2003, chapter 27).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.optimize import lsq_linear
+
+from discovery.estimation.belief import Belief
+
+__all__ = ["Mode", "Prior", "bounded_step", "mode_of"]
+
+FloatArray = NDArray[np.float64]
+_LOG_2PI = float(np.log(2 * np.pi))
+#: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
+_NOISE_SCALE, _ROUNDS = 0.1, 3
+
+
+@dataclass(frozen=True)
+class Mode:
+    """The posterior of the parameters for one size of the model error.
+
+    Parameters
+    ----------
+    log_evidence : float
+        The size given.
+    white : float
+        Standard deviation of the noise [stated noise sds], at least one.
+    step : ndarray, shape (p,)
+        From the linearisation to the mode.
+    precision : ndarray, shape (p, p)
+        Inverse covariance.
+    gained : float
+        By how much the step raises the logarithm of the posterior.
+    """
+
+    log_evidence: float
+    white: float
+    step: FloatArray
+    precision: FloatArray
+    gained: float
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is believed of the parameters of a linear problem.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (p,)
+        Where the Gaussian ones have their mean.
+    precision : ndarray, shape (p, p)
+        Inverse covariance, of other priors from their widths.
+    pull : ndarray, shape (p, p)
+        The part of it that is Gaussian: others are flat on the scale of the posterior.
+    log_density : float
+        At the linearisation, that of the Gaussian ones at their mean.
+    low, high, frozen
+        As for a belief.
+    """
+
+    mean: FloatArray
+    precision: FloatArray
+    pull: FloatArray
+    log_density: float
+    low: FloatArray
+    high: FloatArray
+    frozen: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, belief: Belief, p: int) -> Prior:
+        """Return the prior of the first parameters of a belief."""
+        known = np.isfinite(belief.centre[:p])
+        precision = 1.0 / belief.width[:p] ** 2
+        mean = np.where(known, belief.centre[:p], 0.0)
+        pull = np.diag(np.where(known, precision, 0.0))
+        log = float(belief.log_density[:p].sum())
+        return cls(mean, np.diag(precision), pull, log, belief.low[:p], belief.high[:p], belief.frozen[:p])
+
+    def after(self, mode: Mode, belief: Belief) -> Prior:
+        """Return the prior of held-out recordings: the posterior of the training ones, and initial states."""
+        p, states = len(self.mean), belief.width[len(self.mean) :]
+        whole = block_diag(mode.precision, np.diag(1.0 / states**2))
+        pull = block_diag(mode.precision, np.zeros((states.size, states.size)))
+        log = 0.5 * (float(np.linalg.slogdet(mode.precision)[1]) - p * _LOG_2PI) + float(belief.log_density[p:].sum())
+        mean = np.append(mode.step, np.zeros(states.size))
+        return Prior(mean, whole, pull, log, belief.low, belief.high, belief.frozen)
+
+
+def mode_of(gram: FloatArray, logarithms: float, count: int, prior: Prior) -> Mode:
+    """Return the posterior mode of a linear problem with scalar products of (derivatives, residual).
+
+    The stated noise may be too small: its size is that of the highest likelihood, never below what is stated.
+    """
+    white = 1.0
+    for _ in range(_ROUNDS):
+        _, left = _at_noise(gram, logarithms, count, prior, white)
+        if not left > count:
+            break
+        white *= float(np.sqrt(left / count))
+    return _at_noise(gram, logarithms, count, prior, white)[0]
+
+
+def _at_noise(gram: FloatArray, logarithms: float, count: int, prior: Prior, white: float) -> tuple[Mode, float]:
+    """Return the mode for one size of the noise, and the quadratic form of the residual that it leaves."""
+    p, gram = len(gram) - 1, gram / white**2
+    precision = gram[:p, :p] + prior.precision
+    push = gram[:p, p] - prior.pull @ prior.mean
+    size = 1.0 / np.sqrt(np.diag(precision))
+    scaled = precision * np.outer(size, size)
+    step = bounded_step(scaled, push * size, prior.low / size, prior.high / size, ~prior.frozen) * size
+    left = gram[p, p] + 2 * step @ gram[:p, p] + step @ gram[:p, :p] @ step
+    pulled, stayed = (float(z @ prior.pull @ z) for z in (step - prior.mean, prior.mean))
+    determinant = float(np.linalg.slogdet(scaled)[1]) - 2 * float(np.sum(np.log(size)))
+    constant = logarithms + count * (_LOG_2PI + 2 * np.log(white)) - p * _LOG_2PI
+    # Half-Cauchy prior of what exceeds the stated noise.
+    exceeds = -float(np.log1p(((white - 1.0) / _NOISE_SCALE) ** 2))
+    log = -0.5 * (left + pulled + constant + determinant) + prior.log_density + exceeds
+    gained = 0.5 * float(gram[p, p] + stayed - left - pulled)
+    return Mode(float(log), white, step, precision, gained), float(left)
+
+
+def bounded_step(
+    matrix: FloatArray, push: FloatArray, low: FloatArray, high: FloatArray, free: NDArray[np.bool_]
+) -> FloatArray:
+    """Return the step that minimises a quadratic form within bounds."""
+    step = np.zeros(push.size)
+    own, pushed = matrix[np.ix_(free, free)], push[free]
+    step[free] = -np.linalg.lstsq(own, pushed, rcond=1e-13)[0]
+    if ((step < low) | (step > high)).any():
+        root = np.linalg.cholesky(own + 1e-10 * np.eye(pushed.size))
+        limits = np.minimum(low[free], 0.0), np.maximum(high[free], 1e-300)
+        step[free] = lsq_linear(root.T, -np.linalg.solve(root, pushed), limits, method="bvls").x
+        step[free] = np.clip(step[free], *limits)  # its solver may miss a bound by a rounding
+    return step
