@@ -557,7 +557,7 @@ def test_the_help_tells_what_a_user_must_know():
 @pytest.fixture
 def looped(monkeypatch):
     """What the loop was called with, the loop itself left out."""
-    from discovery.runs import pipeline, stages
+    from discovery.runs import loop_files, stages
 
     seen = {}
     content = {
@@ -580,7 +580,7 @@ def looped(monkeypatch):
     }
     monkeypatch.setattr(stages, "loop", lambda dataset, **options: seen.update(dataset=dataset, **options))
     monkeypatch.setattr(stages, "unexplained", lambda *_, **__: None)
-    monkeypatch.setattr(pipeline, "write_loop", lambda out, result, **_: content)
+    monkeypatch.setattr(loop_files, "write_loop", lambda out, result, **_: content)
     return seen
 
 

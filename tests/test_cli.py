@@ -341,7 +341,7 @@ def test_fits_have_units_and_what_is_known_exactly_no_deviation(
 ) -> None:
     said = call(capsys, "fit", film.rig, "--train", film.train, "--out", tmp_path, "--quiet")
     number = r"\S+ = \S+ \+- \S+"
-    assert re.search(rf"^declared: {number} s\^-1, {number} s\^-2 q, {number} s\^-2 q; ", said.out, re.MULTILINE)
+    assert re.search(rf"^declared: {number} s\^-1, {number} rad s\^-2, {number} rad s\^-2; ", said.out, re.MULTILINE)
     assert estimate_text(0.25, 0.1, "1") == "0.25 +- 0.1"
     assert estimate_text(0.25, 0.0, "q^-1") == "0.25 q^-1"
     assert estimate_text(0.25, None, "s") == "0.25 s"
