@@ -1,8 +1,8 @@
 """Laplace's method for the parameters of a linearised model under one size of the model error.
 
-The posterior is Gaussian around the generalised least squares estimate, within bounds. The size of the white noise is that
-of the highest likelihood, never below what is stated (MacKay, Information Theory, Inference and Learning Algorithms,
-2003, chapter 27).
+The posterior is Gaussian around the generalised least squares estimate, within bounds. The size of the white noise is
+that of the highest likelihood, never below what is stated (MacKay, Information Theory, Inference and Learning
+Algorithms, 2003, chapter 27).
 """
 
 from __future__ import annotations
