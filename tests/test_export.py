@@ -362,7 +362,8 @@ def test_the_sympy_program_is_the_kernels(base: str) -> None:
     state, motor = rng.uniform(-0.4, 0.4, len(program.states)), rng.uniform(-1, 1, 3)
     got = evaluate(0.3, *motor[: len(found.recorded)], *state, *numbers)
     expected = numpy_derivative(program)(0.3, motor, state, numbers)
-    np.testing.assert_allclose(got[: len(expected)], expected, rtol=1e-12, atol=1e-12)
+    # The kernel solves for the accelerations by cofactors, whose rounding is not that of SymPy's elimination.
+    np.testing.assert_allclose(got[: len(expected)], expected, rtol=1e-10, atol=1e-12)
     assert found.lateness == program.lateness
 
 

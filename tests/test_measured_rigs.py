@@ -70,7 +70,8 @@ def test_measured_sets_are_read_and_nothing_is_left_out(name):
         recording = experiment.recording
         if dataset.rig.view is None:
             assert np.isfinite(recording.output).all()
-        assert not re.search("stuck|saturates|missing|jitter|creeps|apart", " ".join(recording.notes))
+        faults = {"readings_stuck", "readings_clipped", "samples_missing", "times_irregular", "mean_creeps"}
+        assert not faults & {flag.code for flag in recording.flags}
 
 
 @pytest.mark.measured

@@ -309,7 +309,7 @@ def test_netcdf_is_inference_data(drawn, linear, tmp_path):
         gain = tree["posterior"]["g"]
         assert gain.dims == ("chain", "draw")
         assert gain.sizes["chain"] == len(drawn.draws)
-        assert gain.attrs["units"] == "s^-2 V"
+        assert gain.attrs["units"] == "V s^-2"
         assert '"seed": 11' in tree["posterior"].attrs["provenance"]
         ensemble, step, walker = 1, 3, 5
         one = gain.sel(chain=ensemble).where((gain.walker == walker) & (gain.step == step), drop=True)

@@ -80,7 +80,7 @@ def test_texts_are_short_and_tables_hold_what_was_found(dataset: Dataset, found:
     table = found.to_pandas()
     assert table.loc["beta", "effect"] == "cubic_stiffness"
     assert table.loc["beta", "value"] == found.after.values["beta"] == pytest.approx(2000.0, rel=0.05)
-    assert table.loc["beta", "unit"] == "m^-2 s^-2"
+    assert table.loc["beta", "unit"] == "s^-2 m^-2"
 
 
 def test_recordings_as_pandas_and_xarray(dataset: Dataset) -> None:

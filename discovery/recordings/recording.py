@@ -133,7 +133,8 @@ def read_recording(
     """
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
-    flags = [*time_flags(found.time, rig.columns.time.assumed), *_checked(rig, found)]
+    checked = _checked(rig, found)
+    flags = [*time_flags(found.time, rig.columns.time.assumed), *checked]
     if found.inputs is None and found.outputs and rig.kind in _SWINGING:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, more = _cleaned(rig, found, stated)

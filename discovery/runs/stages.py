@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.declarations.systems import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
@@ -186,7 +187,7 @@ def predicted(dataset: Dataset, posterior, *, seed: int = 1, progress: Tell = si
 
     rig = dataset.rig
     if (
-        not dataset.train[0].system.has_rod
+        not System.of(rig.kind).has_rod
         or rig.flexural_rigidity is None
         or rig.tip_mass is None
         or rig.length is None
