@@ -23,7 +23,7 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.posterior.inference_data import arranged
-from discovery.report import build_report, posterior, story
+from discovery.report import build_report, posterior, sentences, story
 from discovery.report.charts import chart_data
 from discovery.report.convergence import convergence_sentence
 from discovery.report.drive import drive_symbols
@@ -41,7 +41,6 @@ from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline
 from discovery.results.provenance import write_json
-from discovery.selection import sentences
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
 
