@@ -1,4 +1,4 @@
-"""Fitted values against what the rig, the elastica or gravity predicts for them, one `Check` each."""
+"""Fitted values against what the rig file states or implies of them, one `Check` each."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Check:
     Parameters
     ----------
     parameter, unit : str
-        What is tested; ``beta/alpha`` is the ratio.
+        What is tested, and its unit.
     value, sd : float
         From the recordings alone, whose residual may be correlated.
     predicted, predicted_sd : float

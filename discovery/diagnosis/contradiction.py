@@ -115,7 +115,7 @@ def check_contradictions(
     least_gain: float = 40.0,
     progress: Callable[[str], None] | None = None,
 ) -> ContradictionReport:
-    """Test a fit against the rig and the elastica, and look for effects that reconcile what contradicts.
+    """Test a fit against the rig, and look for effects that reconcile what contradicts.
 
     Parameters
     ----------

@@ -13,7 +13,6 @@ __all__ = [
     "contradictions",
     "contradictions_table",
     "moves_table",
-    "predictor",
     "reconciliations_table",
     "separation_table",
     "undecided",
@@ -133,13 +132,8 @@ def moves_table(run: Run) -> Table | None:
     return Table("moves", "Moves of the designed manoeuvres, with a trapezoidal speed.", head, cells, keys, raw)
 
 
-def predictor(run: Run) -> str:
-    """Return who predicts the fitted values, and that they do."""
-    return "the rig predicts"
-
-
 def contradictions_table(run: Run) -> Table | None:
-    """Return every fitted value that was tested against the rig and the elastica."""
+    """Return every fitted value that was tested against the rig."""
     tested = run.loop.get("contradiction")
     if not tested or not tested["checks"]:
         return None
@@ -173,7 +167,7 @@ def contradictions_table(run: Run) -> Table | None:
     )
     raw_head = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "odds", "reconciled_by")
     caption = (
-        f"Fitted values against what {predictor(run)}; log odds that what is stated is too narrow. An "
+        "Fitted values against what the rig predicts; log odds that what is stated is too narrow. An "
         "effect that free parameters absorb leaves no residual, but contradicts a prediction."
     )
     if any(c["parameter"] == "k_g" for c in tested["checks"]):

@@ -272,7 +272,6 @@ def _loop_part(run: Run) -> dict[str, Any]:
         "paper": published(run).get("source", ""),
         "steps": story.steps(run),
         "undecided": ambiguity.undecided(run),
-        "predictor": ambiguity.predictor(run),
         "contradictions": ambiguity.contradictions(run),
         "unexplained": latent.sentences(run),
     }

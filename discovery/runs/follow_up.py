@@ -25,7 +25,7 @@ _RIVALS = 2
 
 
 def contradiction_of(after: Fit, search: Search, context: Context, *, complete: bool) -> ContradictionReport | None:
-    """Test the final values against what the rig and the elastica predict; None where nothing asks for it."""
+    """Test the final values against what the rig predicts; None where nothing asks for it."""
     if not context.settings.follow_up or not (complete or search.best.added):
         return None
     context.progress("comparing with the rig")

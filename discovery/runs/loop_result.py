@@ -68,7 +68,7 @@ class LoopResult(LoopViews):
     complete : bool
         Whether the model error cannot be told from none.
     contradiction : ContradictionReport, optional
-        Fitted values against what the rig and the elastica predict.
+        Fitted values against what the rig predicts.
     separations : tuple of Separation
         The manoeuvres that would tell apart what these recordings cannot.
     recordings : tuple of Recording
