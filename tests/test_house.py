@@ -27,7 +27,6 @@ LONG_CALLS = {
     "estimation/laplace.py:Prior",
     "estimation/laplace.py:cls",
     "screening/refits.py:Minimum",
-    "selection/context.py:choose_step",
     "estimation/log_evidence.py:cls",
     "selection/linearise.py:Linearised",
     "selection/odds.py:Candidacy",

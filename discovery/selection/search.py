@@ -250,11 +250,11 @@ class Search:
         return odds, code
 
     def _affords(self, node: Contender) -> bool:
-        """Return whether the catalogue may be tried beside a set: not where steps are far finer than at the start."""
+        """Return whether the catalogue may be tried beside a set: not where that costs far more than at the start."""
         budget = self.context.settings.budget
         here, start = (c.refit.problem.bench for c in (node, self.root))
         known = self.offers.has(node)
-        return known or (len(self.offers) < budget.offers and here.most_steps <= budget.finer * start.most_steps)
+        return known or (len(self.offers) < budget.offers and here.cost <= budget.dearer * start.cost)
 
     def without(self, effect: str) -> Contender:
         """Return the best set without one of its members, refitted."""

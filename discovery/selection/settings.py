@@ -26,8 +26,8 @@ class Budget:
         Refused effects beside which all others are tried.
     offers : int
         Sets beside which the whole catalogue is refitted.
-    finer : float
-        A set whose steps are so many times those of the start is not extended.
+    dearer : float
+        A set whose simulations cost so many times those of the start is not extended.
     """
 
     most_effects: int = 5
@@ -35,7 +35,7 @@ class Budget:
     pairs: int = 8
     beam: int = 2
     offers: int = 7
-    finer: float = 4.0
+    dearer: float = 4.0
 
 
 @dataclass(frozen=True)
