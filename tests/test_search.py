@@ -142,7 +142,7 @@ def test_the_budget_ends_a_search() -> None:
     search = begun(context(settings=LoopSettings(budget=Budget(most_effects=1)), beta=1.0, f_c=0.02))
     search.run()
     assert len(search.best.added) == 1
-    assert search.decisions[-1].code == "budget"
+    assert [d.code for d in search.decisions if d.action == "stop"] == ["budget"]
 
 
 # The one rule.

@@ -188,6 +188,19 @@ def _size(numbers: Record) -> str:
     return f"the prediction moves by {moved} times the model error that is left, which may look the same"
 
 
+def _sampled(numbers: Record) -> str:
+    change, error, k = (_plain(numbers.get(n), 2) for n in ("correction", "error", "pareto_k"))
+    return f"what is not normal about the posterior changes the log evidence by {change} ± {error} nats (Pareto k {k})"
+
+
+def _laplace(numbers: Record) -> str:
+    k = numbers.get("pareto_k")
+    told = (
+        f"their largest weights have Pareto k = {_plain(k, 2)}" if k is not None and math.isfinite(k) else "few count"
+    )
+    return f"the draws of importance sampling cannot be trusted: {told}"
+
+
 def _complete(numbers: Record) -> str:
     promise, chance = (_plain(numbers.get(k)) for k in ("promise", "chance"))
     return f"what is left is noise: the best candidate promises a chi-square of {promise}, chance alone {chance}"
@@ -201,6 +214,8 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "size": _size,
     "finite": lambda _: "the motion blows up",
     "complete": _complete,
+    "sampled": _sampled,
+    "laplace": _laplace,
     "rival": lambda numbers: f"two others explain more: the log evidence is {_nats(numbers['odds'])} higher with them",
     "unknown": lambda numbers: (
         f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "

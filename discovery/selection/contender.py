@@ -16,13 +16,14 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.log_evidence import Evidence, evidence_of
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
+from discovery.estimation.sampled_evidence import Sampled, sampled
 from discovery.foundation.workers import at_once
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
 from discovery.selection.linearise import Slopes, linearised
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Contender", "contenders", "plain"]
+__all__ = ["Contender", "contenders", "integrated", "plain"]
 
 FloatArray = NDArray[np.float64]
 #: A first-order step that gains more nats than this is made on the trajectories.
@@ -43,11 +44,14 @@ class Contender:
         The model with them, at its generalised least squares estimate; residual and Jacobian in noise sds.
     evidence : Evidence
         How well it explains the recordings.
+    sampled : Sampled or None
+        What importance sampling corrected in the evidence; None where that is Laplace's.
     """
 
     added: tuple[str, ...]
     refit: Refit
     evidence: Evidence
+    sampled: Sampled | None = None
 
     @property
     def model(self) -> Model:
@@ -119,6 +123,21 @@ def _generalised(sets: Sequence[Contender]) -> list[Refit]:
         replace(c.refit, minimum=plain(p, m)) if np.isfinite(m.cost) else c.refit
         for c, p, m in zip(sets, problems, minima, strict=True)
     ]
+
+
+def integrated(context: Context, contender: Contender) -> Contender:
+    """Return a set whose parameters are integrated by importance sampling where Laplace's method was used."""
+    refit, evidence = contender.refit, contender.evidence
+    if contender.sampled is not None or not np.isfinite(contender.joint):
+        return contender
+    (slopes,) = linearised(context, refit.problem.bench, [refit])
+    if slopes is None:
+        return contender
+    size = evidence.error / evidence.white if evidence.nil > 0 else 0.0
+    rng = np.random.default_rng([context.settings.seed, refit.minimum.x.size])
+    found = sampled(refit.problem, refit.minimum.x, slopes.problem, size, rng)
+    better = replace(evidence, train=evidence.train + found.correction)
+    return replace(contender, evidence=better, sampled=found)
 
 
 def plain(problem: Problem, minimum: Minimum) -> Minimum:

@@ -12,7 +12,7 @@ from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
 from discovery.screening.contained import contained
 from discovery.screening.refits import Refit, relaxed
-from discovery.selection.contender import Contender, contenders
+from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
@@ -27,6 +27,8 @@ __all__ = ["Search"]
 _TRIED, _TOLD = 3, 12
 #: A refused effect that gains so many times the nats of an accepted one may be half of a pair.
 _WORTH = 10.0
+#: Sets so many times the nats of an accepted effect behind the best are integrated by sampling.
+_NEAR = 3.0
 
 
 class Search:
@@ -57,12 +59,14 @@ class Search:
         self.best = self.root
         self.unknown: Unknown | None = None
         self._smaller: dict[tuple[Contender, str], Contender] = {}
+        self._integrated: dict[Contender, Contender] = {}
         self._finest: dict[Contender, Contender] = {}
 
     def run(self) -> None:
         """Search until nothing more is accepted, or what is left is noise."""
         self._grow()
         self._simplify()
+        self._integrate()
         self._prune()
         self._ask_the_unknown()
 
@@ -105,6 +109,21 @@ class Search:
         rest = tuple(e for e in self.best.added if e != effect)
         laws = sorted(get_effect(effect).reduces_to - {*rest})
         return contenders(self.context, [((*rest, e), contained(self.best.refit, effect, e)) for e in laws])
+
+    def _integrate(self) -> None:
+        """Integrate the set found by importance sampling, and from now on all that are compared with it."""
+        if not self.best.added:
+            return
+        self.context.progress("integrating the last sets by importance sampling")
+        self.best = self._by_sampling(self.best)
+        if (found := self.best.sampled) is not None:
+            code = "sampled" if found.reliable else "laplace"
+            self.decisions.append(Decision("integrate", self.best.added, found.reliable, code, found.numbers))
+
+    def _by_sampling(self, contender: Contender) -> Contender:
+        if contender not in self._integrated:
+            self._integrated[contender] = integrated(self.context, contender)
+        return self._integrated[contender]
 
     def _prune(self) -> None:
         """Take out, the least missed first, what is no larger than what the model error would do in its direction."""
@@ -264,7 +283,8 @@ class Search:
             again = [(rest, relaxed(self.best.refit, [effect]))]
             known = self.offers.known(rest, self.best.model.base)
             found = contenders(self.context, again) if rest else []
-            self._smaller[key] = max([*found, *known, *([self.root] if not rest else [])], key=lambda c: c.joint)
+            best = max([*found, *known, *([self.root] if not rest else [])], key=lambda c: c.joint)
+            self._smaller[key] = best if self.best.sampled is None else self._by_sampling(best)
         return self._smaller[key]
 
     def instead_of(self, effect: str) -> list[Contender]:
@@ -273,8 +293,11 @@ class Search:
         if not self._affords(smaller):
             return []
         own = frozenset(self.best.added)
-        offered = self.offers.beside(smaller)
-        return [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
+        others = [c for c in self.offers.beside(smaller) if frozenset(c.added) != own and np.isfinite(c.joint)]
+        if self.best.sampled is None:
+            return others
+        least = self.best.joint - _NEAR * self.context.settings.nats
+        return sorted((self._by_sampling(c) if c.joint > least else c for c in others), key=lambda c: -c.joint)
 
     def _backward(self, before: Contender) -> None:
         """Take out members that the others make needless; exchange those that another effect serves better."""

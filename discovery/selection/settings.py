@@ -50,7 +50,7 @@ class LoopSettings:
         Level of the parametric bootstrap: an effect must remove more than chance would over the whole catalogue.
     error_scale : float
         Scale of the half-Cauchy prior of the model error [noise sds]. One below twice this counts as none.
-    form, form_arm : float
+    form, form_wide : float
         Model error in the direction of one effect, as a share of the model error that is left: laws idealise, and
         what no catalogue holds looks like what it holds in part. Of systems with one coordinate, and of an arm, whose
         geometry and camera have more ways to err; that of an arm also of a law that may imitate others.
@@ -72,7 +72,7 @@ class LoopSettings:
     chance: float = 0.99
     error_scale: float = 0.15
     form: float = 0.45
-    form_arm: float = 1.4
+    form_wide: float = 1.4
     form_pliable: float = 7.0
     law: float = 0.005
     law_arm: float = 0.045
@@ -83,7 +83,7 @@ class LoopSettings:
 
     def form_of(self, model: Model) -> float:
         """Return the form error of a model's laws."""
-        return self.form_arm if model.mechanics.system == ARM else self.form
+        return self.form_wide if model.mechanics.system == ARM else self.form
 
     def law_of(self, model: Model) -> float:
         """Return the share by which a model's added laws idealise."""
