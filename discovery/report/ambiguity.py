@@ -59,11 +59,11 @@ def reconciliations_table(run: Run) -> Table | None:
                     "; ".join(values),
                     significant(t["value"], 5),
                     significant(t["z"], 2),
-                    significant(t["evidence"]),
+                    significant(t["odds"]),
                     "yes" if t["reconciles"] else "no",
                 ]
             )
-            raw.append([c["parameter"], t["id"], t["value"], t["z"], t["evidence"], t["reconciles"]])
+            raw.append([c["parameter"], t["id"], t["value"], t["z"], t["odds"], t["reconciles"]])
     if not cells:
         return None
     head = (
@@ -72,13 +72,13 @@ def reconciliations_table(run: Run) -> Table | None:
         "its parameters",
         "value then",
         "difference [sds]",
-        "evidence",
+        "log odds [nats]",
         "reconciles",
     )
-    keys = ("parameter", "effect", "value", "z", "evidence", "reconciles")
+    keys = ("parameter", "effect", "value", "z", "odds", "reconciles")
     caption = (
-        "Effects that could take the contradicting value to its prediction. Evidence: by how much the effect lowers "
-        "chi-square, that of the prediction counted."
+        "Effects that could take the contradicting value to its prediction, with the log odds of each against an error "
+        "of the rig file. None of them is excluded that reconciles."
     )
     return Table("reconciliations", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 6))
 
