@@ -19,6 +19,7 @@ __all__ = ["say_doubts", "say_left_out", "say_loop", "say_missing"]
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
+    from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence
     from discovery.report.sentences import lead_sentence, model_error_words
 
     content = result.summary()
@@ -28,10 +29,10 @@ def say_loop(result: LoopResult) -> None:
     click.echo(f"model error: {model_error_words(content['model_error'])}")
     if content.get("lead"):
         click.echo(f"lead: {lead_sentence(content['lead'])}")
-    for contradiction in result.contradiction.contradictions if result.contradiction else ():
-        click.echo(f"contradiction: {contradiction.sentence}")
-    for separation in result.separations:
-        click.echo(separation.sentence)
+    for sentence in contradiction_sentences(content.get("contradiction")):
+        click.echo(f"contradiction: {sentence}")
+    for separation in content.get("separation", ()):
+        click.echo(separation_sentence(separation))
     _say_errors(content["errors"])
 
 

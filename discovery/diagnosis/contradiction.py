@@ -62,23 +62,6 @@ class Contradiction:
         """Effects that reconcile; more than one are ambiguous."""
         return tuple(r.effect for r in self.tried if r.reconciles)
 
-    @property
-    def sentence(self) -> str:
-        """The contradiction in words."""
-        c = self.check
-        head = (
-            f"{c.parameter} = {c.value:.5g} ± {c.sd:.2g} {c.unit} contradicts {c.source}, "
-            f"{c.predicted:.5g} ± {c.predicted_sd:.2g} ({abs(c.z):.2g} standard deviations apart); "
-        )
-        if not self.sought:
-            return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
-        if not self.reconciling:
-            doubt = " Is the rig file right?" if c.gross else ""
-            return head + "no effect of the catalogue reconciles them." + doubt
-        best = self.tried[0]
-        also = f"; so would {', '.join(self.reconciling[1:])}" if len(self.reconciling) > 1 else ""
-        return head + f"{best.effect} reconciles them, {best.odds:.3g} nats against an error of the rig file{also}."
-
 
 @dataclass(frozen=True)
 class ContradictionReport:
@@ -103,7 +86,7 @@ class ContradictionReport:
                     "gross": c in self.gross,
                     "reconciling": list(c.reconciling),
                     "tried": [r.summary() for r in c.tried],
-                    "sentence": c.sentence,
+                    "sought": c.sought,
                 }
                 for c in self.contradictions
             ],

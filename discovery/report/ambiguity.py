@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from discovery.report.estimates import symbol_of
+from discovery.report.follow_up_sentences import contradiction_sentences, stand_in_sentence
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
@@ -24,7 +25,8 @@ def undecided(run: Run) -> list[str]:
     found = []
     for e in run.loop["effects"]:
         if other := e.get("stands_for"):
-            found.append(f"{other['sentence'][0].upper()}{other['sentence'][1:]}.")
+            words = stand_in_sentence(e["id"], other)
+            found.append(f"{words[0].upper()}{words[1:]}.")
         rivals = e["ambiguous_with"]
         if rivals:
             others = " or ".join(effect_name(r) for r in rivals)
@@ -38,8 +40,7 @@ def undecided(run: Run) -> list[str]:
 
 def contradictions(run: Run) -> list[str]:
     """Return every contradiction as a sentence."""
-    tested = run.loop.get("contradiction") or {"contradictions": []}
-    return [c["sentence"] for c in tested["contradictions"]]
+    return contradiction_sentences(run.loop.get("contradiction"))
 
 
 def reconciliations_table(run: Run) -> Table | None:
