@@ -81,3 +81,11 @@ def test_where_no_draw_is_possible_nothing_is_corrected() -> None:
     found = sampled(away, x, linear, SIZE, np.random.default_rng(1))
     assert not found.reliable
     assert found.correction == 0.0
+
+
+def test_where_hardly_a_draw_is_possible_nothing_is_corrected() -> None:
+    problem, x, linear = fitted(0.3, 2)
+    spread = 1 / np.sqrt(linear.mode(SIZE).precision[0, 0])
+    # Bounds that let one draw in twenty pass.
+    corner = Problem(problem.model, problem.bench, problem.units, {"xi": (x[0], 0.02 * spread)})
+    assert not sampled(corner, x, linear, SIZE, np.random.default_rng(1)).reliable

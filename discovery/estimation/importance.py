@@ -32,6 +32,8 @@ _DEFENCE, _WIDER = 0.1, 2.5
 _ROUNDS, _REPAIRS = 6, 3
 _WELL, _GAIN = 0.8, 0.9
 _QUANTILES = (0.05, 0.5, 0.95)
+# Draws below which no Pareto distribution can be fitted to the largest weights.
+_TAIL = 25
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,7 @@ def _round(
     points = centre + np.einsum("nj,ij->ni", t, factor)
     raw = log_density(points) - log_proposal
     inside = np.isfinite(raw)
-    if inside.sum() < 2 * d:
+    if inside.sum() < max(2 * d, _TAIL):
         raise ComputationError(f"Of {n} draws around the fit only {int(inside.sum())} have a finite density.")
     with np.errstate(all="ignore"):
         # It wants what it calls log likelihoods, whose negative is the log weight.
