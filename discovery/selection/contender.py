@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
-from discovery.estimation.least_squares import Minimum
+from discovery.estimation.generalised import generalised
 from discovery.estimation.log_evidence import Evidence, evidence_of
-from discovery.estimation.model_error import ModelError
-from discovery.estimation.problem import Problem
 from discovery.estimation.sampled_evidence import Sampled, sampled
 from discovery.foundation.workers import at_once
 from discovery.screening.refits import Refit
@@ -23,7 +21,7 @@ from discovery.selection.context import Context
 from discovery.selection.linearise import Slopes, linearised
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Contender", "contenders", "integrated", "plain"]
+__all__ = ["Contender", "contenders", "integrated"]
 
 FloatArray = NDArray[np.float64]
 #: A first-order step that gains more nats than this is made on the trajectories.
@@ -67,6 +65,11 @@ class Contender:
     def chi2(self) -> float:
         """Sum of squared residuals of the training recordings [noise variances], the rig's part included."""
         return self.refit.chi2
+
+    @property
+    def error_size(self) -> float:
+        """Size of its model error over the noise."""
+        return self.evidence.error / self.evidence.white
 
     @property
     def joint(self) -> float:
@@ -113,16 +116,10 @@ def _freed(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> l
 def _generalised(sets: Sequence[Contender]) -> list[Refit]:
     """Return sets refitted by generalised least squares, each under its model error."""
     problems = [c.refit.problem for c in sets]
-    errors = [
-        ModelError.of(c.evidence.error / c.evidence.white, p.units.time) for c, p in zip(sets, problems, strict=True)
-    ]
-    weighted = [replace(p, error=error) for p, error in zip(problems, errors, strict=True)]
     starts = [c.refit.minimum.x + c.evidence.step for c in sets]
-    minima = fit_problems(weighted, starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True)
-    return [
-        replace(c.refit, minimum=plain(p, m)) if np.isfinite(m.cost) else c.refit
-        for c, p, m in zip(sets, problems, minima, strict=True)
-    ]
+    sizes = [c.error_size for c in sets]
+    minima = generalised(problems, starts, sizes, iterations=_ITERATIONS, tolerance=1e-4)
+    return [replace(c.refit, minimum=m) if np.isfinite(m.cost) else c.refit for c, m in zip(sets, minima, strict=True)]
 
 
 def integrated(context: Context, contender: Contender) -> Contender:
@@ -133,20 +130,11 @@ def integrated(context: Context, contender: Contender) -> Contender:
     (slopes,) = linearised(context, refit.problem.bench, [refit])
     if slopes is None:
         return contender
-    size = evidence.error / evidence.white if evidence.nil > 0 else 0.0
+    size = contender.error_size if evidence.nil > 0 else 0.0
     rng = np.random.default_rng([context.settings.seed, refit.minimum.x.size])
     found = sampled(refit.problem, refit.minimum.x, slopes.problem, size, rng)
     better = replace(evidence, train=evidence.train + found.correction)
     return replace(contender, evidence=better, sampled=found)
-
-
-def plain(problem: Problem, minimum: Minimum) -> Minimum:
-    """Return a minimum of generalised least squares with its residual in noise sds; the Jacobian stays white."""
-    if not np.isfinite(minimum.cost):
-        return minimum
-    residual = problem.bench.residuals(*problem.expand(minimum.x[:, None]))[:, 0]
-    residual = np.append(residual, problem.prior_residuals(minimum.x[:, None])[:, 0])
-    return replace(minimum, residual=residual, cost=0.5 * float(residual @ residual))
 
 
 def _weighed(context: Context, bench: Bench, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[Contender]:

@@ -11,12 +11,12 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, solver_shift
 from discovery.estimation.fit import SHIFT, Fit
+from discovery.estimation.generalised import generalised
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
 from discovery.estimation.step_control import tightened
 from discovery.recordings.experiment import Experiment
-from discovery.screening.refits import Refit
-from discovery.selection.contender import Contender, contenders, plain
+from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
 __all__ = ["finished", "on_mechanics", "prolonged"]
@@ -62,17 +62,11 @@ def finished(contender: Contender, context: Context) -> tuple[Fit, Contender]:
 
 def _settled(contender: Contender, problem: Problem, context: Context) -> Contender:
     """Return a set fitted by generalised least squares as another problem; as it is where that blows up."""
-    refit = _generalised(contender.refit, contender, problem)
+    start, sizes = problem.start(contender.refit.values), [contender.error_size]
+    (minimum,) = generalised([problem], [start], sizes, iterations=_ITERATIONS, tolerance=1e-6)
+    refit = replace(contender.refit, problem=problem, minimum=minimum)
     (found,) = contenders(context, [(contender.added, refit)])
     return found if np.isfinite(found.joint) else contender
-
-
-def _generalised(refit: Refit, contender: Contender, problem: Problem) -> Refit:
-    error = ModelError.of(contender.evidence.error / contender.evidence.white, problem.units.time)
-    weighted = replace(problem, error=error)
-    start = weighted.start(contender.refit.values)
-    (minimum,) = fit_problems([weighted], [start], iterations=_ITERATIONS, tolerance=1e-6, rough=True)
-    return replace(refit, problem=problem, minimum=plain(problem, minimum))
 
 
 def _fit(contender: Contender) -> Fit:
