@@ -216,7 +216,6 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "complete": _complete,
     "sampled": _sampled,
     "laplace": _laplace,
-    "rival": lambda numbers: f"two others explain more: the log evidence is {_nats(numbers['odds'])} higher with them",
     "unknown": lambda numbers: (
         f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
         f"and {_plain(numbers['held'])} held out"

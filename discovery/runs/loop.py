@@ -24,6 +24,7 @@ from discovery.recordings.experiment import Experiment
 from discovery.recordings.quantisation import resolution
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
+from discovery.runs.model_error_report import ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -32,7 +33,6 @@ from discovery.selection.final import finished
 from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
 from discovery.selection.verdict import (
-    ModelErrorReport,
     Named,
     is_complete,
     least_error,

@@ -20,11 +20,11 @@ from discovery.estimation.residual import ResidualReport
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
 from discovery.recordings.recording import Recording
+from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Decision
 from discovery.selection.final import prolonged
 from discovery.selection.verdict import (
     Lead,
-    ModelErrorReport,
     Named,
 )
 

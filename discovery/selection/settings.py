@@ -33,7 +33,7 @@ class Budget:
     most_effects: int = 5
     finished: int = 8
     pairs: int = 8
-    beam: int = 2
+    beam: int = 1
     offers: int = 7
     dearer: float = 4.0
 
