@@ -96,10 +96,6 @@ def importance_sample(
     draws : int
         Draws of the last round.
 
-    Returns
-    -------
-    Weighted
-
     Raises
     ------
     ComputationError
