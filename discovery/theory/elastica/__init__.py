@@ -1,5 +1,4 @@
-"""The static elastica: a clamped, inextensible rod bent by a force at its tip, equations (1) to (6) of the paper.
+"""The static elastica: a clamped, inextensible rod bent by a force across the radius of its tip.
 
-`beam` goes from force to tip by the elliptic integrals of `integrals`; `static_law` is the best cubic spring and radius
-law.
+`beam` solves it by the elliptic integrals of `integrals`; `static_law` is its best cubic spring and radius law.
 """

@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.paper.theory.elastica.first_guess import first_guess
+from benchmarks.paper.theory.elastica.loads import FORCE_MAX, blockwise
 from benchmarks.paper.theory.elastica.polar import polar_force, polar_slopes
 from benchmarks.paper.theory.elastica.reach import radius_limits
 from discovery.foundation.errors import ComputationError, InputError
-from discovery.theory.elastica.integrals import FORCE_MAX, bend, blockwise
+from discovery.theory.elastica.integrals import bend
 
 __all__ = ["PolarForce", "force_components", "load_at_tip"]
 
