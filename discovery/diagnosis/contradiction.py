@@ -132,6 +132,10 @@ def check_contradictions(
         Chi-square by which a reconciled fit may be worse on the recordings.
     progress : callable, optional
         Receives one sentence before every longer piece of work.
+
+    Returns
+    -------
+    ContradictionReport
     """
     experiments = fit.problem.bench.experiments
     arm = experiments[0].is_arm

@@ -25,7 +25,7 @@ from discovery.posterior.noise import GAUSSIAN, words_of
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import largest_deflection, make_experiment
-from discovery.rigs.kinds import LINEAR_MODEL
+from discovery.rigs.kinds import KINDS, LINEAR_MODEL
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
 from discovery.runs.stage import Tell, silent, stage_seed
@@ -84,7 +84,7 @@ def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
     units = natural_units(train)
     declared = declared_model(train[0])
     plans: dict[str, tuple[str, ...]] = {}
-    if not train[0].rig.traits.may_be_bare:
+    if not KINDS[train[0].rig.kind].may_be_bare:
         plans["linear"] = LINEAR_MODEL
     if train[0].is_arm and "radius_law" in declared.effects:
         plans["constant_radius"] = tuple(e for e in declared.effects if e != "radius_law")
