@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_bvp
 
-from discovery.theory.elastica.beam import perpendicular_law, shape_under_load, tip_under_load
-from discovery.theory.elastica.force_map import force_components, load_at_tip
-from discovery.theory.elastica.integrals import FORCE_MAX
-from discovery.theory.elastica.polar import polar_compliance
+from benchmarks.paper.theory.elastica.beam import shape_under_load, tip_under_load
+from benchmarks.paper.theory.elastica.force_map import force_components, load_at_tip
+from benchmarks.paper.theory.elastica.loads import FORCE_MAX
+from benchmarks.paper.theory.elastica.polar import polar_compliance
+from discovery.theory.elastica.beam import perpendicular_law
 
 #: Normalised forces of each domain, of every direction: those of an arm in motion, and all.
 DOMAINS = {"arm": (0.1, 50.0), "whole": (0.01, FORCE_MAX)}

@@ -9,10 +9,11 @@ import argparse
 import json
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import pysindy
 from discovery_datasets.manoeuvres import trapezoid
 from discovery_datasets.recordings import make_motion
 from discovery_datasets.twin import record
@@ -25,7 +26,7 @@ from discovery.rigs.rig_file import read_rig
 from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion, motion_of
 from discovery.sindy.radius import discover_radius
-from discovery.sindy.sindy import default_pysindy, discover
+from discovery.sindy.sindy import discover
 
 PAPER = {"xi": 0.0458, "alpha": 8.7907, "beta": 0.5139, "gamma": 0.4462}
 STRUCTURE = frozenset({"theta_t'", "delta", "delta^3"})
@@ -87,6 +88,30 @@ def twin_maker(rig: Rig) -> Callable[[np.random.Generator], list[Motion]]:
         return motions
 
     return make
+
+
+def default_pysindy(motions: Sequence[Motion]) -> tuple[tuple[str, ...], ...]:
+    """Terms that pysindy finds at its defaults, for comparison: STLSQ with threshold 0.1 and finite differences.
+
+    Returns
+    -------
+    tuple of tuple of str
+        Terms of theta_t'' (of q'') on each recording, with a cubic library in the deflection and the rate.
+    """
+    found = []
+    for motion in motions:
+        track = motion.coordinate
+        names = ["delta", "theta_t'"] if motion.system.has_rod else ["q", "q'"]
+        difference = pysindy.FiniteDifference()
+        rate = difference(track.observed[:, None], track.time)
+        base = track.q - motion.state(track.time).delta
+        x = np.column_stack([track.observed - base, rate])
+        x_dot = np.column_stack([rate, difference(np.asarray(rate), track.time)])
+        model = pysindy.SINDy(feature_library=pysindy.PolynomialLibrary(degree=3))
+        model.fit(x, t=track.time, x_dot=x_dot, feature_names=names)
+        terms = zip(model.get_feature_names(), model.coefficients()[1], strict=True)
+        found.append(tuple(name for name, coefficient in terms if coefficient != 0.0))
+    return tuple(found)
 
 
 def study(make: Callable[[np.random.Generator], list[Motion]], seeds: int) -> dict[str, object]:

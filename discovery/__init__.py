@@ -5,9 +5,8 @@ The public names below load what they need when they are first used, so ``import
 
 from __future__ import annotations
 
+from importlib import import_module as _import_module
 from typing import TYPE_CHECKING
-
-from discovery.foundation.lazy import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
     from discovery.declarations.effect import Effect as Effect
@@ -100,4 +99,17 @@ _HOMES = {
 }
 
 __all__ = list(_HOMES)
-__getattr__, __dir__ = _lazy_names(__name__, _HOMES)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        from discovery.foundation.errors import suggestion
+
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}.{suggestion(name, _HOMES)}", name=name)
+    home, _, attribute = _HOMES[name].partition(":")
+    value = globals()[name] = getattr(_import_module(home), attribute)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -11,13 +11,14 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from benchmarks.paper.theory.derivation import effective_mass, free_vibration_beta, inertia, third_order
+from benchmarks.paper.theory.elastica.beam import TipState, shape_under_load, tip_under_load
+from benchmarks.paper.theory.elastica.shape_series import static_series, taylor
 from discovery.declarations import symbols as s
 from discovery.mechanics import get_base
 from discovery.mechanics.reduced import rod_coupling, rod_inertia
-from discovery.theory.derivation import effective_mass, free_vibration_beta, inertia, third_order
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
-from discovery.theory.elastica.beam import TipState, perpendicular_law, shape_under_load, tip_under_load
-from discovery.theory.elastica.shape_series import static_series, taylor
+from discovery.theory.elastica.beam import perpendicular_law
 from discovery.theory.elastica.static_law import SMALL_DEFLECTION
 
 RODS = ("massless", "linear", "bent")

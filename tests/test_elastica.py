@@ -7,11 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp, solve_ivp
 
+from benchmarks.paper.theory.elastica.beam import shape_under_load, tip_under_load
+from benchmarks.paper.theory.elastica.loads import FORCE_MAX
+from benchmarks.paper.theory.elastica.series import elastica_series
+from benchmarks.paper.theory.elastica.small_deflection import small_deflection_shape, small_deflection_tip
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import DEFLECTION_MAX, perpendicular_law, shape_under_load, tip_under_load
-from discovery.theory.elastica.integrals import FORCE_MAX
-from discovery.theory.elastica.series import elastica_series
-from discovery.theory.elastica.small_deflection import small_deflection_shape, small_deflection_tip
+from discovery.theory.elastica.beam import DEFLECTION_MAX, perpendicular_law
 
 # Mattiasson, Int. J. Numer. Methods Eng. 17 (1981) 145, cantilever under a vertical tip load: P l^2 / EI, w / l, u / l.
 MATTIASSON = [

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from benchmarks.paper.theory.elastica.beam import shape_under_load, tip_under_load
+from benchmarks.paper.theory.elastica.force_map import force_components
+from benchmarks.paper.theory.elastica.series import elastica_series
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import perpendicular_law, shape_under_load, tip_under_load
-from discovery.theory.elastica.force_map import force_components
-from discovery.theory.elastica.series import elastica_series
+from discovery.theory.elastica.beam import perpendicular_law
 from discovery.theory.elastica.static_law import SMALL_DEFLECTION
 
 

@@ -60,8 +60,12 @@ QUICK_FIRST = [pytest.param(base, marks=pytest.mark.slow) if base == "elastica" 
 CLOSED = ("constant_radius", "reduced", "oscillator", *LINES)
 TIME = np.linspace(0.0, 0.48, 121)
 STEP = 0.002
-SINGLY = [(b, e) for b in (*CLOSED[:3], "accelerometer", "inverse_dynamics") for e in every_effect(b)]
-SINGLY += [("base_excited", "second_mode"), *(("elastica_1", e) for e in sorted(ROOT_JOINTS))]
+SINGLY = [(b, e) for b in ("constant_radius", "oscillator") for e in every_effect(b)]
+SINGLY += [("reduced", "base_compliance"), ("base_excited", "second_mode"), ("inverse_dynamics", "constant_force")]
+SINGLY += [("inverse_dynamics", "friction_through_play"), *(("elastica_1", e) for e in sorted(ROOT_JOINTS))]
+#: One by one on bases whose files are tried with all of their effects at once.
+SLOWLY = [(b, e) for b in ("reduced", "accelerometer", "inverse_dynamics") for e in every_effect(b)]
+EACH = [*SINGLY, *(pytest.param(*pair, marks=pytest.mark.slow) for pair in SLOWLY if pair not in SINGLY)]
 TYPICAL = {
     "alpha": 8.8,
     "length": 0.9,
@@ -154,7 +158,7 @@ def assert_follows(got: np.ndarray, model: Model, values: dict[str, float], star
     np.testing.assert_allclose(got[:, known], kernel(model, values, start)[:, known], rtol=0, atol=near)
 
 
-@pytest.mark.parametrize(("base", "effect"), SINGLY, ids=["-".join(pair) for pair in SINGLY])
+@pytest.mark.parametrize(("base", "effect"), EACH)
 def test_the_numpy_file_follows_the_kernel_with_each_effect(base: str, effect: str) -> None:
     model = with_stiffness(base, effect)
     values = some_values(model)

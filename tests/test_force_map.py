@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
 
+from benchmarks.paper.theory.elastica.beam import shape_under_load, tip_under_load
+from benchmarks.paper.theory.elastica.first_guess import first_guess
+from benchmarks.paper.theory.elastica.force_map import force_components, load_at_tip
+from benchmarks.paper.theory.elastica.loads import FORCE_MAX
+from benchmarks.paper.theory.elastica.polar import polar_compliance
+from benchmarks.paper.theory.elastica.reach import radius_limits
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import perpendicular_law, shape_under_load, tip_under_load
-from discovery.theory.elastica.first_guess import first_guess
-from discovery.theory.elastica.force_map import force_components, load_at_tip
-from discovery.theory.elastica.integrals import FORCE_MAX
-from discovery.theory.elastica.polar import polar_compliance
-from discovery.theory.elastica.reach import radius_limits
+from discovery.theory.elastica.beam import perpendicular_law
 
 # Timoshenko and Gere, Theory of Elastic Stability, 2nd ed., table 2-4, buckled by compression: P / P_cr, x / l, y / l.
 BUCKLED = [

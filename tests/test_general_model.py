@@ -14,13 +14,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
+from benchmarks.paper.theory.elastica.beam import tip_under_load
+from benchmarks.paper.theory.massless_arm.massless_limit import distance_to_rod, tip_distance
+from benchmarks.paper.theory.massless_arm.model import GeneralModel, GeneralMotion, cartesian_acceleration
+from benchmarks.paper.theory.massless_arm.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, tip_potential
+from benchmarks.paper.theory.massless_arm.simulation import simulate_general
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.recordings.drive import Drive
-from discovery.theory.elastica.beam import perpendicular_law, tip_under_load
-from discovery.theory.massless_arm.massless_limit import distance_to_rod, tip_distance
-from discovery.theory.massless_arm.model import GeneralModel, GeneralMotion, cartesian_acceleration
-from discovery.theory.massless_arm.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, tip_potential
-from discovery.theory.massless_arm.simulation import simulate_general
+from discovery.theory.elastica.beam import perpendicular_law
 
 RIG = PAPER_RIG
 ARM = GeneralModel(RIG.flexural_rigidity, RIG.tip_mass, RIG.length, RIG.disc_friction / RIG.tip_mass)

@@ -30,6 +30,8 @@ from discovery.selection.settings import LoopSettings
 DATASETS = Path(__file__).parents[1] / "datasets"
 GEOMETRY = ["radius_inertia", "elastica_geometry"]
 HIDDEN = {"arm_coulomb": "coulomb_friction", "arm_delay": "sensor_delay", "arm_tilt": "table_tilt"}
+#: The late camera is also an example of the README, which is tried there.
+SETS = ["arm", *(pytest.param(name, marks=pytest.mark.slow) if name == "arm_delay" else name for name in HIDDEN)]
 #: Rod and disc of the twin [kg], its length [m]: what a force on the disc is divided by.
 INERTIA = (0.04376 + 33 / 140 * 0.01245) * 1.0
 STIFFNESS = 3 * 31.65e9 * 3.98e-12 / INERTIA
@@ -131,10 +133,7 @@ def test_the_residual_of_the_clean_twin_is_noise() -> None:
 # Hidden effects.
 
 
-# The late camera is also the example of the README, which is tried there.
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "arm_delay" else name for name in HIDDEN]
-)
+@pytest.mark.parametrize("name", SETS[1:])
 def test_a_hidden_effect_is_named_and_nothing_is_invented(name: str) -> None:
     result = closed(name)
     assert [e for e in result.added if e not in GEOMETRY] == [HIDDEN[name]]
@@ -145,7 +144,7 @@ def test_a_hidden_effect_is_named_and_nothing_is_invented(name: str) -> None:
     assert set(result.ambiguous[HIDDEN[name]]) <= {"stribeck_friction"}
 
 
-@pytest.mark.parametrize("name", HIDDEN)
+@pytest.mark.parametrize("name", SETS[1:])
 def test_a_hidden_effect_is_predicted_on_the_hold_out(name: str) -> None:
     result = closed(name)
     found = distance_to_the_clean_tip(result, name, "holdout_inside")
@@ -163,6 +162,7 @@ def test_the_size_of_dry_friction_is_that_of_the_card() -> None:
     assert found.values["xi"] == pytest.approx(0.0458, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_delay_is_that_of_the_card() -> None:
     found = closed("arm_delay").after
     assert abs(found.values["tau"] - truth("arm_delay")["delay"]) < 4 * found.sd["tau"]
@@ -179,7 +179,7 @@ def test_the_tilt_is_that_of_the_card() -> None:
 # The decisions.
 
 
-@pytest.mark.parametrize("name", ["arm", *HIDDEN])
+@pytest.mark.parametrize("name", SETS)
 def test_the_decisions_say_what_was_compared(name: str) -> None:
     result = closed(name)
     done = [s for s in result.steps if s.accepted and s.action in ("mechanics", "add", "exchange")]
@@ -192,7 +192,7 @@ def test_the_decisions_say_what_was_compared(name: str) -> None:
             assert gains == sorted(gains, reverse=True)
 
 
-@pytest.mark.parametrize("name", HIDDEN)
+@pytest.mark.parametrize("name", SETS[1:])
 def test_a_hidden_effect_is_beyond_doubt_and_leaves_no_model_error(name: str) -> None:
     result = closed(name)
     found = result.named[HIDDEN[name]]
@@ -202,7 +202,7 @@ def test_a_hidden_effect_is_beyond_doubt_and_leaves_no_model_error(name: str) ->
     assert result.model_error.after <= result.model_error.least < 0.15 * result.model_error.before
 
 
-@pytest.mark.parametrize("name", ["arm", *HIDDEN])
+@pytest.mark.parametrize("name", SETS)
 def test_the_summary_keeps_the_contract(name: str) -> None:
     result = closed(name)
     text = json.loads(json.dumps(plain(result.summary()), allow_nan=False))

@@ -106,11 +106,11 @@ def test_public_names_are_there_and_load_lazily() -> None:
 def test_type_checkers_see_what_is_loaded() -> None:
     tree = ast.parse(Path(discovery.__file__).read_text(encoding="utf-8"))
     seen = {
-        alias.asname or alias.name: f"{node.module}:{alias.name}"
+        alias.asname: f"{node.module}:{alias.name}"
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("discovery.")
         for alias in node.names
-        if alias.asname != "_lazy_names"
+        if alias.asname
     }
     assert seen == discovery._HOMES
     assert sorted(seen) == sorted(discovery.__all__)

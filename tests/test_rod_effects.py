@@ -33,7 +33,7 @@ from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Quantity, Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
-from discovery.theory.drivetrain.coupling import Arm
+from discovery.theory.coupling import Arm
 
 PLAIN = ("viscous_damping", "linear_stiffness")
 LENGTH, INERTIA = PAPER_RIG.length, PAPER_RIG.effective_mass * PAPER_RIG.length**2

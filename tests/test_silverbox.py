@@ -38,6 +38,7 @@ def test_the_parts_are_those_of_the_literature(dataset: Dataset) -> None:
     assert dataset.rig.declared == ("viscous_damping", "linear_stiffness")
 
 
+@pytest.mark.slow
 def test_the_cubic_spring_is_found_first(result: LoopResult) -> None:
     added = [s for s in result.steps if s.action == "add" and s.accepted]
     assert added[0].effects == ("cubic_stiffness",)
@@ -48,6 +49,7 @@ def test_the_cubic_spring_is_found_first(result: LoopResult) -> None:
     assert result.verdict in {"explained", "partly_explained"}
 
 
+@pytest.mark.slow
 def test_the_held_out_multisine_is_predicted_to_a_quarter_of_a_millivolt(result: LoopResult) -> None:
     before, after = result.errors["before"]["holdout"], result.errors["after"]["holdout"]
     assert 6e-3 < before["rms"] < 9e-3
@@ -55,6 +57,7 @@ def test_the_held_out_multisine_is_predicted_to_a_quarter_of_a_millivolt(result:
     assert result.errors["unit"] == "V"
 
 
+@pytest.mark.slow
 def test_the_errors_are_those_of_the_predictions(dataset: Dataset, result: LoopResult) -> None:
     measured = dataset.holdout[0].recording.output
     for when in ("before", "after"):
@@ -63,6 +66,7 @@ def test_the_errors_are_those_of_the_predictions(dataset: Dataset, result: LoopR
         assert result.errors[when]["holdout"]["peak"] == pytest.approx(error.max())
 
 
+@pytest.mark.slow
 def test_the_circuit_is_a_weakly_damped_hard_spring(result: LoopResult) -> None:
     values = result.after.values
     # Small motions resonate near 68 Hz with a damping ratio near 0.05; at half a volt the spring is twice as stiff.

@@ -7,10 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pysindy
 import pytest
 from scipy.integrate import quad, solve_ivp
 
+from benchmarks.sindy_gates import default_pysindy
 from discovery.foundation.errors import InputError
 from discovery.recordings.recording import Recording
 from discovery.recordings.smooth_input import build_drive
@@ -20,9 +20,9 @@ from discovery.signals.motion import Motion, motion_of
 from discovery.sindy.library import build_library, stretches
 from discovery.sindy.radius import discover_radius
 from discovery.sindy.rows import propagate
-from discovery.sindy.sindy import default_pysindy, discover
+from discovery.sindy.sindy import discover
 from discovery.sindy.structure import Equation, status_of
-from discovery.sindy.subset import BestSubset
+from discovery.sindy.subset import best_subsets
 
 XI, ALPHA, BETA, GAMMA = 0.0458, 8.7907, 0.5139, 0.4462
 STRUCTURE = {"theta_t'", "delta", "delta^3"}
@@ -320,20 +320,18 @@ def test_stretches_are_contiguous_and_never_cross_recordings():
     assert np.unique(labels).tolist() == list(range(7))
 
 
-def test_optimizer_works_inside_pysindy():
-    t = np.linspace(0.0, 20.0, 4001)
-    x = solve_ivp(
-        lambda _, x: [-0.1 * x[0] + 2 * x[1], -2 * x[0] - 0.1 * x[1]], (0, 20), [2, 0], t_eval=t, rtol=1e-9
-    ).y.T
-    x_dot = np.column_stack([-0.1 * x[:, 0] + 2 * x[:, 1]])
-    library = pysindy.PolynomialLibrary(degree=3)
-    columns = np.asarray(library.fit_transform(x))
-    optimizer = BestSubset(threshold=1e-6, max_terms=3).fit(columns, x_dot)
-    chosen = dict(zip(library.get_feature_names(), optimizer.coef_[0], strict=True))
-    assert {name for name, c in chosen.items() if c} == {"x0", "x1"}
-    assert chosen["x1"] == pytest.approx(2.0, abs=1e-3)
-    strict = BestSubset(threshold=0.5, max_terms=3).fit(columns, x_dot)
-    assert np.count_nonzero(strict.coef_) == 1  # a threshold is a share of the variance
+def test_the_best_subsets_are_those_of_ordinary_least_squares():
+    rng = np.random.default_rng(3)
+    x = rng.standard_normal((50, 5))
+    y = x @ [0.0, 2.0, 0.0, -1.0, 0.3] + 0.1 * rng.standard_normal(50)
+    table = best_subsets(x.T @ x, x.T @ y, float(y @ y), 3, np.zeros(5, int))
+    assert [found[0].tolist() for found, _ in table] == [[1], [1, 3], [1, 3, 4]]
+    for found, rss in table:
+        for terms, left in zip(found, rss, strict=True):
+            assert left == pytest.approx(np.linalg.lstsq(x[:, terms], y, rcond=None)[1][0])
+    # A coefficient of the wrong sign is no candidate.
+    signed = best_subsets(x.T @ x, x.T @ y, float(y @ y), 2, np.array([0, -1, 0, 0, 0]))
+    assert all(1 not in terms for found, rss in signed for terms in found[np.isfinite(rss)])
 
 
 def test_radius_law_of_the_papers_model(paper):

@@ -8,7 +8,7 @@ from scipy.interpolate import make_interp_spline
 
 from benchmarks.paper.erratum import Erratum
 from benchmarks.paper.stand import Stand
-from discovery.theory.elastica.force_map import load_at_tip
+from benchmarks.paper.theory.elastica.force_map import load_at_tip
 
 __all__ = ["coupling_torque_frame", "force_frame", "motor_constant"]
 

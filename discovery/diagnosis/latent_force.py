@@ -174,10 +174,6 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     index : int
         Which of the fitted recordings.
 
-    Returns
-    -------
-    LatentForce
-
     Raises
     ------
     ComputationError

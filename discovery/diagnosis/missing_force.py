@@ -78,10 +78,6 @@ def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
     holdout : sequence of Experiment
         Recordings to try patches on; the parts of the training recordings that were not fitted if there are none.
 
-    Returns
-    -------
-    MissingForce
-
     Raises
     ------
     ComputationError

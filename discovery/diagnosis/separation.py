@@ -98,11 +98,6 @@ class Separation:
 def similarity_matrix(fits: Sequence[Fit]) -> FloatArray:
     """Return how alike the rivals' own effects act on the recordings that they were fitted to.
 
-    Parameters
-    ----------
-    fits : sequence of Fit
-        On the same recordings.
-
     Returns
     -------
     ndarray, shape (r, r)
@@ -207,10 +202,6 @@ def separate(
         within what the recordings show to be safe, and as many more where the limits are others.
     on_progress : callable, optional
         Called after every trial with their number and the best chi-square difference so far.
-
-    Returns
-    -------
-    Separation
 
     Raises
     ------

@@ -58,13 +58,13 @@ def draft(
     """
     path = files[0]
     names = open_table(path)[0].columns
-    if kind in (None, "flexible_arm") and is_arm(names):
+    if (kind is None or KINDS[kind].has_rod) and is_arm(names):
         lines = _arm(path)
     else:
         found = find_signals(path, rate=rate, chosen=chosen)
         time = np.arange(found.output.values.size) / (rate or 1.0) if found.time is None else found.time.si
         guess = guess_kind(path, found, time) if kind is None else Guess(kind, "")
-        if guess.kind == "flexible_arm":
+        if KINDS[guess.kind].has_rod:
             raise InputError(
                 f"{path} lacks the columns of a flexible arm: time_s, motor_angle_rad, and tip_x_m with tip_y_m, or "
                 "tip_angle_rad, or tip_deflection_m. Rename its columns, with any unit as the suffix."
@@ -105,9 +105,9 @@ def _arm(path: Path) -> Iterator[str]:
 def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: float | None) -> Iterator[str]:
     yield from _top(path)
     yield f"kind = {_text(guess.kind)}" + (f"   # guessed: {guess.why}" if guess.why else "")
-    others = [other for other in KINDS if other not in (guess.kind, "flexible_arm")]
+    others = [other for other, its in KINDS.items() if other != guess.kind and not its.has_rod]
     yield f"# other kinds: {', '.join(others)}; a flexible arm has columns of its own"
-    if guess.kind == "pendulum":
+    if KINDS[guess.kind].hangs:
         yield "# from the axis to the middle of a small bob; stated, it is held against the motion:"
         yield "# length_m = { value = 0.80, sd = 0.005 }"
     yield ""
@@ -146,7 +146,7 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
 
 def _between(given: Signal, guess: Guess) -> tuple[str, list[str]]:
     """Say how an input runs between its samples, and why: held where it stays and jumps, else the recordings choose."""
-    if guess.kind == "base_excited":
+    if KINDS[guess.kind].shaken:
         return "", []
     steps = np.abs(np.diff(given.values))
     if (steps == 0.0).mean() > _HELD and steps.max() > _JUMP * np.ptp(given.values):

@@ -15,7 +15,7 @@ class RadiusQuartic(Closure):
     """
 
     systems = frozenset({ARM})
-    cite = "series of the elastica, see discovery.theory.elastica.series; source paper, equation (16), for the cosine"
+    cite = "series of the elastica, see docs/MECHANICS.md; source paper, equation (16), for the cosine"
     r_4 = Parameter(
         "q^-4", "quartic term of the radius", (-0.2, 0.2), Normal(0.0, 0.02), starts=(0.003, -0.003), latex="r_4"
     )

@@ -15,7 +15,7 @@ class RadiusTension(Closure):
     """
 
     systems = frozenset({ARM})
-    cite = "elastica under a force along the radius, see discovery.theory.elastica.force_map"
+    cite = "elastica under a force along the radius, see docs/MECHANICS.md"
     r_T = Parameter(
         "q^-4",
         "lengthening of the radius under tension",

@@ -27,13 +27,6 @@ def covariance_of(
 ) -> tuple[FloatArray, dict[str, str], tuple[dict[str, float], ...]]:
     """Return the covariance of the estimates from the Jacobian at the minimum, by singular values.
 
-    Parameters
-    ----------
-    problem : Problem
-        What was fitted.
-    minimum : Minimum
-        Where the minimisation ended.
-
     Returns
     -------
     covariance : ndarray, shape (p, p)

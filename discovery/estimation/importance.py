@@ -102,10 +102,6 @@ def importance_sample(
     draws, pilot : int
         Draws of the last round, and of one that adapts the proposal.
 
-    Returns
-    -------
-    Weighted
-
     Raises
     ------
     ComputationError

@@ -11,7 +11,6 @@ from discovery.foundation.errors import DiscoveryError, InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
-from discovery.rigs.kinds import KINDS
 
 __all__ = ["choose_interpolation"]
 
@@ -57,7 +56,7 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
         return _with(dataset, "spline")
     cost: dict[str, float] = {}
     samples = 0
-    moved = KINDS[dataset.rig.kind].interpolation == "motion"
+    moved = dataset.rig.traits.interpolation == "motion"
     for name in _MOTIONS if moved else _FORCES[: 2 if dataset.train[0].reads_acceleration else None]:
         try:
             parts = [_shortened(e) for e in _with(replace(dataset, holdout=(), test=()), name).train]

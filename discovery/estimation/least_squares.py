@@ -94,10 +94,6 @@ def levenberg_marquardt(
     ------
     Wanted
         Parameter vectors whose residuals, shape (n, k), are wanted; those of `next` may follow, all or none.
-
-    Returns
-    -------
-    Minimum
     """
     found = Descent(start, lower, upper, scale, tolerance=tolerance, quick=jacobian is not None, rough=rough)
     yield from found.begin(jacobian)

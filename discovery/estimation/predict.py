@@ -260,17 +260,6 @@ def held_out(
 ) -> list[list[FloatArray]]:
     """Return predictions of recordings that were not fitted: parameters held, only the initial state is fitted.
 
-    Parameters
-    ----------
-    candidates : sequence of (Model, values)
-        Fitted models on the bench's base.
-    experiments : sequence of Experiment
-        The bench's recordings.
-    bench : Bench
-        Simulators of these recordings.
-    units : NaturalUnits
-        Natural units.
-
     Returns
     -------
     list of list of ndarray, shape (n, c)

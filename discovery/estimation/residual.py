@@ -190,10 +190,6 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
         What the model says about each.
     period : float
         Period of the motion [s].
-
-    Returns
-    -------
-    ResidualReport
     """
     parts = _normalised(experiments, predictions)
     everything = np.concatenate([p.ravel() for p in parts])

@@ -86,13 +86,7 @@ def _path(folder: Path, key: str) -> Path:
 
 
 def load(key: str) -> bytes | None:
-    """Return the content of an entry; None where there is none, or where it is damaged.
-
-    Parameters
-    ----------
-    key : str
-        Everything that the content depends on.
-    """
+    """Return the content of an entry; None where there is none, or where it is damaged."""
     folder = cache_folder()
     if folder is None:
         return None

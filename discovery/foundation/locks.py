@@ -33,11 +33,6 @@ def _acquire(descriptor: int) -> bool | None:
 def folder_lock(folder: Path) -> Iterator[bool]:
     """Hold a folder while the block runs; nothing is written into it.
 
-    Parameters
-    ----------
-    folder : Path
-        It exists.
-
     Yields
     ------
     bool

@@ -40,7 +40,7 @@ class Reduced(ArmBase):
               + \tfrac12 C\,\dot\theta_m^2,\qquad U = \tfrac12\delta^2 - \tfrac{1}{105}\delta^4
 
     The generalised force on delta is rho F_t, by (5) with F_n = 3 delta + (13/70) delta^3, hence U; expanded to third
-    order the terms are c1 = 1/5, c2 = -2/5, c3 = 1/25 and beta = 0.122 alpha (`discovery.theory.derivation`). C moves
+    order the terms are c1 = 1/5, c2 = -2/5, c3 = 1/25 and beta = 0.122 alpha (`docs/MECHANICS.md`). C moves
     the motor only, not the tip. A curved or compliant rod has its radius and energy to the same order, see
     `discovery.mechanics.rod`.
     """
@@ -68,7 +68,7 @@ class Reduced(ArmBase):
         slope = sp.diff(rho, _THETA)
         form, bend = rod.third_order, self._bending(rod)
         elastic = (1 + 3 * rod.root) * form.bend**2 / 2 - sp.expand(form.bend * form.ahead)
-        # Slope of the static shape at its end and curvature at its root: `discovery.theory.elastica.shape_series`.
+        # Slope of the static shape at its end and curvature at its root (`docs/MECHANICS.md`).
         end = sp.Rational(3, 2) * bend - sp.Rational(11, 560) * bend**3
         clamped = 3 * bend - sp.Rational(4, 35) * bend**3
         speed2 = rho**2 * _OMEGA**2 + slope**2 * delta_dot**2

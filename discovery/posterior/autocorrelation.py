@@ -51,10 +51,6 @@ def autocorrelation(posterior: Sample) -> Autocorrelation:
     ----------
     posterior : Sample
         Draws (ensembles, draws, walkers, d), `thin` steps apart.
-
-    Returns
-    -------
-    Autocorrelation
     """
     thin = int(posterior.provenance.get("thin", 1))
     names = quantities(posterior)

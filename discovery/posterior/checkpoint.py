@@ -36,15 +36,7 @@ def fingerprint(*parts: bytes | str) -> str:
 
 
 def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> None:
-    """Write a checkpoint (HDF5), beside its place first: there is never half a file.
-
-    Parameters
-    ----------
-    path : path
-    ensembles : sequence of Ensemble
-    run : str
-        Fingerprint of the run.
-    """
+    """Write a checkpoint (HDF5), beside its place first: there is never half a file."""
     # In memory: on a full disk the library of the format ends the process.
     made = BytesIO()
     with h5py.File(made, "w") as file:

@@ -58,17 +58,7 @@ def quantities(posterior: Sample) -> tuple[str, ...]:
 
 
 def correlations(posterior: Sample) -> Correlations:
-    """Return the correlations of a posterior; initial states are left out.
-
-    Parameters
-    ----------
-    posterior : Sample
-        Draws and their model.
-
-    Returns
-    -------
-    Correlations
-    """
+    """Return the correlations of a posterior; initial states are left out."""
     names = quantities(posterior)
     flat = posterior.flat()
     matrix = np.atleast_2d(np.corrcoef(np.array([flat[n] for n in names])))

@@ -65,10 +65,6 @@ def convergence(draws: FloatArray) -> Convergence:
     Parameters
     ----------
     draws : ndarray, shape (ensembles, steps, walkers, d)
-
-    Returns
-    -------
-    Convergence
     """
     from arviz_stats.base import array_stats
 

@@ -235,10 +235,6 @@ def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     noise : str
         ``"gaussian"``, or another noise model: a key of `discovery.posterior.noise.NOISE_MODELS`.
 
-    Returns
-    -------
-    LogPosterior
-
     Raises
     ------
     NotIdentifiable

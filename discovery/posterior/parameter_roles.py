@@ -61,15 +61,7 @@ _OTHERWISE = "these recordings fix a combination of both better than each alone"
 
 
 def shared(model: Model, first: str, second: str) -> str:
-    """Return what two parameters of a model share, as a clause.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    first, second : str
-        Names of its parameters.
-    """
+    """Return what two parameters of a model share, as a clause."""
     owners = _owner(model, first), _owner(model, second)
     if owners[0] is owners[1]:
         title = "the mechanics" if owners[0] is None else owners[0].id().replace("_", " ")

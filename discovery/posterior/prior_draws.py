@@ -19,14 +19,6 @@ _ATTEMPTS = 100
 def prior_draws(target: LogPosterior, count: int, rng: Generator) -> dict[str, FloatArray]:
     """Return independent draws from the priors, cut off at the parameters' bounds.
 
-    Parameters
-    ----------
-    target : LogPosterior
-        Declares what is sampled.
-    count : int
-        Number of draws.
-    rng : Generator
-
     Returns
     -------
     dict of str to ndarray, shape (count,)

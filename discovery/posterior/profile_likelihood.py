@@ -88,10 +88,6 @@ def profiles(target: LogPosterior, points: int = _POINTS) -> list[Profile]:
         Of a fit: its minimum, and its covariance for the range of held values and the starts.
     points : int
         Held values of each parameter.
-
-    Returns
-    -------
-    list of Profile
     """
     problem = _at_its_own_noise(target.problem, target.centre)
     m = len(problem.names)

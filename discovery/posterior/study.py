@@ -170,10 +170,6 @@ def study_posterior(
         For the predictive bands.
     draws : int
         Draws of each band.
-
-    Returns
-    -------
-    PosteriorStudy
     """
     target = log_posterior(fit)
     priors, flat = marginal_priors(target), posterior.flat()

@@ -25,7 +25,6 @@ from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.holdout_part import fitted_count
 from discovery.recordings.recording import Recording, read_recording
 from discovery.recordings.shared_samples import shared_samples
-from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
 
@@ -132,16 +131,16 @@ def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Reco
         return [(r.time, r.output[:, 0]) for r in recordings]
 
     def doubt(r: Recording) -> Flag | None:
-        if rig.kind == "falling_body":
+        if rig.traits.falls:
             return fall_doubt(rig, *motions(r))
         # Swings of different size say more together, unless one of them alone is in another unit.
         return together or angle_doubt(rig, motions(r))
 
     every = [r for listed in found.values() for r in listed]
     free = rig.gravity is not None and rig.view is None and all(r.input is None for r in every)
-    if not free or rig.kind not in ("pendulum", "falling_body"):
+    if not free:
         return found
-    together = angle_doubt(rig, motions(*every)) if rig.kind == "pendulum" else None
+    together = angle_doubt(rig, motions(*every)) if rig.traits.hangs else None
     return {
         role: [replace(r, flags=(*r.flags, said)) if (said := doubt(r)) else r for r in listed]
         for role, listed in found.items()
@@ -192,7 +191,7 @@ def _refuse_unusable(role: str, experiment: Experiment) -> None:
     parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}
     if role == "train" and not fitted.all():
         parts["held-out"] = finite[~fitted]
-    fewest = min(_FEWEST, KINDS[experiment.rig.kind].fewest)
+    fewest = min(_FEWEST, experiment.rig.traits.fewest)
     for name, part in parts.items():
         if part.sum() < fewest:
             raise InputError(

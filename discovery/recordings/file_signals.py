@@ -24,7 +24,6 @@ from discovery.recordings.recording_columns import (
     suggest,
     without_tip,
 )
-from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import Rig
 
 __all__ = ["Signals"]
@@ -58,7 +57,7 @@ class Signals:
     ) -> Signals:
         """Read the columns that the rig names, of the rows that are asked for."""
         table = read_table(path, rig.columns.header)
-        arm = rig.kind == "flexible_arm"
+        arm = rig.traits.has_rod
         table = table if with_output or not arm else without_tip(table)
         channels, names, units = arm_columns(table) if arm else declared_columns(table, rig)
         if with_output and not channels:
@@ -87,12 +86,12 @@ class Signals:
     def check(self, rig: Rig) -> None:
         """Refuse what holds for no recording of any system."""
         given: dict[str, Any] = {"time": self.time, "inputs": self.inputs, "outputs": self.outputs}
-        check_signals(self.table, self.names, units=self.units, fewest=KINDS[rig.kind].fewest, **given)
+        check_signals(self.table, self.names, units=self.units, fewest=rig.traits.fewest, **given)
 
 
 def _refuse_no_output(table: Table, rig: Rig, names: Mapping[str, str]) -> NoReturn:
     wanted, remedy = "tip_x_m and tip_y_m, or tip_angle_rad, or tip_deflection_m", ""
-    if rig.kind == "flexible_arm":
+    if rig.traits.has_rod:
         remedy = f"add {wanted}"
     else:
         wanted = rig.columns.output.name

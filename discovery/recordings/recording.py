@@ -31,8 +31,6 @@ from discovery.rigs.rig import ForceView, Rig
 __all__ = ["Recording", "read_recording"]
 
 FloatArray = npt.NDArray[np.float64]
-#: Kinds that swing about a rest position where nothing drives them.
-_SWINGING = ("oscillator", "pendulum")
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,7 +133,7 @@ def read_recording(
     stated = _stated_noise(rig, found.channels)
     checked = _checked(rig, found)
     flags = [*time_flags(found.time, rig.columns.time.assumed), *checked]
-    if found.inputs is None and found.outputs and rig.kind in _SWINGING:
+    if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, more = _cleaned(rig, found, stated)
     found.check(rig)
@@ -144,7 +142,7 @@ def read_recording(
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
-    arm = rig.kind == "flexible_arm"
+    arm = rig.traits.has_rod
     return Recording(
         name=name or found.table.path.stem,
         time=found.time,
@@ -165,10 +163,10 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     """Refuse what cannot be a measurement of this rig; join the turns of an angle, and take in an added input."""
     flags: list[Flag] = []
     time, inputs, outputs = found.time, found.inputs, found.outputs
-    if rig.kind == "pendulum" and rig.view is None and "output" in outputs:
+    if rig.traits.hangs and rig.view is None and "output" in outputs:
         outputs["output"], flags = near_hanging(outputs["output"], found.units["output"])
     found.check(rig)
-    if rig.kind == "flexible_arm":
+    if rig.traits.has_rod:
         given: dict[str, Any] = {"time": time, "inputs": inputs, "outputs": outputs}
         check_arm(found.table, found.names, units=found.units, rig=rig, **given)
         flags = [] if inputs is None else bend_flags(inputs, outputs)
@@ -184,7 +182,7 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
     """Leave out what no sensor measured, and return the noise of each channel, with what is unusual about it."""
     noise: list[float] = []
     flags: list[Flag] = []
-    returns = rig.kind in (*_SWINGING, "base_excited") and rig.view is None
+    returns = rig.traits.returns and rig.view is None
     for channel, known in zip(found.channels, stated, strict=True):
         if channel not in found.outputs:
             noise.append(1.0 if known is None else known)
@@ -229,7 +227,7 @@ def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[flo
 
 def _own_period(rig: Rig) -> float | None:
     """Period of a small swing [s] by a pendulum's stated length; an extended body swings slower."""
-    if rig.kind != "pendulum" or rig.length is None or rig.gravity is None:
+    if not rig.traits.hangs or rig.length is None or rig.gravity is None:
         return None
     return float(2.0 * np.pi * np.sqrt(rig.length.value / rig.gravity.value))
 
@@ -246,7 +244,7 @@ def _seen_as_force(view: ForceView, time: FloatArray, force: FloatArray, rate: f
 
 def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:
     """Noise of each channel from the rig; the camera sees the tip's angle from about one arm's length."""
-    if rig.kind != "flexible_arm":
+    if not rig.traits.has_rod:
         return [rig.columns.output.noise]
     if rig.position_noise is None:
         return [None] * len(channels)

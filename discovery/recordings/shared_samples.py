@@ -31,11 +31,6 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
     Found are stretches that both have, row by row, and recordings of which one is a part of the other with rows left
     out, as every second one, its times shifted or not; also where less was added to a stretch than its own noise.
 
-    Parameters
-    ----------
-    first, second : Recording
-        Of one rig.
-
     Returns
     -------
     int or None

@@ -122,12 +122,12 @@ def check_units(
     good = np.isfinite(output)
     t, y = time[good], output[good]
     where = f"{table.path}, column {names['output']!r}"
-    if rig.kind == "pendulum" and not driven:
+    if rig.traits.hangs and not driven:
         _check_swing(where, rig, y, float(np.nanmax(np.abs(table.numbers(names["output"])))))
         # Too slow or too fast is more often the time's fault than the angle's.
         clock = f", column {names['time']!r}" if "time" in names else ""
         _check_pace(f"{table.path}{clock}", rig, t, y)
-    elif rig.kind == "falling_body":
+    elif rig.traits.falls:
         _check_fall(where, rig.gravity.value, t, y)
 
 

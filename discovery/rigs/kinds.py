@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from discovery.declarations.systems import System
+
 __all__ = ["KINDS", "LINEAR_MODEL", "PAPER_MODEL", "Kind"]
 
 
@@ -33,6 +35,10 @@ class Kind:
         Samples that a recording needs at least.
     interpolation : str
         How the input runs between samples where the rig file does not say it.
+    returns : bool
+        Whether it has a rest position, about which it swings where nothing drives it.
+    hangs, falls, shaken : bool
+        Whether gravity turns it, gravity moves it, or what it hangs on is moved.
     """
 
     name: str
@@ -45,6 +51,15 @@ class Kind:
     may_be_bare: bool = False
     fewest: int = 50
     interpolation: Literal["motion", "spline"] = "spline"
+    returns: bool = False
+    hangs: bool = False
+    falls: bool = False
+    shaken: bool = False
+
+    @property
+    def has_rod(self) -> bool:
+        """Whether a rod bends between a hub that turns and the tip that is read."""
+        return System.of(self.name).has_rod
 
 
 PAPER_MODEL = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
@@ -56,7 +71,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(
             "flexible_arm", "constant_radius", PAPER_MODEL, True, "motor angle", "tip position", interpolation="motion"
         ),
-        Kind("oscillator", "oscillator", LINEAR_MODEL, None, "force", "deflection from rest"),
+        Kind("oscillator", "oscillator", LINEAR_MODEL, None, "force", "deflection from rest", returns=True),
         Kind(
             "pendulum",
             "oscillator",
@@ -65,6 +80,8 @@ KINDS: Mapping[str, Kind] = {
             input="torque",
             output="angle from hanging",
             unit="rad",
+            returns=True,
+            hangs=True,
         ),
         Kind(
             "base_excited",
@@ -74,6 +91,8 @@ KINDS: Mapping[str, Kind] = {
             "motion of the base or hub",
             "deflection relative to it",
             interpolation="motion",
+            returns=True,
+            shaken=True,
         ),
         Kind("drive", "oscillator", ("viscous_damping",), True, "force", "position", may_be_bare=True),
         Kind("system", "", (), None, "input", "output", may_be_bare=True),
@@ -87,6 +106,7 @@ KINDS: Mapping[str, Kind] = {
             unit="m",
             may_be_bare=True,
             fewest=20,
+            falls=True,
         ),
     )
 }

@@ -10,7 +10,7 @@ from typing import Literal
 from discovery.declarations.system import SystemDeclaration
 from discovery.declarations.units import si_symbol
 from discovery.mechanics.systems import declare
-from discovery.rigs.kinds import KINDS, LINEAR_MODEL, PAPER_MODEL
+from discovery.rigs.kinds import KINDS, LINEAR_MODEL, PAPER_MODEL, Kind
 
 __all__ = [
     "ARM_COLUMNS",
@@ -238,6 +238,11 @@ class Rig:
     sha256: str = ""
 
     @property
+    def traits(self) -> Kind:
+        """What its kind of system has and does."""
+        return KINDS[self.kind]
+
+    @property
     def base(self) -> str:
         """Name of the mechanics of the bare system."""
         if self.system is not None:
@@ -246,6 +251,6 @@ class Rig:
             return "inverse_dynamics"
         if self.columns.output.reads == "acceleration":
             return "accelerometer"
-        if self.kind == "base_excited" and self.columns.turns_by_shift:
+        if self.traits.shaken and self.columns.turns_by_shift:
             return "moving_pivot"
-        return KINDS[self.kind].base if self.controller is None else "servo"
+        return self.traits.base if self.controller is None else "servo"

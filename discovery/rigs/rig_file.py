@@ -70,7 +70,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     content, text, document = _parsed(path)
     rest, quantities, keys = _quantities(path, text, document)
     table = _validated(path, text, rest)
-    arm = table.kind == "flexible_arm"
+    arm = KINDS[table.kind].has_rod
     if arm and "length" not in quantities:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
     check_tables(path, text, table)
@@ -94,7 +94,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         columns=_columns(path, text, table, system, keys),
         declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
         records=_records(path, text, table.records),
-        gravity=quantities.get("gravity", _GRAVITY if table.kind in ("pendulum", "falling_body") else None),
+        gravity=quantities.get("gravity", _GRAVITY if table.kind in MEANT_FOR["gravity"] else None),
         controller=controller_of(path, text, table),
         view=view_of(path, text, table),
         system=system,

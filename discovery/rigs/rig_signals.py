@@ -23,7 +23,7 @@ def check_tables(path: Path, text: str, table: RigTable) -> None:
         Naming the table and what the kind records.
     """
     kind, columns = KINDS[table.kind], table.columns
-    if kind.name == "flexible_arm":
+    if kind.has_rod:
         for name in ("columns", "controller", "view"):
             if getattr(table, name) is not None:
                 raise InputError(
@@ -114,7 +114,7 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
         header=None if columns.header is None else tuple(columns.header),
         every=columns.every,
     )
-    if kind.name == "base_excited" and found.input is not None and not found.turns_by_shift:
+    if kind.shaken and found.input is not None and not found.turns_by_shift:
         _refuse_unlike(path, text, found.input.unit, found.output.unit)
     return found
 

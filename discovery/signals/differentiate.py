@@ -35,6 +35,8 @@ from discovery.signals.penalised_spline import (
 __all__ = ["FloatArray", "Smoother", "Trajectory", "smooth"]
 
 FloatArray = NDArray[np.float64]
+#: Orders of the penalised derivative to choose from.
+_ORDERS = (3, 4)
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,7 @@ class Trajectory:
         return np.stack([self.spline(t, nu=order) for order in range(3)])
 
 
-def smooth(
-    time: FloatArray, values: FloatArray, noise: float | FloatArray | None = None, *, orders: tuple[int, ...] = (3, 4)
-) -> Trajectory:
+def smooth(time: FloatArray, values: FloatArray, noise: float | FloatArray | None = None) -> Trajectory:
     """Smooth samples of one coordinate.
 
     Parameters
@@ -96,8 +96,6 @@ def smooth(
         Samples; NaN marks a gap.
     noise : float or ndarray, shape (n,), optional
         Standard deviation of the samples. Without it the bandwidth is chosen by generalised cross-validation.
-    orders : tuple of int
-        Orders of the penalised derivative to choose from (at most 5).
 
     Returns
     -------
@@ -120,7 +118,7 @@ def smooth(
         raise InputError("The standard deviation of the samples must be positive.")
     weight = 1.0 / sigma**2
     offset = np.average(y, weights=weight)  # keeps the sums of squares free of cancellation
-    fit, order, system, segments = _best_spline(t, y - offset, weight, noise is not None, orders)
+    fit, order, system, segments = _best_spline(t, y - offset, weight, noise is not None)
     scale = 1.0 if noise is not None else float(np.sqrt(fit.misfit / max(t.size - fit.degrees_of_freedom, 1.0)))
     spline = BSpline(system.knots, fit.coefficients + offset, DEGREE)
     sd = scale * _deviations(t, fit, system)
@@ -140,7 +138,7 @@ def smooth(
 
 
 def _best_spline(
-    t: FloatArray, y: FloatArray, weight: FloatArray, known_noise: bool, orders: tuple[int, ...]
+    t: FloatArray, y: FloatArray, weight: FloatArray, known_noise: bool
 ) -> tuple[SplineFit, int, PenalisedSpline, int]:
     """Return the fit of lowest score with its order of penalty, its system and its number of segments."""
     best: tuple[SplineFit, int, PenalisedSpline, int] | None = None
@@ -152,7 +150,7 @@ def _best_spline(
         gram = upper_band(sparse.csr_array(weighted.T @ basis))
         moment, energy = weighted.T @ y, float(weight @ y**2)
         before = np.inf if best is None else best[0].score
-        for order in orders:
+        for order in _ORDERS:
             rough = difference_matrix(segments + DEGREE, order)
             penalty = upper_band(sparse.csr_array(rough.T @ rough))
             penalty *= gram[-1].sum() / penalty[-1].sum()

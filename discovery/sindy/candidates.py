@@ -15,6 +15,8 @@ from discovery.signals.motion import Motion, State
 
 __all__ = ["Candidates", "Term"]
 
+#: Highest degree of the polynomials in the deflection and the rate.
+_DEGREE = 5
 Family = Literal["polynomial", "trigonometric", "dissipative", "input"]
 
 
@@ -72,8 +74,6 @@ class Candidates:
     ----------
     motions : sequence of Motion
         Recordings of one system.
-    degree : int
-        Highest degree of the polynomials in the deflection and the rate.
     trigonometric : bool
         Offer sin and cos of the deflection and of twice the deflection, too.
     at_rest : bool
@@ -85,9 +85,7 @@ class Candidates:
         Without recordings, or with recordings of different kinds.
     """
 
-    def __init__(
-        self, motions: Sequence[Motion], *, degree: int = 5, trigonometric: bool = True, at_rest: bool = False
-    ) -> None:
+    def __init__(self, motions: Sequence[Motion], *, trigonometric: bool, at_rest: bool) -> None:
         if len({motion.kind for motion in motions}) != 1:
             raise InputError("SINDy needs one or more recordings of one kind of system.")
         arm = motions[0].system.has_rod
@@ -96,7 +94,7 @@ class Candidates:
         # The sign of a rate is graded where the rate is not known better than that.
         width = 3.0 * float(np.median(np.concatenate([motion.coordinate.sd[1] for motion in motions])))
         parts = [
-            (pysindy.PolynomialLibrary(degree=degree), [0, 1]),
+            (pysindy.PolynomialLibrary(degree=_DEGREE), [0, 1]),
             (
                 pysindy.CustomLibrary(
                     [lambda v: v * np.abs(v), lambda v: np.tanh(v / width)],
@@ -119,7 +117,7 @@ class Candidates:
         terms = []
         for name in self.features.get_feature_names(self.inputs):
             family = _family(name, position)
-            complexity = degree + 1 if family == "trigonometric" else 2
+            complexity = _DEGREE + 1 if family == "trigonometric" else 2
             if family == "polynomial":
                 complexity = 0 if name == "1" else sum(int(f.partition("^")[2] or 1) for f in name.split())
             terms.append(Term(name, effects.get(name), family, complexity))

@@ -24,6 +24,9 @@ from discovery.sindy.rows import RowKind, Rows, force_rows, power_rows, response
 
 __all__ = ["Library", "build_library", "stretches"]
 
+#: Samples after which rows start from a new initial state.
+_WINDOW = 4000
+
 
 @dataclass(frozen=True)
 class Library:
@@ -78,10 +81,7 @@ def build_library(
     motions: Sequence[Motion],
     *,
     rows: RowKind = "response",
-    degree: int = 5,
     trigonometric: bool | None = None,
-    stretch: float | None = None,
-    window: int = 4000,
     at_rest: bool | None = None,
 ) -> Library:
     """Evaluate the candidate terms on smoothed recordings.
@@ -92,15 +92,8 @@ def build_library(
         Recordings of one system.
     rows : str
         "response", "force" or "power".
-    degree : int
-        See `Candidates`.
     trigonometric : bool, optional
         See `Candidates`; by default for an arm, whose coordinate is an angle.
-    stretch : float, optional
-        Length of the stretches that are resampled whole [s]; by default a period of the nearest oscillator, but at
-        least a fiftieth and at most a fifth of the longest recording.
-    window : int
-        Samples after which response rows start from a new initial state.
     at_rest : bool, optional
         Take rows of an arm only where its base rests. By default, if that leaves half of the samples.
 
@@ -119,7 +112,7 @@ def build_library(
     arm = bool(motions) and motions[0].system.has_rod
     at_rest = arm and _rests_half_the_time(motions) if at_rest is None else at_rest
     trigonometric = arm if trigonometric is None else trigonometric
-    candidates = Candidates(motions, degree=degree, trigonometric=trigonometric, at_rest=at_rest)
+    candidates = Candidates(motions, trigonometric=trigonometric, at_rest=at_rest)
     oscillator = candidates.nearest_oscillator(motions)
     longest = max(float(motion.coordinate.time[-1] - motion.coordinate.time[0]) for motion in motions)
     period = 2.0 * np.pi / np.sqrt(oscillator[0]) if oscillator[0] > 0.0 else longest
@@ -129,11 +122,12 @@ def build_library(
         makers[rows](motion, cut, candidates)
         for motion in motions
         for run in _runs(motion, at_rest, min(period / 2.0, longest / 5.0))
-        for cut in np.array_split(run, -(-run.size // window))
+        for cut in np.array_split(run, -(-run.size // _WINDOW))
     ]
     if not parts:
         raise InputError("The base never rests for half a period; ask for rows of the whole recording (at_rest=False).")
-    stretch = float(np.clip(period, longest / 50.0, longest / 5.0)) if stretch is None else stretch
+    # Stretches that are resampled whole last about a period.
+    stretch = float(np.clip(period, longest / 50.0, longest / 5.0))
     return Library(
         terms=candidates.terms,
         columns=np.vstack([part[1] for part in parts]),

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pysindy
 from scipy.stats import chi2
 
 from discovery.foundation.errors import InputError
@@ -26,9 +25,9 @@ from discovery.sindy.evidence import Choice, loudness
 from discovery.sindy.library import Library, build_library
 from discovery.sindy.rows import RowKind
 from discovery.sindy.structure import Discovery, Equation, status_of
-from discovery.sindy.subset import BestSubset, residual_sums, stopping_size
+from discovery.sindy.subset import best_subsets, residual_sums, stopping_size
 
-__all__ = ["FALSE_ALARM", "PHYSICAL_BOUNDS", "default_pysindy", "discover"]
+__all__ = ["FALSE_ALARM", "PHYSICAL_BOUNDS", "discover"]
 
 PHYSICAL_BOUNDS: dict[str, tuple[float, float]] = {
     "viscous_damping": (0.0, np.inf),
@@ -74,12 +73,9 @@ def discover(
     *,
     rng: np.random.Generator,
     rows: RowKind = "response",
-    degree: int = 5,
     trigonometric: bool | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    max_terms: int | None = None,
     resamples: int = 200,
-    at_rest: bool | None = None,
 ) -> Discovery:
     """Discover the terms of the equation of motion.
 
@@ -91,12 +87,10 @@ def discover(
         Source of the resamples.
     rows : str
         "response", "force" or "power", see `discovery.sindy.rows`.
-    degree, trigonometric, at_rest
+    trigonometric : bool, optional
         See `discovery.sindy.library.build_library`.
     bounds : mapping of str to (float, float), optional
         Signs by name of a term or id of an effect, as bounds from or to zero; added to `PHYSICAL_BOUNDS`.
-    max_terms : int, optional
-        Largest equation looked at; by default five terms, and the input where there is one.
     resamples : int
         Number of resamples of whole stretches, with replacement.
 
@@ -110,9 +104,10 @@ def discover(
     InputError
         For bounds that name nothing or cannot be honoured, and for unknown rows.
     """
-    library = build_library(motions, rows=rows, degree=degree, trigonometric=trigonometric, at_rest=at_rest)
+    library = build_library(motions, rows=rows, trigonometric=trigonometric)
     signs = _signs(library, {**PHYSICAL_BOUNDS, **(bounds or {})})
-    max_terms = max_terms or 5 + any(term.family == "input" for term in library.terms)
+    # Five terms, and the input where there is one.
+    max_terms = 5 + any(term.family == "input" for term in library.terms)
     subsets = _Subsets.build(library, _best_subsets(library, max_terms, signs))
     choice, rss, noise = subsets.choice, subsets.rss, subsets.noise
     size = choice.size(subsets.energy, rss)
@@ -150,9 +145,8 @@ def _best_subsets(library: Library, max_terms: int, signs: np.ndarray) -> _Table
     scale = np.sqrt(np.mean(library.columns**2, axis=0))
     table = np.column_stack([library.columns / scale, library.target])
     triangle: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))  # the same least squares in p + 1 rows
-    optimizer = BestSubset(max_terms=max_terms, signs=signs)
-    optimizer.fit(triangle[:, :-1], triangle[:, -1:])
-    return optimizer.table_
+    x, y = triangle[:, :-1], triangle[:, -1]
+    return best_subsets(x.T @ x, x.T @ y, float(y @ y), max_terms, signs)
 
 
 @dataclass(frozen=True)
@@ -237,27 +231,3 @@ def _resampled(
         if k := choice.size(e, again):
             included[sets[k - 1][choice.preferred(again, k)]] += 1.0
     return preferred, included
-
-
-def default_pysindy(motions: Sequence[Motion]) -> tuple[tuple[str, ...], ...]:
-    """Terms that pysindy finds at its defaults, for comparison: STLSQ with threshold 0.1 and finite differences.
-
-    Returns
-    -------
-    tuple of tuple of str
-        Terms of theta_t'' (of q'') on each recording, with a cubic library in the deflection and the rate.
-    """
-    found = []
-    for motion in motions:
-        track = motion.coordinate
-        names = ["delta", "theta_t'"] if motion.system.has_rod else ["q", "q'"]
-        difference = pysindy.FiniteDifference()
-        rate = difference(track.observed[:, None], track.time)
-        base = track.q - motion.state(track.time).delta
-        x = np.column_stack([track.observed - base, rate])
-        x_dot = np.column_stack([rate, difference(np.asarray(rate), track.time)])
-        model = pysindy.SINDy(feature_library=pysindy.PolynomialLibrary(degree=3))
-        model.fit(x, t=track.time, x_dot=x_dot, feature_names=names)
-        terms = zip(model.get_feature_names(), model.coefficients()[1], strict=True)
-        found.append(tuple(name for name, coefficient in terms if coefficient != 0.0))
-    return tuple(found)

@@ -11,56 +11,40 @@ from itertools import combinations
 from math import comb
 
 import numpy as np
-import pysindy
 
 from discovery.signals.differentiate import FloatArray
 
-__all__ = ["BestSubset", "residual_sums", "stopping_size"]
+__all__ = ["best_subsets", "residual_sums", "stopping_size"]
 
 _KEPT = 100  # equations of each size that are followed through the resamples
 
 
-class BestSubset(pysindy.optimizers.BaseOptimizer):
-    """The k candidates that explain most variance, k = 1, 2, ..., as an optimizer of pysindy.
+def best_subsets(
+    gram: FloatArray, moment: FloatArray, energy: float, max_terms: int, signs: np.ndarray
+) -> list[tuple[np.ndarray, FloatArray]]:
+    """Return the sets of k candidates that explain most variance, for k = 1, 2, ...
 
     Parameters
     ----------
-    threshold : float
-        A term stays if it explains more than this share of the target's variance.
+    gram, moment, energy : ndarray (p, p), ndarray (p,), float
+        Scalar products of the candidates, of each with the target, of the target.
     max_terms : int
         Largest equation looked at.
-    signs : ndarray of int, shape (p,), optional
+    signs : ndarray of int, shape (p,)
         1 for a coefficient that must not be negative, -1 for one that must not be positive, 0 for any.
 
-    Attributes
-    ----------
-    table_ : list of tuple
+    Returns
+    -------
+    list of tuple
         For each k the best equations: indices (m, k) and residual sums of squares (m,), best first.
     """
-
-    def __init__(
-        self, threshold: float = 1e-6, max_terms: int = 5, signs: np.ndarray | None = None, unbias: bool = False
-    ) -> None:
-        super().__init__(max_iter=max_terms, unbias=unbias)
-        self.threshold, self.max_terms, self.signs = threshold, max_terms, signs
-
-    def _reduce(self, x: FloatArray, y: FloatArray) -> None:
-        signs = np.zeros(x.shape[1], int) if self.signs is None else self.signs
-        gram, moment, energy = x.T @ x, x.T @ y[:, 0], float(y[:, 0] @ y[:, 0])
-        self.table_: list[tuple[np.ndarray, FloatArray]] = []
-        for k in range(1, min(self.max_terms, x.shape[1]) + 1):
-            rivals = _subsets(x.shape[1], k, self.table_[-1][0] if self.table_ else None)
-            rss = residual_sums(gram, moment, energy, rivals, signs)
-            order = np.argsort(rss)[:_KEPT]
-            self.table_.append((rivals[order], rss[order]))
-        best = np.array([energy, *(rss[0] for _, rss in self.table_)])
-        size = stopping_size(best, np.full(best.size, self.threshold * energy))
-        self.coef_, self.ind_ = np.zeros((1, x.shape[1])), np.zeros((1, x.shape[1]), bool)
-        if size:
-            chosen = self.table_[size - 1][0][0]
-            self.coef_[0, chosen] = np.linalg.lstsq(x[:, chosen], y[:, 0], rcond=None)[0]
-            self.ind_[0, chosen] = True
-        self.history_.append(self.coef_)
+    table: list[tuple[np.ndarray, FloatArray]] = []
+    for k in range(1, min(max_terms, moment.size) + 1):
+        rivals = _subsets(moment.size, k, table[-1][0] if table else None)
+        rss = residual_sums(gram, moment, energy, rivals, signs)
+        order = np.argsort(rss)[:_KEPT]
+        table.append((rivals[order], rss[order]))
+    return table
 
 
 def _subsets(p: int, k: int, smaller: np.ndarray | None) -> np.ndarray:

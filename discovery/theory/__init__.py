@@ -1,4 +1,4 @@
-"""What first principles say of the arm: the static elastica, the massless arm, the drivetrain, the third order.
+"""What first principles say of the arm: static elastica, third order, torque on the motor, prediction from the rig.
 
 Here belongs what is derived. What is measured or selected does not.
 """

@@ -19,7 +19,7 @@ class DynamicReduction:
 
     With :math:`\rho = l (1 - \delta^2 / 10)` the generalised force is :math:`\rho F`, the inertia
     :math:`\rho^2 + \rho'^2`; so :math:`\beta / \alpha = 13/210 - 1/10 + 1/5 - 1/25`. Nothing is free.
-    `discovery.theory.derivation` derives these numbers. They belong together: :math:`c_2 = -2 c_1` for any arm, and
+    `docs/MECHANICS.md` derives these numbers. They belong together: :math:`c_2 = -2 c_1` for any arm, and
     with the motor at rest only the sum of c1, c2 and c3 acts.
 
     Parameters

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.paper.figures.look import DASHED, FloatArray
+from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR
 from discovery.report.numbers import significant
 from discovery.report.style import BLUE, GREEN, ORANGE, RED, Picture, new_figure, plain_log
-from discovery.theory.drivetrain.motor import ASSUMED_MOTOR
 
 __all__ = ["draw_driven", "draw_gear", "draw_torque"]
 

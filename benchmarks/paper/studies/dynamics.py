@@ -12,10 +12,10 @@ from discovery_datasets.twin import PAPER_RIG, ArmRig, simulate
 from numpy.typing import NDArray
 
 from benchmarks.paper.stand import manoeuvre
+from benchmarks.paper.theory.massless_arm.massless_limit import distance_to_rod, tip_distance
+from benchmarks.paper.theory.massless_arm.model import GeneralModel
+from benchmarks.paper.theory.massless_arm.simulation import simulate_general
 from discovery.recordings.drive import Drive
-from discovery.theory.massless_arm.massless_limit import distance_to_rod, tip_distance
-from discovery.theory.massless_arm.model import GeneralModel
-from discovery.theory.massless_arm.simulation import simulate_general
 
 __all__ = ["dynamics", "general_arm", "true_drive"]
 

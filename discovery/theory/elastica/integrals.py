@@ -1,4 +1,4 @@
-r"""Integrals of the elastica under a tip force, and the equation for the parameter of its clamp.
+r"""Integrals of the elastica under a tip force.
 
 With :math:`v = \varphi - \theta` the first integral of eq. (5) of the paper is :math:`v'^2 = 4 F_n (w^2 - q^2)`,
 :math:`w = \sin(v / 2)`, where :math:`q` is the value of :math:`w` at the tip. Writing :math:`w = q \cosh z` gives two
@@ -27,47 +27,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import elliprd
 
-from discovery.foundation.errors import ComputationError, InputError
+from discovery.foundation.errors import ComputationError
 
-__all__ = [
-    "FORCE_MAX",
-    "TINY",
-    "Bend",
-    "Load",
-    "Slopes",
-    "bend",
-    "blockwise",
-    "clamp_parameter",
-    "fold",
-    "increasing_root",
-    "slopes",
-]
+__all__ = ["TINY", "Bend", "bend", "increasing_root"]
 
 FloatArray = npt.NDArray[np.float64]
 _Equation = Callable[..., tuple[FloatArray, FloatArray]]
 
-FORCE_MAX = 1e4
-"""Largest magnitude of the normalised force [-]; beyond it the bent part is a boundary layer of 1 % of the length."""
-
 _ITERATIONS = 80
 _EPS = 4 * np.finfo(np.float64).eps
-# Relative steps after which Newton's (error squared) and Halley's method (cubed) are done.
-_NEWTON, _HALLEY = 1e-8, 3e-6
-# Elements of a block: its arrays stay in the processor's cache.
-_BLOCK = 4096
+# Relative step after which Newton's method (error squared) is done.
+_NEWTON = 1e-8
 # Stands for an absent force: every quotient keeps its limit, and the result is that of the straight beam.
 TINY = 1e-100
-
-
-@dataclass(frozen=True)
-class Load:
-    """A force folded to the upper half plane: `sign` restores the side, `w`, `c` are sine and cosine of `phi` / 2."""
-
-    force: FloatArray
-    phi: FloatArray
-    sign: FloatArray
-    w: FloatArray
-    c: FloatArray
 
 
 @dataclass(frozen=True)
@@ -116,31 +88,6 @@ class Bend:
         return 0.5 * self.w * (self.tau - self.c * self.j) / self.p2
 
 
-@dataclass(frozen=True)
-class Slopes:
-    """Derivatives of a bend's tip by its parameter z and by the direction phi of its force."""
-
-    y_z: FloatArray
-    y_phi: FloatArray
-    shortening_z: FloatArray
-    shortening_phi: FloatArray
-
-
-def fold(force: npt.ArrayLike, direction: npt.ArrayLike) -> Load:
-    """Return a load, its direction brought to [0, pi]; refuse one that is not finite or beyond ``FORCE_MAX``."""
-    magnitude, angle = np.broadcast_arrays(np.asarray(force, np.float64), np.asarray(direction, np.float64))
-    if not (np.all(np.abs(magnitude) <= FORCE_MAX) and np.all(np.isfinite(angle))):
-        raise InputError(
-            f"A tip load of the elastica must be finite and at most {FORCE_MAX:g} in units of EI / l^2; "
-            f"got forces from {np.min(magnitude):.4g} to {np.max(magnitude):.4g}."
-        )
-    angle = np.where(magnitude < 0.0, angle + np.pi, angle)
-    angle = angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
-    phi = np.abs(angle)
-    sign = np.where(angle < 0.0, -1.0, 1.0)
-    return Load(np.maximum(np.abs(magnitude), TINY), phi, sign, np.sin(phi / 2), np.cos(phi / 2))
-
-
 def bend(w: FloatArray, c: FloatArray, z: FloatArray) -> Bend:
     """Integrals and tip of a beam with clamp parameter z under a force whose half direction has sine w, cosine c."""
     tau, sigma = np.tanh(z), 1.0 / np.cosh(z) ** 2
@@ -164,40 +111,6 @@ def bend(w: FloatArray, c: FloatArray, z: FloatArray) -> Bend:
         y=scale * c * (r_1 + w**2 * sigma / p2 * r_f),
         shortening=scale * w * (r_1 - f * r_f),
     )
-
-
-def slopes(b: Bend) -> Slopes:
-    """Differentiate the tip by z and by phi, with the integrals that are there."""
-    w, c, tau, sigma, q2, t, t_z, t_phi = b.w, b.c, b.tau, b.sigma, b.q2, b.t, b.t_z, b.t_phi
-    sin, cos = 2.0 * w * c, (c - w) * (c + w)
-    # The tip's coordinates along the force, 1 - 2 q^2 - 2 D / T, and across it, 2 w tanh(z) / T.
-    d, across = b.d / t, 2.0 * w * tau / t
-    along_z = 2.0 * q2 * tau + 2.0 * d * t_z / t
-    along_phi = -w * (2.0 * c * sigma + (tau - c * sigma * t) / t) + 2.0 * d * t_phi / t
-    across_z, across_phi = (2.0 * w * sigma - across * t_z) / t, (c * tau - across * t_phi) / t
-    return Slopes(
-        sin * along_z - cos * across_z,
-        sin * along_phi - cos * across_phi + 1.0 - b.shortening,
-        -cos * along_z - sin * across_z,
-        -cos * along_phi - sin * across_phi + b.y,
-    )
-
-
-def clamp_parameter(load: Load) -> FloatArray:
-    """Parameter z of the clamp under a load: the root of T(z) = sqrt(F_n)."""
-    tension = np.sqrt(load.force)
-
-    def equation(z: FloatArray, w: FloatArray, c: FloatArray, tension: FloatArray) -> tuple[FloatArray, FloatArray]:
-        b = bend(w, c, z)
-        error, slope = b.t - tension, b.t_z
-        curvature = (b.sigma * b.d + b.q2 * b.tau * (b.tau * b.t - 2.0 * slope)) / b.p2
-        # Halley's method is Newton's with this slope.
-        return error, np.maximum(slope - 0.5 * error * curvature / slope, 0.5 * slope)
-
-    # 1 <= T / z <= 1 / c, with equality at phi = 0; T - z tends to log(2 / (1 + c)) as the force grows.
-    low = load.c * tension
-    start = np.maximum(low, tension - np.log(2.0 / (1.0 + load.c)))
-    return increasing_root(equation, low, tension, start, (load.w, load.c, tension), close=_HALLEY)
 
 
 def increasing_root(
@@ -232,12 +145,3 @@ def increasing_root(
             left, z, low, high = left[~found], z[~found], low[~found], high[~found]
             rest = [a[~found] for a in rest]
     raise ComputationError("Newton's method for the elastica did not converge for at least one of the loads.")
-
-
-def blockwise(work: Callable[..., tuple[FloatArray, ...]], *arrays: FloatArray) -> tuple[FloatArray, ...]:
-    """Apply an elementwise function of vectors to arrays of any common shape, block after block."""
-    shape = np.broadcast_shapes(*(np.shape(a) for a in arrays))
-    flat = [np.broadcast_to(a, shape).ravel() for a in arrays]
-    starts = range(0, max(flat[0].size, 1), _BLOCK)
-    parts = [work(*(a[k : k + _BLOCK] for a in flat)) for k in starts]
-    return tuple(np.concatenate(column).reshape(shape)[()] for column in zip(*parts, strict=True))

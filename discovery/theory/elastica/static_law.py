@@ -62,10 +62,6 @@ def static_law(delta_max: float | None = None, deflection: npt.ArrayLike | None 
         Deflections at which the laws are compared, as a recording has them [rad]; NaN is left out. By default they are
         equally spaced up to `delta_max`.
 
-    Returns
-    -------
-    StaticLaw
-
     Raises
     ------
     InputError

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.paper.theory.massless_arm.model import GeneralModel, GeneralMotion
+from benchmarks.paper.theory.massless_arm.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, tip_potential
+from benchmarks.paper.theory.massless_arm.radau import STAGES, integrate_tip
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.simulation.grid import DriveLike, Grid
-from discovery.theory.massless_arm.model import GeneralModel, GeneralMotion
-from discovery.theory.massless_arm.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, tip_potential
-from discovery.theory.massless_arm.radau import STAGES, integrate_tip
 
 __all__ = ["simulate_general"]
 
@@ -43,7 +43,7 @@ def simulate_general(
     step : float
         Longest step [T]. With the default the tip is converged to 1 um over 25 s of every motion in the table below.
     retardation : float
-        Retardation time ``tau_r`` of the straight rod under radial load [T], see `discovery.theory.massless_arm.radau`.
+        Retardation time ``tau_r`` of the straight rod under radial load [T], see `massless_arm.radau`.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def simulate_general(
     InputError
         If times, drive, step, retardation or the initial deflection and rate cannot be used.
     SimulationFailure
-        If the tip leaves the deflections and radial forces that `discovery.theory.massless_arm.potential` covers.
+        If the tip leaves the deflections and radial forces that `massless_arm.potential` covers.
 
     Notes
     -----

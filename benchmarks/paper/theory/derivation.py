@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Literal
 
-from discovery.theory.elastica.shape_series import static_series, taylor
+from benchmarks.paper.theory.elastica.shape_series import static_series, taylor
 
 if TYPE_CHECKING:
     import sympy as sp

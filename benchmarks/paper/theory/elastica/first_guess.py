@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.polynomial import polyval2d, polyvander2d
 
-from discovery.theory.elastica.integrals import FORCE_MAX, bend, clamp_parameter, fold
+from benchmarks.paper.theory.elastica.loads import FORCE_MAX, clamp_parameter, fold
+from discovery.theory.elastica.integrals import bend
 
 __all__ = ["first_guess"]
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from discovery.theory.elastica.integrals import Bend, bend, blockwise, clamp_parameter, fold, slopes
+from benchmarks.paper.theory.elastica.loads import blockwise, clamp_parameter, fold, slopes
+from discovery.theory.elastica.integrals import Bend, bend
 
 __all__ = ["PolarSlopes", "polar_compliance", "polar_force", "polar_slopes"]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from discovery.theory.elastica.series import elastica_series
+from benchmarks.paper.theory.elastica.series import elastica_series
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -57,7 +57,7 @@ def taylor(expression: sp.Expr, symbol: sp.Symbol, order: int) -> sp.Expr:
 def static_series() -> StaticSeries:
     r"""Solve :math:`\theta'' = F_n \sin(\theta - \varphi)`, eq. (5), for :math:`\varphi = \delta + \pi/2`.
 
-    Force, radius and energy are those of `discovery.theory.elastica.series`. With :math:`F_n = 3 \delta + f_3 \delta^3`
+    Force, radius and energy are those of `elastica.series`. With :math:`F_n = 3 \delta + f_3 \delta^3`
     and :math:`\theta = \delta g_1 + \delta^3 g_3` the powers of delta give :math:`g_1'' = -3` and
     :math:`g_3'' = -f_3 + \tfrac32 (g_1 - 1)^2`, each with :math:`g(0) = 0,\ g'(1) = 0`.
     """

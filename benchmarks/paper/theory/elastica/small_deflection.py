@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.paper.theory.elastica.beam import BeamShape
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import BeamShape
 
 __all__ = ["small_deflection_shape", "small_deflection_tip"]
 

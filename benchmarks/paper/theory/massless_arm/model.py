@@ -8,9 +8,9 @@ form, from (8) with :math:`\theta_t'^2` where the paper prints :math:`\theta_t''
           m (\rho_t \theta_t'' + 2 \rho_t' \theta_t' + \xi \rho_t \theta_t') = -F_t.
 
 Lengths in l, forces in :math:`EI / l^2` and times in :math:`T = \sqrt{m l^3 / EI}` make it (9), one equation for all
-arms; the paper's :math:`\sqrt m` leaves the other units in. `discovery.theory.massless_arm.simulation` solves it in
+arms; the paper's :math:`\sqrt m` leaves the other units in. `massless_arm.simulation` solves it in
 that form and in polar coordinates; the dimensional and the Cartesian form are views of its result.
-`discovery.theory.massless_arm.radau` tells how the stiffness near the straight arm is treated, and which of the model's
+`massless_arm.radau` tells how the stiffness near the straight arm is treated, and which of the model's
 solutions this is.
 """
 
@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.paper.theory.massless_arm.potential import tip_potential
 from discovery.foundation.errors import InputError
-from discovery.theory.massless_arm.potential import tip_potential
 
 __all__ = ["GeneralModel", "GeneralMotion", "cartesian_acceleration"]
 

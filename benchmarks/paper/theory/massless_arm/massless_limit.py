@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.paper.theory.massless_arm.model import GeneralModel, GeneralMotion
+from benchmarks.paper.theory.massless_arm.simulation import simulate_general
 from discovery.mechanics import get_base
 from discovery.simulation.grid import DriveLike
 from discovery.simulation.simulate import Simulator, check_finite
-from discovery.theory.massless_arm.model import GeneralModel, GeneralMotion
-from discovery.theory.massless_arm.simulation import simulate_general
 
 __all__ = ["ROD_SHARE", "TipDistance", "distance_to_rod", "tip_distance"]
 

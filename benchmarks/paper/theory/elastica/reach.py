@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.paper.theory.elastica.beam import tip_under_load
+from benchmarks.paper.theory.elastica.loads import FORCE_MAX, clamp_parameter, fold, slopes
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import tip_under_load
-from discovery.theory.elastica.integrals import FORCE_MAX, TINY, bend, clamp_parameter, fold, increasing_root, slopes
+from discovery.theory.elastica.integrals import TINY, bend, increasing_root
 
 __all__ = ["radius_limits"]
 

@@ -6,7 +6,7 @@ In units of length, mass and :math:`T = \sqrt{m l^3 / EI}` the equations (7), (8
           \quad \rho = R(\delta, G), \quad M = W_\delta(\delta, G) - (F_r - G) R_\delta, \quad \tau G' = F_r - G
 
 with angular momentum :math:`L`, moment of the tip force :math:`M = \rho F_t` and
-`discovery.theory.massless_arm.potential`.
+`massless_arm.potential`.
 
 *Stiffness.* Near the straight arm :math:`1 - \rho = \delta^2 (1/10 - G / 175 + ...)`, a radial spring of stiffness
 :math:`175 / \delta^2`; solved for the force the law is useless there. So the radial force is an unknown of its own and
@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from discovery.theory.massless_arm.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, TipPotential, tip_potential
+from benchmarks.paper.theory.massless_arm.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, TipPotential, tip_potential
 
 __all__ = ["STAGES", "Path", "integrate_tip"]
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.paper.theory.drivetrain.motor import Motor, PositionController
 from discovery.simulation.grid import DriveLike
-from discovery.theory.drivetrain.arm_motion import check_start, integrate
-from discovery.theory.drivetrain.coupling import Arm
-from discovery.theory.drivetrain.motor import Motor, PositionController
+from discovery.theory.arm_motion import check_start, integrate
+from discovery.theory.coupling import Arm
 
 __all__ = ["DrivenMotion", "drive_arm"]
 

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.paper.theory.elastica.first_guess import first_guess
+from benchmarks.paper.theory.elastica.loads import FORCE_MAX, blockwise
+from benchmarks.paper.theory.elastica.polar import polar_force, polar_slopes
+from benchmarks.paper.theory.elastica.reach import radius_limits
 from discovery.foundation.errors import ComputationError, InputError
-from discovery.theory.elastica.first_guess import first_guess
-from discovery.theory.elastica.integrals import FORCE_MAX, bend, blockwise
-from discovery.theory.elastica.polar import polar_force, polar_slopes
-from discovery.theory.elastica.reach import radius_limits
+from discovery.theory.elastica.integrals import bend
 
 __all__ = ["PolarForce", "force_components", "load_at_tip"]
 
@@ -86,7 +87,7 @@ def force_components(rho: npt.ArrayLike, delta: npt.ArrayLike) -> PolarForce:
     """Force that holds the tip at a position: eq. (6) of the paper in polar components, and the moment of eq. (11).
 
     The domain is every tip of the branch without inflection, from the beam pulled straight to the buckled one, with a
-    force of at most ``FORCE_MAX``: :func:`discovery.theory.elastica.reach.radius_limits` has the radii. Where
+    force of at most ``FORCE_MAX``: :func:`benchmarks.paper.theory.elastica.reach.radius_limits` has the radii. Where
     ``delta = 0`` the beam is straight and the force along it undetermined; near there rounding of `rho` moves the
     radial force by about ``2e-14 / delta^2``.
 

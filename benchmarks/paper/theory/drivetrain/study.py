@@ -24,6 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.paper.theory.drivetrain.driven_arm import DrivenMotion, drive_arm
+from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR, Motor, PositionController
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.foundation.errors import InputError
@@ -31,10 +33,8 @@ from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import PAPER_MODEL, Quantity, Rig
-from discovery.theory.drivetrain.arm_motion import move_arm
-from discovery.theory.drivetrain.coupling import Arm
-from discovery.theory.drivetrain.driven_arm import DrivenMotion, drive_arm
-from discovery.theory.drivetrain.motor import ASSUMED_MOTOR, Motor, PositionController
+from discovery.theory.arm_motion import move_arm
+from discovery.theory.coupling import Arm
 
 __all__ = ["GEAR_RATIOS", "PAPER_ARM", "EncoderStudy", "encoder_as_input", "trapezoid_command"]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.simulation.grid import DriveLike
-from discovery.theory.drivetrain.coupling import Arm, effective_inertia
+from discovery.theory.coupling import Arm, effective_inertia
 
 if TYPE_CHECKING:
     from discovery.equations.model import Model
