@@ -53,7 +53,7 @@ class Decision:
         Whether it was done.
     code : str
         Why: "accepted", "training", "held_out", "chance", "size", "finite" (a motion that blows up), "complete" (what
-        is left is noise), "exhausted" (nothing is accepted), "budget",
+        is left is noise), "exhausted" (nothing is accepted), "budget", "impossible" (a recording refutes the rig file),
         "rival" (two others explain more), "unknown" (a force of no law).
     numbers : mapping of str to float
         What the code is about, see `Candidacy`; "odds" is the smallest of the log odds.
