@@ -115,6 +115,8 @@ def verdict_sentence(loop: Record) -> str:
     if loop["verdict"] == "explained":
         moves = "falls" if (error["after"] or 0.0) < (error["before"] or math.inf) else "goes"
         return f"the model error {moves} from {before} to {after} {unit}, which {_as_none(error)}"
+    if any(step["code"] == "impossible" for step in loop.get("steps", ())):
+        return f"{_REASONS['impossible']({})}, so nothing was searched"
     part = f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else ""
     if loop["verdict"] == "partly_explained":
         return f"what is left is a model error of {after} {unit}{part}{_depends(error)}"
@@ -221,6 +223,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
         f"and {_plain(numbers['held'])} held out"
     ),
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
+    "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
     "budget": lambda _: "the model holds as many effects as the search may add",
 }
 

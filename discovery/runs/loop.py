@@ -21,6 +21,7 @@ from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
+from discovery.recordings.flags import impossible
 from discovery.recordings.quantisation import resolution
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
@@ -134,11 +135,16 @@ def _closed(context: Context) -> LoopResult:
     stated = {} if train[0].is_arm else rig_uncertainty(train[0])
     before = fit(declared_model(train[0]), train, units=context.units, gaussian=stated)
     search = Search(_start(before, context), context)
-    search.run()
+    doubted = impossible(flag for e in (*train, *context.judge.separate) for flag in e.recording.flags)
+    if doubted:
+        # What explains readings in another unit is none of the system's effects.
+        search.decisions.append(Decision("stop", (), True, "impossible"))
+    else:
+        search.run()
     found = {n.effect: n for n in named(search)}
     best, geometry, steps = _on_best_mechanics(before, search, context)
     after, last = finished(best, context)
-    complete = is_complete(last, search.root, context)
+    complete = not doubted and is_complete(last, search.root, context)
     first = _declared(before, context)
     return _result(context, search, found, (before, first), (after, last), (geometry, steps), complete=complete)
 

@@ -19,6 +19,7 @@ from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
+from discovery.recordings.flags import impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Decision
@@ -103,6 +104,11 @@ class LoopResult(LoopViews):
     def ambiguous(self) -> dict[str, tuple[str, ...]]:
         """What else would serve, by added effect."""
         return {effect: found.group for effect, found in self.named.items()}
+
+    @property
+    def impossible(self) -> bool:
+        """Whether a recording refutes what the rig file declares; nothing was searched then."""
+        return impossible(flag for recording in self.recordings for flag in recording.flags)
 
     @property
     def stand_ins(self) -> dict[str, StandIn]:

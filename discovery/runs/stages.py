@@ -258,8 +258,8 @@ def continued(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) 
 
 
 def unexplained(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> MissingForce | None:
-    """Return the force that the final model lacks where it is not complete; None where it is."""
-    if result.complete:
+    """Return the force that the final model lacks; None where it is complete, or the file is in doubt."""
+    if result.complete or result.impossible:
         return None
     mechanics = result.after.model.mechanics
     if not mechanics.reads_state or mechanics.places():
