@@ -54,7 +54,7 @@ class Decision:
     code : str
         Why: "accepted", "training", "held_out", "chance", "size", "finite" (a motion that blows up), "complete" (what
         is left is noise), "exhausted" (nothing is accepted), "budget",
-        "rival" (two others explain more), "unknown" (a force of no law).
+        "rival" (two others explain more), "unknown" (a force of no law); why there is no fit, see `discovery.runs`.
     numbers : mapping of str to float
         What the code is about, see `Candidacy`; "odds" is the smallest of the log odds.
     candidates : tuple of Candidacy
