@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from discovery.diagnosis.missing_force import MissingForce
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["say_doubts", "say_left_out", "say_loop", "say_missing"]
+__all__ = ["say_doubts", "say_failed", "say_left_out", "say_loop", "say_missing"]
 
 
 def say_loop(result: LoopResult) -> None:
@@ -34,6 +34,15 @@ def say_loop(result: LoopResult) -> None:
     for separation in content.get("separation", ()):
         click.echo(separation_sentence(separation))
     _say_errors(content["errors"])
+
+
+def say_failed(content: Mapping[str, Any]) -> None:
+    """Say why a declared model has no fit, and what would help."""
+    from discovery.report.sentences import failure_sentence, remedy_sentence
+
+    click.echo(f"verdict: {content['verdict']}")
+    click.echo(f"failed: {failure_sentence(content['failure'])}")
+    click.echo(f"remedy: {remedy_sentence(content['failure'])}")
 
 
 def say_doubts(sentences: Iterable[str]) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -141,7 +140,7 @@ class Fit(FitViews):
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready report row."""
         coordinate = self.problem.bench.experiments[0].coordinate_unit
-        units = {n: in_coordinate(p.value_unit, coordinate) for n, p in self.model.parameters.items()}
+        units = {n: self.problem.bench.experiments[0].unit_of(p) for n, p in self.model.parameters.items()}
         units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
         return {
             "model": self.model.free_parameter(*self.problem.free).to_dict(),

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.estimation.declared import declared_model, rig_uncertainty
-from discovery.estimation.fit import Fit, fit
+from discovery.estimation.declared import rig_uncertainty
+from discovery.estimation.first_fit import first_fit
+from discovery.estimation.fit import Fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.problem import natural_units
@@ -86,6 +87,8 @@ def close_loop(
     ------
     InputError
         For anything else than recordings, or a declared model that cannot be theirs.
+    ComputationError
+        If the declared model blows up wherever its fit begins.
 
     Examples
     --------
@@ -132,8 +135,7 @@ def _closed(context: Context) -> LoopResult:
     """Return what the loop finds."""
     train = context.train
     context.progress("refitting the declared model")
-    stated = {} if train[0].is_arm else rig_uncertainty(train[0])
-    before = fit(declared_model(train[0]), train, units=context.units, gaussian=stated)
+    before = first_fit(train, context.units)
     search = Search(_start(before, context), context)
     doubted = impossible(flag for e in (*train, *context.judge.separate) for flag in e.recording.flags)
     if doubted:

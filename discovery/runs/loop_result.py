@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
-from discovery.declarations.units import in_coordinate
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
@@ -151,12 +150,12 @@ class LoopResult(LoopViews):
             sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
         names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
         physical = physical_rows(self.after.physical)
-        coordinate = self.after.problem.bench.experiments[0].coordinate_unit
+        experiment = self.after.problem.bench.experiments[0]
         parameters = {
             n: {
                 "value": values[n],
                 "sd": None if n in self.after.reasons else sd[n],
-                "unit": in_coordinate(self.after.model.parameters[n].value_unit, coordinate),
+                "unit": experiment.unit_of(self.after.model.parameters[n]),
                 **({"physical": physical[n]} if n in physical else {}),
             }
             for n in names
