@@ -119,8 +119,7 @@ def noise_flags(label: str, unit: str, time: FloatArray, values: FloatArray, sta
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []
-    if scatter > stated:
-        if _uneven(time[np.isfinite(values)]) or estimates[-1] < _SETTLED * estimates[-2]:
-            return []
+    if scatter > stated and (_uneven(time[np.isfinite(values)]) or estimates[-1] < _SETTLED * estimates[-2]):
+        return []
     code = UNDERSTATED if scatter > stated else OVERSTATED
     return [Flag(code, label, unit, {"scatter": scatter, "stated": float(stated)})]
