@@ -11,7 +11,7 @@ import click
 
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state, read_state
-from discovery.cli.loop_page import write_failed_page, write_page
+from discovery.cli.loop_page import remove_page, write_failed_page, write_page
 from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress, results_folder
 from discovery.cli.say import say_doubts, say_failed, say_left_out, say_loop, say_missing
 
@@ -220,8 +220,8 @@ def _written(folder: Path, result: LoopResult, missing: MissingForce | None) -> 
     from discovery.runs.loop_files import write_loop
 
     # Those of an earlier run would be another model's.
-    for name in ("prediction.csv", "report.html"):
-        (folder / name).unlink(missing_ok=True)
+    (folder / "prediction.csv").unlink(missing_ok=True)
+    remove_page(folder)
     return write_loop(folder, result, missing=missing)
 
 

@@ -140,6 +140,7 @@ def _tables(run: Run) -> dict[str, Table]:
         evidence.terms_table(run) if r.get("discovery") else None,
         evidence.equations_table(run) if r.get("discovery") else None,
         evidence.radius_table(run),
+        noise.honest_table(run) if r.get("posterior") else None,
         posterior_table(run) if r.get("posterior") else None,
         nuisance_table(run) if r.get("posterior") else None,
         posterior.profiles_table(run),
