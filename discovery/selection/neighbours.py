@@ -20,7 +20,7 @@ class Neighbours:
 
     def __init__(self, context: Context, offers: Offers, root: Contender) -> None:
         self.context, self.offers, self.root = context, offers, root
-        self._smaller: dict[tuple[Contender, str], Contender] = {}
+        self._smaller: dict[tuple[tuple[frozenset[str], str], float, str], Contender] = {}
         self._sampled: dict[Contender, Contender] = {}
 
     def sampled(self, contender: Contender) -> Contender:
@@ -38,14 +38,14 @@ class Neighbours:
 
     def without(self, found: Contender, effect: str) -> Contender:
         """Return the best set without one of the members of another, refitted."""
-        key = found, effect
+        key = found.key, found.chi2, effect
         if key not in self._smaller:
             rest = tuple(e for e in found.added if e != effect)
             known = self.offers.known(rest, found.model.base)
             made = contenders(self.context, [(rest, relaxed(found.refit, [effect]))]) if rest else [self.root]
-            best = max([*made, *known], key=lambda c: c.joint)
-            self._smaller[key] = best if found.sampled is None else self.sampled(best)
-        return self._smaller[key]
+            self._smaller[key] = max([*made, *known], key=lambda c: c.joint)
+        smaller = self._smaller[key]
+        return smaller if found.sampled is None else self.sampled(smaller)
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first."""
