@@ -15,12 +15,11 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
-from discovery.estimation.guess import restoring, scan
+from discovery.estimation.guess import restoring, scan, staged_start
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import NaturalUnits, Problem, natural_units
 from discovery.estimation.scattered import start_of_system
-from discovery.estimation.staged import staged_start
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.foundation.errors import SimulationFailure
 from discovery.plots.fits import FitViews
