@@ -44,10 +44,10 @@ Written by `make docs` from the declarations in `discovery/effects`; [how to add
 are steps to better [mechanics](MECHANICS.md#three-bases), which the loop names as it names effects.
 
 Energies are per unit of inertia, lengths in lengths of the arm, q is the unit of the coordinate (rad for an arm, the
-output's unit for an oscillator). Bounds and priors are in natural units: time in 1/omega of the small oscillation, an
-oscillator's coordinate in its largest amplitude. A shape parameter does not switch its effect; a fixed one is a
-convention, which the loop fits at its end where it has added the effect. Where bases are named, the others contain the
-effect or cannot show it.
+output's unit for an oscillator), u that of the recorded input. Bounds and priors are in natural units: time in 1/omega
+of the small oscillation, an oscillator's coordinate and its input in their largest amplitudes. A shape parameter does
+not switch its effect; a fixed one is a convention, which the loop fits at its end where it has added the effect. Where
+bases are named, the others contain the effect or cannot show it.
 """
 
 

@@ -113,7 +113,7 @@ def test_loop_says_what_it_found_and_quiet_is_quiet(looped: tuple[Said, Path]) -
     assert said.status == 0, said.err
     assert said.err == ""
     assert re.match(r"verdict: (explained|partly_explained|nothing_missing|unexplained)\n", said.out)
-    assert sorted(p.name for p in out.iterdir()) == ["loop.json", "prediction.csv", "report.html"]
+    assert sorted(p.name for p in out.iterdir()) == ["loop.json", "page", "prediction.csv", "report.html"]
 
 
 def found_loop(verdict: str, *effects: dict[str, Any], **more: Any) -> SimpleNamespace:
@@ -161,7 +161,7 @@ def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
         (tmp_path / name).write_text("old", encoding="utf-8")
     said = shell("loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--out", tmp_path, "--quiet")
     assert said.status == 0, said.err
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json", "report.html"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json", "page", "report.html"]
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
@@ -208,6 +208,17 @@ def test_the_page_of_a_loop_says_what_it_found(looped: tuple[Said, Path]) -> Non
     assert 'id="figure-errors"' in page
     assert 'id="figure-time_holdout"' in page
     assert not re.search('<iframe|src="(?!data:)', page)
+
+
+def test_the_page_of_a_loop_is_written_again(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    _, out = looped
+    page = out / "report.html"
+    first = page.read_text(encoding="utf-8")
+    page.write_text("lost", encoding="utf-8")
+    said = call(capsys, "report", out)
+    assert (said.status, said.out) == (0, f"{page}\n"), said.err
+    assert page.read_text(encoding="utf-8") == first
+    assert (out / "page" / "tables" / "errors.csv").is_file()
 
 
 @pytest.mark.parametrize(
@@ -953,7 +964,7 @@ def test_nothing_to_fit(case: Case, tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_report_needs_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = call(capsys, "report", tmp_path)
     assert said.status == 2
-    assert "results.json" in said.err
+    assert "no results of a run or of a loop" in said.err
     assert not list(tmp_path.iterdir())
 
 

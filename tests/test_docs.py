@@ -16,10 +16,11 @@ import pytest
 from discovery.declarations.registry import catalogue
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.sentences import OUTCOMES
+from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Candidacy, Decision
 from discovery.selection.odds import Odds
 from discovery.selection.settings import LoopSettings
-from discovery.selection.verdict import VERDICTS, Lead, ModelErrorReport
+from discovery.selection.verdict import VERDICTS, Lead
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

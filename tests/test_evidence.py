@@ -28,8 +28,8 @@ from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Norma
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
+from discovery.estimation.importance import LARGEST_K, importance_sample
 from discovery.foundation.errors import ComputationError, InputError
-from discovery.posterior.importance import LARGEST_K, importance_sample
 from discovery.posterior.likelihood import NOISE_PRIOR, log_posterior
 from discovery.posterior.marginal_likelihood import _log_mass, log_evidence, log_prior_mass
 from discovery.posterior.model_comparison import compare_models

@@ -104,11 +104,13 @@ def with_stiffness(base: str, *effects: str) -> Model:
     return Model(base, tuple(dict.fromkeys(("linear_stiffness", *effects))))
 
 
-def module(source: str, library: str = "numpy") -> dict[str, Any]:
-    """Run an exported source that may import one library only."""
+def module(source: str, library: str = "numpy", *, compiled: bool = False) -> dict[str, Any]:
+    """Run an exported source that may import one library only; by itself, or with numba where it asks for that."""
     assert set(re.findall(r"^(?:import|from) (\w+)", source, re.MULTILINE)) <= {library}
     namespace: dict[str, Any] = {}
     exec(compile(source, "model.py", "exec"), namespace)
+    if not compiled and library == "numpy":
+        namespace["_compile"] = lambda: False
     return namespace
 
 
@@ -229,6 +231,49 @@ def test_parameter_sets_run_side_by_side() -> None:
         one = {**values, "alpha": alpha[k], "tau": tau[k]}
         alone = namespace["simulate"](TIME, *motor, deflection=deflection[k], parameters=one, step=STEP)
         np.testing.assert_allclose(together[..., k], alone, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("base", ["reduced", "oscillator", "inverse_dynamics"])
+def test_what_numba_compiles_is_what_numpy_does_alone(base: str) -> None:
+    """With all effects, and several parameter sets."""
+    model, values, alone = everything(base)
+    name = next(iter(values))
+    sets = {**values, name: values[name] * np.array([1.0, 1.01])}
+    given = {"deflection": np.array([0.2, 0.1]), "rate": -0.3, "parameters": sets, "step": STEP}
+    compiled = module(to_numpy(model, values), compiled=True)
+    found = compiled["simulate"](TIME, *recorded(model, TIME), **given)
+    assert compiled["_compiled_slopes"].signatures
+    expected = alone["simulate"](TIME, *recorded(model, TIME), **given)
+    assert alone["_compiled_slopes"] is None
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_what_is_compiled_is_kept_beside_the_file_and_never_of_another_model(tmp_path: Path) -> None:
+    code = (
+        "import model; x = model.simulate([0.0, 0.5], 0.0, deflection=0.1); "
+        "print(repr(float(x[0, 1])), sum(model._march.stats.cache_hits.values()))"
+    )
+    model, said = with_stiffness("oscillator"), []
+    for alpha in (9.0, 9.0, 16.0):
+        text = to_numpy(model, {"alpha": alpha, "g": 0.0})
+        if not said or alpha != 9.0:
+            (tmp_path / "model.py").write_text(text)
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True)
+        said.append(done.stdout.split())
+    assert [hits for _, hits in said] == ["0", "1", "0"]
+    assert said[0][0] == said[1][0]
+    for (value, _), omega in zip(said[1:], (3.0, 4.0), strict=True):
+        assert float(value) == pytest.approx(0.1 * np.cos(0.5 * omega), abs=1e-5)
+
+
+def test_without_numba_numpy_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = with_stiffness("oscillator")
+    namespace = module(to_numpy(model, {"alpha": 9.0, "g": 0.0}), compiled=True)
+    monkeypatch.setitem(sys.modules, "numba", None)
+    (found,) = namespace["simulate"](TIME, 0.0, deflection=0.2)
+    assert not namespace["_compile"]()
+    np.testing.assert_allclose(found, 0.2 * np.cos(3.0 * TIME), atol=1e-6)
 
 
 @pytest.mark.parametrize("time", [0.0, [0.0], [0.0, 0.0], [0.0, 1.0, 0.5], [[0.0, 1.0]], [0.0, np.nan]])

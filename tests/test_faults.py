@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,6 +20,7 @@ from click.testing import CliRunner
 from test_cli import Said, call
 
 from discovery.cli import stages
+from discovery.cli.options import held
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.io import atomic_write
 from discovery.foundation.locks import folder_lock
@@ -235,6 +237,20 @@ def test_what_was_ended_is_removed_and_other_files_are_not(tmp_path: Path) -> No
     assert sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()) == [
         ".notes.0123abcd.json", ".results.json", "loop.json", "of_another_command/.discovery-0123abcd-fit.svg",
     ]  # fmt: skip
+
+
+def test_an_interruption_leaves_no_folder_that_was_just_made(tmp_path: Path) -> None:
+    """It may come between making the folder and entering the block that would remove it."""
+
+    @click.command()
+    def interrupted() -> None:
+        held(tmp_path)
+        (tmp_path / ".saving-abc").mkdir()
+        (tmp_path / "loop.json").touch()
+        raise KeyboardInterrupt
+
+    assert CliRunner().invoke(interrupted).exit_code == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["loop.json"]
 
 
 # --- names and numbers

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from test_unit_mistakes import FALL, pendulum
 
+from discovery.cli.doubts import doubts
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.gravity_scale import _stretches, angle_doubt, fall_doubt
+from discovery.report.sentences import verdict_sentence
+from discovery.runs.loop import close_loop
+from discovery.runs.stages import unexplained
 
 RATE = 30.0
 DEGREE = np.pi / 180.0
@@ -127,3 +133,37 @@ def test_a_dense_noisy_recording_is_looked_at_in_few_stretches() -> None:
     t = np.arange(1_000_000) / 50_000.0
     y = 0.9 * np.exp(-0.01 * t) * np.cos(3.4 * t) + 0.2 * np.random.default_rng(1).standard_normal(t.size)
     assert angle_doubt(pendulum(unit="rad"), [(t, y)]) is None
+
+
+@pytest.mark.parametrize(("unit", "verdict"), [("deg", "unexplained"), ("rad", "nothing_missing")])
+def test_readings_that_refute_the_unit_are_not_explained(unit, verdict, tmp_path):
+    """A false unit makes a cubic spring of the sine, which would explain every reading."""
+    for i, amplitude in enumerate((0.5, 1.0)):
+        t, y = swing(amplitude)
+        pd.DataFrame({"t": t, "a": y}).to_csv(tmp_path / f"{i}.csv", index=False)
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        'name = "p"\nkind = "pendulum"\n[columns]\ntime = { name = "t" }\n'
+        f'output = {{ name = "a", unit = "{unit}" }}\n'
+        '[records]\ntrain = [{ file = "0.csv" }]\nholdout = [{ file = "1.csv" }]\n'
+    )
+    dataset = load_dataset(rig)
+    found = close_loop(dataset)
+    assert found.verdict == verdict
+    assert found.impossible == (verdict == "unexplained")
+    assert bool(doubts(found, dataset)) == found.impossible
+    if not found.impossible:
+        return
+    assert (found.added, found.lead, unexplained(found, dataset)) == ((), None, None)
+    assert found.steps[-1].code == "impossible"
+    assert "cannot move as a recording says, so nothing was searched" in verdict_sentence(found.summary())
+    (sentence,) = doubts(found, dataset)
+    assert 'For rad, set unit = "rad"' in sentence
+    assert "So in 1" in sentence
+
+
+def test_a_declared_law_that_bends_the_period_leaves_no_doubt():
+    motions = [(t, DEGREE * y) for t, y in MOTIONS["one large"]]
+    rig = pendulum(unit="deg")
+    assert angle_doubt(rig, motions) is not None
+    assert angle_doubt(replace(rig, declared=(*rig.declared, "cubic_stiffness")), motions) is None

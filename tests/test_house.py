@@ -15,7 +15,7 @@ ROOT = Path(discovery.__file__).parent
 LONGEST_MODULE, LONGEST_FUNCTION, MOST_POSITIONAL = 300, 40, 6
 
 #: What is longer still, each to be shortened when it is next changed.
-LONG_MODULES = {"screening/refits.py", "selection/search.py", "simulation/simulate.py"}
+LONG_MODULES = {"screening/refits.py", "simulation/simulate.py"}
 LONG_FUNCTIONS = {
     "export/source.py:to_numpy",
     "screening/refits.py:_raced",
@@ -27,7 +27,6 @@ LONG_CALLS = {
     "estimation/laplace.py:Prior",
     "estimation/laplace.py:cls",
     "screening/refits.py:Minimum",
-    "selection/context.py:choose_step",
     "estimation/log_evidence.py:cls",
     "selection/linearise.py:Linearised",
     "selection/odds.py:Candidacy",

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.faults.page import put
-from benchmarks.kills.__main__ import Row, main, table
+from benchmarks.kills.__main__ import Row, before, main, table
 from benchmarks.kills.content import content, differences, faults, hidden
 
 
@@ -76,6 +76,15 @@ def test_the_table_counts_and_tells() -> None:
     assert "| all, 6 kills |  | 2 | 3 | 1 | 2 | 6 | 1 |" in text
     assert "4 fits at once on an empty cache compiled 2, 0, 0, 0 simulators; one alone compiles 2. Faults: 0." in text
     assert text.endswith("- **loop**: loop.json is another\n")
+
+
+def test_what_was_measured_before_stays_in_the_table(tmp_path: Path) -> None:
+    assert before(tmp_path) == ({}, {"compiled": [], "alone": 0, "faults": []})
+    row = Row(1.5, Counter(SIGKILL=2), trials=1, meetings=3, faults=["loop.json is another"])
+    cache = {"compiled": [2, 0], "alone": 2, "faults": []}
+    content = {"loop": {**vars(row), "kills": dict(row.kills)}, "cache": cache}
+    (tmp_path / "kills.json").write_text(json.dumps(content))
+    assert before(tmp_path) == ({"loop": row}, cache)
 
 
 def test_a_table_goes_to_its_place(tmp_path: Path) -> None:

@@ -195,6 +195,16 @@ def test_noise_is_estimated_beside_a_signal(seed, noise, n):
     assert estimate_noise(values) == pytest.approx(noise, rel=0.35)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_estimated_at_uneven_times(seed):
+    rng = np.random.default_rng(seed)
+    time = np.cumsum(rng.uniform(0.004, 0.016, 1500))
+    values = np.sin(11.0 * time) + rng.normal(0.0, 2e-3, time.size)
+    values[rng.integers(0, time.size, 30)] = np.nan
+    assert estimate_noise(values, time) == pytest.approx(2e-3, rel=0.1)
+    assert estimate_noise(values) > 2.5e-3
+
+
 def test_noise_of_an_unstated_rig_is_marked(tmp_path):
     frame = swing(1000)
     frame[["tip_x_m", "tip_y_m"]] += np.random.default_rng(2).normal(0.0, 1e-3, (1000, 2))

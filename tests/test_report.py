@@ -35,8 +35,8 @@ from discovery.report.formula import formula
 from discovery.report.index import build_index
 from discovery.report.latex import latex
 from discovery.report.mathml import block
-from discovery.report.noise import noise_differs
-from discovery.report.numbers import interval, scale_for, significant, uncertain, unit_text
+from discovery.report.noise import honest_table, noise_differs, noise_sentence
+from discovery.report.numbers import chance, interval, scale_for, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline
@@ -526,14 +526,16 @@ def test_a_narrow_screen_shows_values_before_words(arm: Made) -> None:
 
 def test_the_noise_of_the_posterior_is_told_where_another_is_preferred(arm: Made) -> None:
     folder, results, page = arm
-    told = page.index("The evidence prefers correlated noise.")
-    assert page.index("<h2>The posterior") < told < page.index('id="table-posterior"')
+    told = page.index("The evidence prefers correlated noise, and the table says what the parameters are under it.")
+    honest, naive = page.index('id="table-parameters"'), page.index('id="table-posterior"')
+    assert page.index("<h2>The posterior") < told < honest < page.index("The parameters as they were sampled") < naive
+    assert _cells(page, "parameters")[1][:7] == ["α", "linear stiffness", "s⁻²", "8.1010", "8.0969", "8.1050", "7.5"]
     assert '<a href="#noise">which noise</a>' in page
     assert '<h3 id="noise">' in page
     differs = " ".join(noise_differs(Run(folder, results)))
     assert "independent and Gaussian (gaussian noise)" in differs
     assert "the profiles and the check against the elastica" in differs
-    assert "Under correlated noise the 90 % intervals overlap those shown here." in differs
+    assert "Under correlated noise the 90 % intervals overlap those of the draws." in differs
     assert "only one manoeuvre was fitted: a parameter of an incomplete model depends on the manoeuvre" in differs
     changed = json.loads(json.dumps(results))
     intervals = changed["noise"]["models"][0]["intervals"]
@@ -543,6 +545,11 @@ def test_the_noise_of_the_posterior_is_told_where_another_is_preferred(arm: Made
     assert "the 90 % intervals of ξ and α do not overlap" in " ".join(noise_differs(Run(folder, changed)))
     same = {**results, "posterior": {**results["posterior"], "noise": "correlated"}}
     assert noise_differs(Run(folder, same)) == []
+    close = json.loads(json.dumps(results))
+    close["noise"]["models"][1]["log_evidence"] = close["noise"]["models"][0]["log_evidence"] - 2.9
+    assert noise_differs(Run(folder, close)) == []
+    assert "cannot tell correlated noise from gaussian noise" in noise_sentence(Run(folder, close))
+    assert honest_table(Run(folder, close)) is None
     many = {**results, "recordings": [{"role": "train"}] * 3}
     assert "manoeuvre" not in " ".join(noise_differs(Run(folder, many)))
 
@@ -691,6 +698,16 @@ def test_the_fit_is_all_without_an_error_and_none_by_the_mean() -> None:
     assert correlogram.fit_per_cent(measured, measured.mean() - measured) == pytest.approx(0.0, abs=1e-9)
     half = correlogram.fit_per_cent(measured, 0.5 * (measured - measured.mean()))
     assert half == pytest.approx(50.0)
+
+
+def test_small_readings_are_shown_in_small_units(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    chart = chart_data(Run(tmp_path, results))
+    assert chart
+    (channel,) = json.loads(str(chart))[0]["channels"]
+    assert (channel["unit"], channel["small"], channel["factor"]) == ("mV", "mV", 1.0)
+    assert channel["noise"] == pytest.approx(0.2)
+    assert channel["measured"]["low"] == pytest.approx(-50.0, rel=1e-3)
 
 
 def test_the_equation_has_its_numbers_and_no_two_of_them_touch() -> None:
@@ -846,6 +863,10 @@ def test_reading_the_report_package_needs_no_drawing_library() -> None:
 
 
 # Numbers and units
+
+
+def test_a_chance_is_told_no_finer_than_anybody_can_tell() -> None:
+    assert [chance(p) for p in (None, 0.0, 6e-247, 0.031)] == ["–", "less than 0.0001", "less than 0.0001", "0.031"]
 
 
 @pytest.mark.parametrize(

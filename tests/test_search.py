@@ -142,7 +142,7 @@ def test_the_budget_ends_a_search() -> None:
     search = begun(context(settings=LoopSettings(budget=Budget(most_effects=1)), beta=1.0, f_c=0.02))
     search.run()
     assert len(search.best.added) == 1
-    assert search.decisions[-1].code == "budget"
+    assert [d.code for d in search.decisions if d.action == "stop"] == ["budget"]
 
 
 # The one rule.
@@ -169,7 +169,7 @@ def test_an_effect_is_refused_for_what_it_lacks(changed: dict[str, float], code:
 
 def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> None:
     search = searched(beta=1.0, f_c=0.02)
-    smaller = search.without("coulomb_friction")
+    smaller = search.neighbours.without(search.best, "coulomb_friction")
 
     def size(held: float) -> float:
         """Return the size of friction where it leaves so many noise variances more of each held-out reading."""
@@ -193,8 +193,7 @@ def test_sets_that_give_way_to_each_other_in_turn_end_with_the_likeliest(monkeyp
         search.best = unlikely if search.best is likely else likely
         return True
 
-    monkeypatch.setattr(search, "_forward", lambda: False)
-    monkeypatch.setattr(search, "_turn", turn)
+    monkeypatch.setattr(search, "_forward", turn)
     monkeypatch.setattr(search, "_backward", lambda before: None)
     monkeypatch.setattr(search, "_is_complete", lambda: False)
     search._grow()

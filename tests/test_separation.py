@@ -28,6 +28,7 @@ from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
 from discovery.report import build_report
+from discovery.report.follow_up_sentences import separation_sentence
 from discovery.rigs.rig import Rig
 from discovery.runs.follow_up import separations
 from discovery.runs.loop_files import write_loop
@@ -226,18 +227,18 @@ def test_the_design_can_be_given_to_a_motor_and_to_a_report() -> None:
     summary = json.loads(json.dumps(found.summary(), allow_nan=False))
     assert summary["rivals"] == ["table_tilt", "encoder_ripple"]
     assert len(summary["moves"]) == len(found.moves)
-    assert "table_tilt, encoder_ripple" in summary["sentence"]
+    assert "table_tilt, encoder_ripple" in separation_sentence(summary)
 
 
 def test_what_no_manoeuvre_decides_is_said_and_no_course_is_written(tmp_path: Path) -> None:
     found = designed(("encoder_ripple", "table_tilt"))
     assert found.decides
-    assert found.sentence.startswith("To tell table_tilt, encoder_ripple apart: at ")
+    assert separation_sentence(found.summary()).startswith("To tell table_tilt, encoder_ripple apart: at ")
     weak = replace(found, designed=replace(found.designed, chi2=2.13))
     assert not weak.summary()["decides"]
-    assert weak.sentence.startswith("No manoeuvre within the safe limits (1.5 rad, 2 rad/s, ")
-    assert "tells table_tilt, encoder_ripple apart" in weak.sentence
-    assert "an expected chi-square of 2.1, and less than 10 may be chance" in weak.sentence
+    assert separation_sentence(weak.summary()).startswith("No manoeuvre within the safe limits (1.5 rad, 2 rad/s, ")
+    assert "tells table_tilt, encoder_ripple apart" in separation_sentence(weak.summary())
+    assert "an expected chi-square of 2.1, and less than 10 may be chance" in separation_sentence(weak.summary())
     result: Any = SimpleNamespace(separations=(weak, found), summary=dict)
     (tmp_path / "manoeuvre_1.csv").touch()
     write_loop(tmp_path, result)
@@ -361,9 +362,9 @@ def test_where_no_manoeuvre_keeps_the_deflection_that_is_the_result() -> None:
     assert found.designed == Distance(0.0, 0.0, 0.0)
     assert (
         "tip deflected by 0.0001 rad) tells table_tilt, encoder_ripple apart: of 8 tried, the gentlest"
-        in found.sentence
+        in separation_sentence(found.summary())
     )
-    assert "other limits, stated in the rig file" in found.sentence
+    assert "other limits, stated in the rig file" in separation_sentence(found.summary())
 
 
 class Bowl:

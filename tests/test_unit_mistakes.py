@@ -27,7 +27,8 @@ def swing(amplitude, rate=0.0):
 def pendulum(length=None, driven=False, **output):
     column = OutputColumn("a", **({"unit": "rad"} | output))
     columns = Columns(TimeColumn("t"), InputColumn("u", "1", "spline") if driven else None, column)
-    return Rig("p", kind="pendulum", length=length, columns=columns, gravity=Quantity(9.81, 0.02))
+    declared = ("viscous_damping", "gravity_torque")
+    return Rig("p", kind="pendulum", length=length, columns=columns, gravity=Quantity(9.81, 0.02), declared=declared)
 
 
 def read(tmp_path, rig, angle, time=T):

@@ -1,4 +1,7 @@
-"""Kill commands and write the table: ``python -m benchmarks.kills FOLDER [--kills N] [--only COMMAND]``."""
+"""Kill commands and write the table: ``python -m benchmarks.kills FOLDER [--kills N] [--only COMMAND]``.
+
+What a folder holds of commands that are not named stays in the table.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -74,6 +78,14 @@ def _note(name: str, row: Row, faults: list[str]) -> None:
         print(f"{name}: {fault}", flush=True)
 
 
+def before(folder: Path) -> tuple[dict[str, Row], dict[str, Any]]:
+    """Return what a folder holds of an earlier call: a row of each command, and what became of the cache."""
+    path = folder / "kills.json"
+    content = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    cache = content.pop("cache", {"compiled": [], "alone": 0, "faults": []})
+    return {name: Row(**{**row, "kills": Counter(row["kills"])}) for name, row in content.items()}, cache
+
+
 def table(rows: dict[str, Row], counts: list[int], alone: int, faults: list[str]) -> str:
     """Return what became of every command, and all that should not be, as Markdown."""
     lines = [
@@ -111,8 +123,7 @@ def main(arguments: list[str] | None = None) -> int:
     given.folder.mkdir(parents=True, exist_ok=True)
     # In the background of a script interruptions are ignored, and what is started from here would ignore them, too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    counts: list[int] = []
-    alone, faults = 0, list[str]()
+    rows, cache = before(given.folder)
     with TemporaryDirectory() as made:
         names = [name for name in COMMANDS if name in given.only]
         folders = [Path(made) / name for name in names]
@@ -120,22 +131,23 @@ def main(arguments: list[str] | None = None) -> int:
             folder.mkdir()
         with ThreadPoolExecutor(given.workers) as threads:
             found = threads.map(lambda name, at: of_command(name, at, given.kills, given.seed), names, folders)
-            rows = dict(zip(names, found, strict=True))
+            rows |= dict(zip(names, found, strict=True))
         if "cache" in given.only:
             prepared = Path(made) / "prepared"
             prepared.mkdir()
             FIT.prepare(prepared)
             known = reference(FIT, prepared, Path(made) / "alone")
             counts, alone, faults = compiled_once(prepared, Path(made) / "empty", known)
-    text = table(rows, counts, alone, faults)
+            cache = {"compiled": counts, "alone": alone, "faults": faults}
+    text = table(rows, cache["compiled"], cache["alone"], cache["faults"])
     (given.folder / "kills.md").write_text(text, encoding="utf-8")
     if given.page is not None:
         put(given.page, "kills", text)
     content = {name: {**vars(row), "kills": dict(row.kills)} for name, row in rows.items()}
-    content["cache"] = {"compiled": counts, "alone": alone, "faults": faults}
+    content["cache"] = cache
     (given.folder / "kills.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     print(f"{text}written: {given.folder / 'kills.md'}")
-    return len(faults) + sum(len(row.faults) for row in rows.values())
+    return len(cache["faults"]) + sum(len(row.faults) for row in rows.values())
 
 
 if __name__ == "__main__":

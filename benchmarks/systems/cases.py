@@ -20,7 +20,7 @@ class Case:
     machine : Machine
         The machine.
     joint : str
-        Where the effect acts.
+        Where the effect acts; empty for one of the drive.
     law : Law
         The effect.
     within : float
@@ -40,6 +40,8 @@ CASES = {
     "servo: play of 40 mrad": Case(machines.servo(), "joint", laws.play(0.020, 45.0, 0.012)),
     "servo: dry friction at the load": Case(machines.servo(), "load", laws.dry(0.02, 2e-3)),
     "servo: dry friction at the motor": Case(machines.servo(), "motor", laws.dry(0.03, 2e-3)),
+    "servo: dead zone of the amplifier": Case(machines.servo(), "", laws.dead_zone(0.3)),
+    "two masses: torque that saturates": Case(machines.two_masses(), "", laws.saturation(0.14)),
     "two masses: dry friction at the load": Case(machines.two_masses(), "load", laws.dry(0.012, 2e-3)),
     "two masses: cubic spring in the shaft": Case(machines.two_masses(), "joint", laws.cubic(2.5e4)),
     "two masses: hysteresis in the shaft": Case(machines.two_masses(), "joint", laws.hysteresis(2.5, 4e-3), within=0.2),

@@ -1,4 +1,4 @@
-"""What a machine does at a joint beside what is declared: force against displacement, rate and a slip of its own."""
+"""What a machine does beside what is declared: at a joint, force against displacement, rate and a slip of its own."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import sin, tanh
 
-__all__ = ["NOTHING", "Law", "cogging", "cubic", "drag", "dry", "hysteresis", "lopsided", "play"]
+__all__ = [
+    "NOTHING", "Law", "cogging", "cubic", "dead_zone", "drag", "dry", "hysteresis", "lopsided", "play", "saturation",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Law:
-    """An effect at a joint.
+    """An effect at a joint, or of the drive.
 
     Parameters
     ----------
@@ -23,12 +25,15 @@ class Law:
         Effects of the catalogue that say the same.
     truth : mapping of str to float
         Their parameters, without the place, as they should come out, in SI units.
+    received : callable
+        What the machine receives of the recorded input.
     """
 
     force: Callable[[float, float, float], float]
     names: tuple[str, ...]
     truth: dict[str, float]
     slip: Callable[[float, float, float], float] = lambda d, v, z: 0.0
+    received: Callable[[float], float] = lambda u: u
 
 
 NOTHING = Law(lambda d, v, z: 0.0, (), {})
@@ -76,3 +81,17 @@ def cogging(size: float, periods: float) -> Law:
 def lopsided(size: float) -> Law:
     """A damper that resists one way more than the other: the declared loss is the mean of both."""
     return Law(lambda d, v, z: -size * abs(v), ("asymmetric_viscous_damping",), {"xi_a": size})
+
+
+def dead_zone(half: float) -> Law:
+    """A drive that does nothing below an input, and lacks that much above it."""
+    return Law(
+        lambda d, v, z: 0.0, ("input_dead_zone",), {"w_u": half}, received=lambda u: u - max(-half, min(half, u))
+    )
+
+
+def saturation(limit: float) -> Law:
+    """A drive that gives no more than its limit."""
+    return Law(
+        lambda d, v, z: 0.0, ("input_saturation",), {"s_u": 1 / limit}, received=lambda u: max(-limit, min(limit, u))
+    )

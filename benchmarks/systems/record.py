@@ -26,7 +26,7 @@ def record(machine: Machine, joint: str, law: Law, path: Path, seed: int) -> Non
     machine : Machine
         The machine.
     joint : str
-        Where the law acts.
+        Where the law acts; empty for a law of the drive.
     law : Law
         What its declaration lacks.
     path : Path
@@ -37,7 +37,7 @@ def record(machine: Machine, joint: str, law: Law, path: Path, seed: int) -> Non
     rng = np.random.default_rng(seed)
     n, time = machine.coordinates, np.arange(round(machine.seconds * machine.rate)) / machine.rate
     drive = _input(machine, rng)
-    way = machine.joints[joint]
+    way = machine.joints.get(joint, (0.0,) * n)
 
     def motion(t: float, state: NDArray) -> list[float]:
         return moved(float(drive(t)), state.tolist())
@@ -49,7 +49,7 @@ def record(machine: Machine, joint: str, law: Law, path: Path, seed: int) -> Non
             return law.force(d, rate, slip) if place == joint else 0.0
 
         twist, turning = (sum(a * b for a, b in zip(way, x, strict=True)) for x in (q, v))
-        return [*v, *machine.accelerations(u, q, v, at), law.slip(twist, turning, slip)]
+        return [*v, *machine.accelerations(law.received(u), q, v, at), law.slip(twist, turning, slip)]
 
     state = np.array([*(machine.start or (0.0,) * n), *(0.0,) * (n + 1)])
     parts = []

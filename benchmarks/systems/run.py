@@ -82,8 +82,8 @@ def run(case: Case, folder: Path, seed: int) -> Outcome:
 def judged(case: Case, found: dict[str, Any], seconds: float, cpu: float) -> Outcome:
     """Return what a loop.json says of a case."""
     added = {e["id"]: e["parameters"] for e in found["effects"]}
-    # A kind with one coordinate has no places.
-    place = f"_{case.joint}" if "[system]" in case.machine.rig else ""
+    # A kind with one coordinate has no places, and neither has the drive.
+    place = f"_{case.joint}" if "[system]" in case.machine.rig and case.joint else ""
     wanted = [f"{name}_at{place}" if place else name for name in case.law.names]
     named = next((added[e] for e in wanted if e in added), None)
     said = {n: p.get("physical", p)["value"] for n, p in (named or {}).items()}

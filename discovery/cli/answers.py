@@ -11,9 +11,9 @@ import click
 
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state, read_state
-from discovery.cli.loop_page import write_page
+from discovery.cli.loop_page import remove_page, write_failed_page, write_page
 from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress, results_folder
-from discovery.cli.say import say_doubts, say_left_out, say_loop, say_missing
+from discovery.cli.say import say_doubts, say_failed, say_left_out, say_loop, say_missing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
     from discovery.recordings.experiment import Experiment
     from discovery.runs.answer import Answer
+    from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
     from discovery.runs.stages import Tell
 
@@ -56,11 +57,17 @@ def run(
     folder = results_folder(out, *RESULTS, "report.html")
     from discovery.report import build_report
     from discovery.runs import pipeline
+    from discovery.runs.failed_loop import LoopFailure
 
-    with progress(quiet) as tell:
-        found = pipeline.answer(
-            dataset, folder, seed=seed, progress=tell, note=data_note, with_posterior=with_posterior
-        )
+    try:
+        with progress(quiet) as tell:
+            found = pipeline.answer(
+                dataset, folder, seed=seed, progress=tell, note=data_note, with_posterior=with_posterior
+            )
+    except LoopFailure as failure:
+        pipeline.save_failed(folder, failure.loop, seed=seed, note=data_note)
+        _say_failed(failure.loop, [folder / "loop.json", build_report(folder)], as_json)
+        return
     doubted = doubts(found.loop, dataset)
     if not as_json:
         say_loop(found.loop)
@@ -126,6 +133,7 @@ def loop(
     initial_state: str | None,
 ) -> None:  # fmt: skip
     """Find what the declared model lacks, and write it with its page."""
+    from discovery.runs.failed_loop import LoopFailure
     from discovery.runs.stages import loop as close
     from discovery.runs.stages import unexplained
 
@@ -136,16 +144,19 @@ def loop(
     check_state(initial, dataset)
     wanted = None if target is None else _wanted(target, dataset, initial)
     folder = results_folder(out, "loop.json", "prediction.csv", "report.html")
+    try:
+        with progress(quiet) as tell:
+            result = close(dataset, seed=seed, progress=tell)
+    except LoopFailure as failure:
+        _say_failed(failure.loop, _failed(folder, failure.loop, seed), as_json)
+        if target is not None:
+            raise
+        return
     with progress(quiet) as tell:
-        result = close(dataset, seed=seed, progress=tell)
         missing = unexplained(result, dataset, progress=tell)
         content = _written(folder, result, missing)
         failed = None if wanted is None else _predicted(folder, wanted, result, initial, tell, target)
-    doubted = doubts(result, dataset)
-    if not as_json:
-        say_loop(result)
-        say_doubts(doubted)
-        say_missing(missing)
+    doubted = _said(result, dataset, missing, as_json)
     with progress(quiet) as tell:
         tell("writing the report")
         page = write_page(folder, dataset, result, missing, seed)
@@ -174,13 +185,43 @@ def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None)
     return wanted
 
 
+def _said(result: LoopResult, dataset: Dataset, missing: MissingForce | None, as_json: bool) -> list[str]:
+    """Say what a loop found, unless a document will, and return what doubts it."""
+    doubted = doubts(result, dataset)
+    if not as_json:
+        say_loop(result)
+        say_doubts(doubted)
+        say_missing(missing)
+    return doubted
+
+
+def _failed(folder: Path, failed: FailedLoop, seed: int) -> list[Path]:
+    """Write loop.json and the page of a declared model that has no fit, and return them."""
+    from discovery.results.provenance import write_json
+
+    for name in ("prediction.csv", "report.html", *(p.name for p in folder.glob("manoeuvre_*.csv"))):
+        (folder / name).unlink(missing_ok=True)
+    write_json(folder / "loop.json", failed.summary())
+    return [folder / "loop.json", write_failed_page(folder, failed, seed)]
+
+
+def _say_failed(failed: FailedLoop, files: list[Path], as_json: bool) -> None:
+    """Say that the declared model has no fit, and what would help."""
+    content = failed.summary()
+    if as_json:
+        print_json({**content, "doubts": [], "files": files})
+        return
+    say_failed(content)
+    click.echo(f"written: {', '.join(map(str, files))}")
+
+
 def _written(folder: Path, result: LoopResult, missing: MissingForce | None) -> dict[str, Any]:
     """Write loop.json, and return its content."""
     from discovery.runs.loop_files import write_loop
 
     # Those of an earlier run would be another model's.
-    for name in ("prediction.csv", "report.html"):
-        (folder / name).unlink(missing_ok=True)
+    (folder / "prediction.csv").unlink(missing_ok=True)
+    remove_page(folder)
     return write_loop(folder, result, missing=missing)
 
 

@@ -25,6 +25,8 @@ __all__ = ["COMMANDS", "close"]
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     """Run the loop of one case, write its loop.json, and return what the tables of the campaign hold."""
     from discovery.report.sentences import verdict_sentence
+    from discovery.results.provenance import write_json
+    from discovery.runs.failed_loop import LoopFailure
     from discovery.runs.loop_files import write_loop
     from discovery.runs.stages import loop, unexplained
 
@@ -32,7 +34,11 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     for stale in (case.out / "loop.json", case.out / "report.html", *case.out.glob("manoeuvre_*.csv")):
         stale.unlink(missing_ok=True)
     dataset = _dataset(case)
-    result = loop(dataset, seed=case.seed, progress=lambda _: None)
+    try:
+        result = loop(dataset, seed=case.seed, progress=lambda _: None)
+    except LoopFailure as failure:
+        write_json(case.out / "loop.json", failure.loop.summary())
+        raise
     missing = unexplained(result, dataset, progress=lambda _: None)
     content = write_loop(case.out, result, missing=missing)
     if case.page:

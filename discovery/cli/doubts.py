@@ -20,6 +20,7 @@ _SCATTERED = 1.5
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
     from discovery.recordings.flags import UNDERSTATED, misread, misstated
+    from discovery.report.follow_up_sentences import stand_in_sentence
 
     flags = {recording.name: recording.flags for recording in result.recordings}
     held = [e.recording for e in dataset.holdout or dataset.train]
@@ -28,7 +29,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     return [
         *misread(flags),
         *misstated(flags),
-        *(other.sentence for other in result.stand_ins.values()),
+        *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
         *([] if known else _scattered(result, held)),
     ]
 

@@ -1,26 +1,68 @@
-"""The page of a loop alone."""
+"""The page of a loop alone, and what it is made of, kept beside it so that it can be made again."""
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from discovery.diagnosis.missing_force import MissingForce
     from discovery.recordings.dataset import Dataset
+    from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["write_page"]
+__all__ = ["has_parts", "rebuild_page", "remove_page", "write_failed_page", "write_page"]
+
+#: Folder beside loop.json that holds what the page is made of, its tables as CSV and its figures.
+PARTS = "page"
 
 
 def write_page(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> Path:
-    """Write the page of a loop, one file beside its loop.json."""
-    from tempfile import TemporaryDirectory
-
-    from discovery.report import build_report
-    from discovery.results.manifest import SAVING
+    """Write the page of a loop, one file beside its loop.json, and keep what it is made of."""
     from discovery.runs.loop_files import gather_loop
 
+    return _written(folder, lambda parts: gather_loop(parts, dataset, result, missing, seed))
+
+
+def write_failed_page(folder: Path, loop: FailedLoop, seed: int) -> Path:
+    """Write the page of a loop whose declared model has no fit."""
+    from discovery.runs.failed_loop import gather_failed_loop
+
+    return _written(folder, lambda parts: gather_failed_loop(parts, loop, seed))
+
+
+def _written(folder: Path, gather: Callable[[Path], None]) -> Path:
+    """Write a page of what is gathered for it, and keep that."""
+    from tempfile import TemporaryDirectory
+
+    from discovery.results.manifest import SAVING
+
     with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
-        gather_loop(Path(beside), dataset, result, missing, seed)
-        return build_report(beside).replace(folder / "report.html")
+        parts = Path(beside) / PARTS
+        parts.mkdir()
+        gather(parts)
+        remove_page(folder)
+        parts.replace(folder / PARTS)
+    return rebuild_page(folder)
+
+
+def rebuild_page(folder: Path) -> Path:
+    """Write the page of a loop again from what it is made of."""
+    from discovery.report import build_report
+
+    return build_report(folder / PARTS).replace(folder / "report.html")
+
+
+def has_parts(folder: Path) -> bool:
+    """Say whether a folder holds what the page of a loop is made of."""
+    return (folder / PARTS / "results.json").is_file()
+
+
+def remove_page(folder: Path) -> None:
+    """Remove the page of an earlier loop, and what it was made of."""
+    (folder / "report.html").unlink(missing_ok=True)
+    if has_parts(folder):
+        shutil.rmtree(folder / PARTS)

@@ -214,16 +214,24 @@ def results_folder(out: Path, *files: str) -> Path:
 def held(folder: Path) -> Path:
     """Return a folder that no other command writes to until this one ends; refuse one to which another does.
 
-    What commands that were ended from outside left in it is removed.
+    What commands that were ended from outside left in it is removed, and so is what this one leaves where it is
+    interrupted between making a folder and knowing that it has.
     """
     from discovery.foundation.errors import InputError
     from discovery.foundation.locks import folder_lock
     from discovery.results.manifest import remove_unfinished
 
-    if not click.get_current_context().with_resource(folder_lock(folder)):
+    context = click.get_current_context()
+    if not context.with_resource(folder_lock(folder)):
         raise InputError(
             f"Another discovery command is writing to {folder}. Wait until it has ended, or give this one another "
             "folder."
         )
     remove_unfinished(folder)
+
+    @context.call_on_close
+    def _() -> None:
+        with suppress(OSError):
+            remove_unfinished(folder)
+
     return folder

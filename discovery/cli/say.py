@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from discovery.diagnosis.missing_force import MissingForce
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["say_doubts", "say_left_out", "say_loop", "say_missing"]
+__all__ = ["say_doubts", "say_failed", "say_left_out", "say_loop", "say_missing"]
 
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
+    from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence
     from discovery.report.sentences import lead_sentence, model_error_words
 
     content = result.summary()
@@ -28,11 +29,20 @@ def say_loop(result: LoopResult) -> None:
     click.echo(f"model error: {model_error_words(content['model_error'])}")
     if content.get("lead"):
         click.echo(f"lead: {lead_sentence(content['lead'])}")
-    for contradiction in result.contradiction.contradictions if result.contradiction else ():
-        click.echo(f"contradiction: {contradiction.sentence}")
-    for separation in result.separations:
-        click.echo(separation.sentence)
+    for sentence in contradiction_sentences(content.get("contradiction")):
+        click.echo(f"contradiction: {sentence}")
+    for separation in content.get("separation", ()):
+        click.echo(separation_sentence(separation))
     _say_errors(content["errors"])
+
+
+def say_failed(content: Mapping[str, Any]) -> None:
+    """Say why a declared model has no fit, and what would help."""
+    from discovery.report.sentences import failure_sentence, remedy_sentence
+
+    click.echo(f"verdict: {content['verdict']}")
+    click.echo(f"failed: {failure_sentence(content['failure'])}")
+    click.echo(f"remedy: {remedy_sentence(content['failure'])}")
 
 
 def say_doubts(sentences: Iterable[str]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from discovery.cli.loop_page import has_parts, rebuild_page
 from discovery.cli.options import PATH, estimate_text, held, load, options, print_json, progress, results_folder
 
 __all__ = ["COMMANDS", "NOISES"]
@@ -173,14 +174,18 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
 @click.command()
 @click.argument("folder", type=PATH)
 def report(folder: Path) -> None:
-    """Write the page of a finished run again from its result files."""
+    """Write the page of a finished run or loop again from its result files."""
     from discovery.foundation.errors import InputError
     from discovery.foundation.io import shown
     from discovery.report import build_report
 
-    if not os.path.exists(folder / "results.json"):
-        raise InputError(f"{shown(folder)} holds no results.json; make one with `discovery run`.")
-    click.echo(f"{build_report(held(folder))}")
+    whole = os.path.exists(folder / "results.json")
+    if not whole and not has_parts(folder):
+        raise InputError(
+            f"{shown(folder)} holds no results of a run or of a loop; make them with `discovery run` or `discovery "
+            "loop`."
+        )
+    click.echo(f"{(build_report if whole else rebuild_page)(held(folder))}")
 
 
 COMMANDS: tuple[click.Command, ...] = (discover, fit, posterior, elastica, residual, report)

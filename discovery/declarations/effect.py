@@ -29,6 +29,7 @@ __all__ = [
     "OSCILLATOR",
     "ROTOR",
     "SPRING",
+    "WEIGHT",
     "Closure",
     "Dissipation",
     "Drive",
@@ -44,8 +45,8 @@ __all__ = [
     "Shape",
 ]
 
-#: What an effect may need: a linear spring between two parts, or an angle that nothing ties.
-SPRING, ROTOR = "spring", "rotor"
+#: What an effect may need: a linear spring between two parts, an angle that nothing ties, or a body that falls.
+SPRING, ROTOR, WEIGHT = "spring", "rotor", "weight"
 
 
 class Effect(ABC):
@@ -72,7 +73,7 @@ class Effect(ABC):
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
-    #: What the place of a declared system must have for it, `SPRING` or `ROTOR`; the built-in kinds are not asked.
+    #: What a base, or the place of a declared system, must have for it: `SPRING`, `ROTOR` or `WEIGHT`.
     needs: ClassVar[str] = ""
     #: Where it acts on a declared system, see `discovery.declarations.place`.
     place: ClassVar[str] = ""

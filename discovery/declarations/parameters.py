@@ -114,7 +114,8 @@ class Parameter:
     Parameters
     ----------
     unit : str
-        Exponent string, for example ``"s^-2 q^-2"``, where ``q`` is the unit of the coordinate (rad for an arm).
+        Exponent string, for example ``"s^-2 q^-2"``, where ``q`` is the unit of the coordinate (rad for an arm) and
+        ``u`` that of the recorded input.
     meaning : str
         One clause for tables.
     bounds : tuple of float
@@ -177,7 +178,7 @@ class Parameter:
         return sp.Symbol(self.name, real=True)
 
 
-def natural_scale(unit: str, *, time: float, coordinate: float, length: float = 1.0) -> float:
+def natural_scale(unit: str, *, time: float, coordinate: float, length: float = 1.0, drive: float = 1.0) -> float:
     """Return the size of one natural unit in the problem's units.
 
     Parameters
@@ -190,6 +191,8 @@ def natural_scale(unit: str, *, time: float, coordinate: float, length: float = 
         Natural coordinate [unit of the coordinate]: 1 rad for an arm, the largest amplitude for an oscillator.
     length : float
         Natural length [m].
+    drive : float
+        Natural input [unit of the input].
 
     Returns
     -------
@@ -203,10 +206,10 @@ def natural_scale(unit: str, *, time: float, coordinate: float, length: float = 
     """
     from discovery.declarations.units import dimension
 
-    sizes = {"s": time, "q": coordinate, "m": length, "rad": 1.0}
+    sizes = {"s": time, "q": coordinate, "m": length, "rad": 1.0, "u": drive}
     scale = 1.0
     for symbol, exponent in dimension(unit).items():
         if symbol not in sizes:
-            raise ValueError(f"unit {unit!r}: {symbol!r} has no natural size; use s, q, m or rad")
+            raise ValueError(f"unit {unit!r}: {symbol!r} has no natural size; use s, q, u, m or rad")
         scale *= sizes[symbol] ** float(exponent)
     return scale

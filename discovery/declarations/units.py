@@ -38,6 +38,7 @@ __all__ = [
 # Coherent SI units in base dimensions; the radian, a ratio of lengths, has none (SI brochure, 9th ed., table 4).
 _COHERENT: dict[str, dict[str, int]] = {
     "q": {"q": 1},  # unit of the coordinate in declarations: rad for an arm, that of the output for an oscillator
+    "u": {"u": 1},  # unit of the recorded input in declarations
     "rad": {},
     "1": {},
     "m": {"m": 1},
@@ -208,15 +209,17 @@ def si_symbol(unit: str) -> str:
         return unit
     base = _base(unit)[1]
     for symbol in _COHERENT:
-        if symbol == "q":  # of declarations, not of users
+        if symbol in ("q", "u"):  # of declarations, not of users
             continue
         if _base("dimensionless" if symbol == "1" else symbol)[1] == base:
             return symbol
     return f"{_registry().Unit(base):~C}".replace("**", "^").replace("*", " ")
 
 
-def in_coordinate(unit: str, coordinate: str) -> str:
+def in_coordinate(unit: str, coordinate: str, given: str = "u") -> str:
     """Write a unit of declarations with that of the coordinate in the place of q, positive powers first.
+
+    The unit of the recorded input, `given`, stands in the place of u.
 
     Examples
     --------
@@ -225,7 +228,7 @@ def in_coordinate(unit: str, coordinate: str) -> str:
     """
     powers: dict[str, Fraction] = {}
     for symbol, power in _factors(unit):
-        for own, exponent in _factors(coordinate) if symbol == "q" else [(symbol, Fraction(1))]:
+        for own, exponent in _factors({"q": coordinate, "u": given}.get(symbol, symbol)):
             powers[own] = powers.get(own, Fraction(0)) + exponent * power
     ordered = sorted((n for n, power in powers.items() if power and n != "1"), key=lambda n: powers[n] < 0)
     return " ".join(n if powers[n] == 1 else f"{n}^{powers[n]}" for n in ordered) or "1"

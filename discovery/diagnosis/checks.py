@@ -15,10 +15,8 @@ from discovery.estimation.residual import correlation_length
 from discovery.mechanics.elastica import Elastica
 from discovery.theory.prediction import predict
 
-__all__ = ["LIMIT", "WIDE", "Check", "against_length", "against_rig", "against_stiffness"]
+__all__ = ["WIDE", "Check", "against_length", "against_rig", "against_stiffness"]
 
-#: Log odds of a contradiction: those that the search asks of an effect [nats].
-LIMIT = 3.0
 #: A prior is made so many times as wide.
 WIDE = 30.0
 #: Where a value that was held back by its bound is looked for, in these standard deviations.
@@ -58,18 +56,13 @@ class Check:
     source: str
 
     @property
-    def contradicts(self) -> bool:
-        """Whether the value and its prediction exclude each other."""
-        return self.odds > LIMIT
-
-    @property
     def gross(self) -> bool:
         """Whether it is a rod's stiffness so far beside its prediction that the rig file may be wrong.
 
         A pendulum is no such case: an extended body of the stated length may swing at any pace.
         """
         far = not self.predicted / _GROSS < self.value < self.predicted * _GROSS
-        return far and self.contradicts and self.parameter == "alpha"
+        return far and self.parameter == "alpha"
 
 
 def _check(parameter: str, unit: str, value: tuple[float, float], predicted: tuple[float, float], source: str) -> Check:

@@ -15,7 +15,7 @@ Analysis 1 (2006) 893). Tested are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -28,11 +28,14 @@ from discovery.estimation.fit import Fit, fit_near
 from discovery.estimation.problem import Problem
 from discovery.foundation.errors import SimulationFailure
 from discovery.screening.attribution import candidates as possible
+from discovery.selection.context import Context
 
 __all__ = ["Contradiction", "ContradictionReport", "check_contradictions"]
 
 #: A value on quicker mechanics differs by at most this part of what is to be reconciled.
 _ALIKE = 0.1
+#: and leaves no more than so much of chi-square beside that of the finer ones.
+_WORSE = 40.0
 
 
 @dataclass(frozen=True)
@@ -59,23 +62,6 @@ class Contradiction:
         """Effects that reconcile; more than one are ambiguous."""
         return tuple(r.effect for r in self.tried if r.reconciles)
 
-    @property
-    def sentence(self) -> str:
-        """The contradiction in words."""
-        c = self.check
-        head = (
-            f"{c.parameter} = {c.value:.5g} ± {c.sd:.2g} {c.unit} contradicts {c.source}, "
-            f"{c.predicted:.5g} ± {c.predicted_sd:.2g} ({abs(c.z):.2g} standard deviations apart); "
-        )
-        if not self.sought:
-            return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
-        if not self.reconciling:
-            doubt = " Is the rig file right?" if c.gross else ""
-            return head + "no effect of the catalogue reconciles them." + doubt
-        best = self.tried[0]
-        also = f"; so would {', '.join(self.reconciling[1:])}" if len(self.reconciling) > 1 else ""
-        return head + f"{best.effect} reconciles them and removes {best.evidence:.3g} of the total chi-square{also}."
-
 
 @dataclass(frozen=True)
 class ContradictionReport:
@@ -91,15 +77,16 @@ class ContradictionReport:
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
+        excluded = [c.check for c in self.contradictions]
         return {
-            "checks": [{**asdict(c), "contradicts": c.contradicts} for c in self.checks],
+            "checks": [{**asdict(c), "contradicts": c in excluded} for c in self.checks],
             "contradictions": [
                 {
                     "parameter": c.check.parameter,
                     "gross": c in self.gross,
                     "reconciling": list(c.reconciling),
                     "tried": [r.summary() for r in c.tried],
-                    "sentence": c.sentence,
+                    "sought": c.sought,
                 }
                 for c in self.contradictions
             ],
@@ -112,8 +99,7 @@ def check_contradictions(
     *,
     candidates: Sequence[str] | None = None,
     bench: Bench | None = None,
-    least_gain: float = 40.0,
-    progress: Callable[[str], None] | None = None,
+    context: Context,
 ) -> ContradictionReport:
     """Test a fit against the rig, and look for effects that reconcile what contradicts.
 
@@ -128,10 +114,8 @@ def check_contradictions(
         Effects that may reconcile, none to look for none; by default all that could be missing.
     bench : Bench, optional
         Quicker mechanics, on which effects are tried where the fit is no worse on them; by default those of the fit.
-    least_gain : float
-        Chi-square by which a reconciled fit may be worse on the recordings.
-    progress : callable, optional
-        Receives one sentence before every longer piece of work.
+    context : Context
+        Recordings and settings of the search.
 
     Returns
     -------
@@ -143,21 +127,21 @@ def check_contradictions(
         candidates = possible(fit.model, experiments[0].coordinate_unit)
     if not arm:
         checks = against_length(fit)
-        excluded = [c for c in checks if c.contradicts]
-        pulls = [_gravity(fit, c, candidates, least_gain=least_gain, progress=progress) for c in excluded]
+        excluded = [c for c in checks if c.odds > context.settings.nats]
+        pulls = [_gravity(fit, c, candidates, context) for c in excluded]
         return ContradictionReport(checks, tuple(pulls))
     found = [*against_rig(fit), *against_stiffness(fit, rng)]
     contradictions = []
     for check, freed in found:
-        if check.contradicts:
+        if check.odds > context.settings.nats:
             name, target = check.parameter, (check.predicted, check.predicted_sd)
-            quick = _quicker(freed, bench, name, target[0], least_gain)
-            tried = reconcile(quick, name, target, candidates, z=check.z, least_gain=least_gain, progress=progress)
+            quick = _quicker(freed, bench, name, target[0])
+            tried = reconcile(quick, name, target, candidates, context)
             contradictions.append(Contradiction(check, tried, sought=bool(candidates)))
     return ContradictionReport(tuple(c for c, _ in found), tuple(contradictions))
 
 
-def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, least_gain: float) -> Fit:
+def _quicker(fit: Fit, bench: Bench | None, name: str, target: float) -> Fit:
     """Return the fit on other mechanics where it is no worse there and contradicts as much, else as it is."""
     if bench is None:
         return fit
@@ -167,19 +151,12 @@ def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, least_gain
     except SimulationFailure:
         return fit
     alike = abs(found.values[name] - fit.values[name]) < _ALIKE * abs(target - fit.values[name])
-    return found if alike and found.chi2 < fit.chi2 + least_gain else fit
+    return found if alike and found.chi2 < fit.chi2 + _WORSE else fit
 
 
-def _gravity(
-    fit: Fit,
-    check: Check,
-    candidates: Sequence[str],
-    *,
-    least_gain: float,
-    progress: Callable[[str], None] | None,
-) -> Contradiction:
+def _gravity(fit: Fit, check: Check, candidates: Sequence[str], context: Context) -> Contradiction:
     """Look for effects with which gravity pulls as the rig says; its direction in the frame stays as it was found."""
     share = fit.values["g_c"] / check.value
     target = (share * check.predicted, abs(share) * check.predicted_sd)
-    tried = reconcile(fit, "g_c", target, candidates, z=check.z, least_gain=least_gain, progress=progress)
+    tried = reconcile(fit, "g_c", target, candidates, context)
     return Contradiction(check, tried, sought=bool(candidates))

@@ -75,36 +75,6 @@ class Separation:
         """Whether the manoeuvre can be expected to tell the rivals apart."""
         return self.designed.chi2 >= _DECIDES
 
-    @property
-    def sentence(self) -> str:
-        """What the manoeuvre promises, in words."""
-        if not self.decides:
-            most = self.limits
-            best = (
-                f"the best lets the right one win by an expected chi-square of {self.designed.chi2:.2g}, and less than "
-                f"{_DECIDES:g} may be chance"
-                if self.deflection <= most.deflection
-                else f"the gentlest deflects the tip by {self.deflection:.3g} rad"
-                if np.isfinite(self.deflection)
-                else "every motion blows up"
-            )
-            return (
-                f"No manoeuvre within the safe limits ({most.angle:.3g} rad, {most.speed:.3g} rad/s, "
-                f"{most.acceleration:.3g} rad/s^2, {most.duration:.3g} s, tip deflected by {most.deflection:.3g} rad) "
-                f"tells {', '.join(self.rivals)} apart: of {self.evaluations} tried, {best}. A camera with less noise "
-                "would help, or other limits, stated in the rig file: wider ones, if they are safe, or slower ones."
-            )
-        turns = "; ".join(
-            f"at {m.start:.2f} s turn {m.angle:+.2f} rad at {m.speed:.2f} rad/s, ramps {m.ramp * m.duration:.2f} s"
-            for m in self.moves
-        )
-        return (
-            f"To tell {', '.join(self.rivals)} apart: {turns}. With their parameters readjusted, the predictions then "
-            f"differ by {self.designed.projected:.2g} noise sds rms ({self.given.projected:.2g} on the given "
-            f"recordings), and the right one is expected to win by a chi-square of {self.designed.chi2:.3g}, the best "
-            f"of {self.evaluations} manoeuvres tried."
-        )
-
     def csv(self) -> str:
         """Return the motor's course as a CSV file with the columns ``time_s, motor_angle_rad``."""
         return "".join(("time_s,motor_angle_rad\n", *(f"{t:.6f},{a:.9f}\n" for t, a in self.table.tolist())))
@@ -121,7 +91,7 @@ class Separation:
             "deflection": self.deflection,
             "evaluations": self.evaluations,
             "decides": self.decides,
-            "sentence": self.sentence,
+            "decides_from": _DECIDES,
         }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,19 +61,6 @@ class StandIn:
         """Whether the rig file may err by as much: it would contradict nothing."""
         return abs(self.z) <= _CREDIBLE
 
-    @property
-    def sentence(self) -> str:
-        """What stands against the effect, in words."""
-        digits = max(0, 1 - math.floor(math.log10(self.sd)))
-        value, stated, sd = (f"{x:.{digits}f}" for x in (self.value, self.stated, self.sd))
-        advice = f"measure the {self.quantity} before you believe the effect"
-        if not self.doubtful:
-            advice = "is that excluded? A usual standard deviation stands for one that the rig file does not state"
-        return (
-            f"a {self.quantity} of {value} {self.unit} in place of {stated} ± {sd} {self.unit} would do the same as "
-            f"{self.effect}; it is {abs(self.z):.2g} standard deviations off: {advice}"
-        )
-
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
         return {
@@ -85,7 +71,6 @@ class StandIn:
             "sd": self.sd,
             "z": self.z,
             "doubtful": self.doubtful,
-            "sentence": self.sentence,
         }
 
 

@@ -135,7 +135,7 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
     yield f"{_column('output', found.output, _zero(found, guess))}   # {_guessed(found.output)}{_range(found.output)}"
-    noise = estimate_noise(found.output.values)
+    noise = estimate_noise(found.output.values, time)
     shown = f"{noise:.2g}" if noise > 0.0 else "0.1"
     if noise > 0.0:
         unit = "" if found.output.unit == "1" else f" {found.output.unit}"

@@ -83,6 +83,10 @@ class Bench:
         leap = None if other.leap is None else other.leap * step / other.step
         return cls(other.base, other.effects, other.experiments, step, leap)
 
+    def finer(self, times: float) -> Bench:
+        """Return the same bench on steps so many times shorter."""
+        return Bench.like(self, self.step / times)
+
     def of_others(self, experiments: Sequence[Experiment]) -> Bench:
         """Return the bench of other recordings, whose motions are not known: on the shortest steps of these."""
         return Bench(self.base, self.effects, experiments, self.shortest)
@@ -259,8 +263,8 @@ class Bench:
         return max(float(np.ptp(e.recording.time)) for e in self.experiments)
 
     @property
-    def most_steps(self) -> int:
-        """Steps that the longest fitted recording takes."""
+    def cost(self) -> int:
+        """Steps that the longest fitted recording takes: what a simulation costs."""
         return max(s.grid.steps.size for s in self.simulators)
 
     @cached_property

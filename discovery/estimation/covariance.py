@@ -129,7 +129,7 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Probl
 
 def _change(problem: Problem, minimum: Minimum, residual: FloatArray) -> FloatArray:
     """Return by how much half the step changes the residuals of the recordings at the minimum, shape (n,)."""
-    fine = Bench.like(problem.bench, problem.bench.step / 2)
+    fine = problem.bench.finer(2)
     return np.asarray(fine.residuals(*problem.expand(minimum.x[:, None]))[:, 0] - residual, np.float64)
 
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -21,13 +20,14 @@ from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import NaturalUnits, Problem, natural_units
 from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
+from discovery.estimation.step_control import tightened
 from discovery.foundation.errors import SimulationFailure
 from discovery.plots.fits import FitViews
 from discovery.recordings.chosen import Recordings, training_of
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
 
-__all__ = ["MOST_STEPS", "SHIFT", "Fit", "fit", "fit_near", "refined"]
+__all__ = ["SHIFT", "Fit", "fit", "fit_near", "refined"]
 
 FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
@@ -35,8 +35,6 @@ SHIFT = 0.02
 _REFINEMENTS = 3
 #: From one minimum to the next, on finer steps, it is no farther than so many.
 _NEAR = 15
-#: Longest integration of one recording that a refinement asks for: dry friction and play would ask for any.
-MOST_STEPS = 200_000
 
 
 @dataclass(frozen=True, repr=False)
@@ -141,7 +139,7 @@ class Fit(FitViews):
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready report row."""
         coordinate = self.problem.bench.experiments[0].coordinate_unit
-        units = {n: in_coordinate(p.value_unit, coordinate) for n, p in self.model.parameters.items()}
+        units = {n: self.problem.bench.experiments[0].unit_of(p) for n, p in self.model.parameters.items()}
         units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
         return {
             "model": self.model.free_parameter(*self.problem.free).to_dict(),
@@ -264,13 +262,10 @@ def refined(found: Fit, largest: float = SHIFT, *, rough: bool = False) -> Fit:
     best = found
     for _ in range(_REFINEMENTS):
         shift, old = best.solver_shift, best.problem
-        if not shift > largest:
+        finer = tightened(old.bench, shift, largest)
+        if finer is None:
             break
-        # The shift falls with the fourth power of the step.
-        step = old.bench.step * max(0.25, 0.8 * (largest / shift) ** 0.25)
-        problem = Problem(old.model, Bench.like(old.bench, step), old.units, old.gaussian)
-        if problem.bench.most_steps > MOST_STEPS:
-            break
+        problem = Problem(old.model, finer, old.units, old.gaussian)
         (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR, rough=rough)
         if not np.isfinite(minimum.cost):
             break

@@ -47,7 +47,8 @@ def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[
         rows.append(np.column_stack([push[finite], -trajectory.q_dot, -trajectory.q]))
         targets.append(trajectory.q_ddot)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
-    size = np.linalg.norm(matrix, axis=0)
+    # An input that has not begun says nothing of its gain.
+    size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     g, xi, alpha = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size
     low = (0.1 / units.time) ** 2
     return {"g": float(g), "xi": float(max(xi, 1e-4 / units.time)), "alpha": float(max(alpha, low))}

@@ -45,7 +45,7 @@ class NaturalUnits:
             q, own, weight = next(size for name, *size in self.places if name == parameter.place)
             # Forces are of the size of those there; speeds and ages are those of the motion.
             time = own if parameter.forced else time
-        unit = natural_scale(parameter.unit, time=time, coordinate=q, length=self.length)
+        unit = natural_scale(parameter.unit, time=time, coordinate=q, length=self.length, drive=self.drive)
         unit *= weight if parameter.forced else 1.0
         # What links a force to an acceleration scales with the size of the recorded force.
         inertia = parameter.name in ("m", "m_0")

@@ -85,7 +85,7 @@ class Probe:
 
     def error(self, bench: Bench) -> float:
         """Return the trajectory error on the steps of a bench, measured against half of them; unit as for `apart`."""
-        both = [partial(self.predict, each) for each in (Bench.like(bench, bench.step / 2), bench)]
+        both = [partial(self.predict, each) for each in (bench.finer(2), bench)]
         fine, coarse = at_once(both, threads=THREADS)
         # A sixteenth of it the finer solve still has.
         return 16 / 15 * self.apart(coarse, fine, bench.experiments)

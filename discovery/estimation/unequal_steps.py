@@ -84,7 +84,7 @@ def unequal_bench(
             break
         change = float(np.clip(_AIM * tolerance / max(error, np.finfo(float).tiny), 1 / _MOST, _MOST))
         shares = np.minimum(1.0, shares * change ** (1 / (_ORDER - 1)))
-    return best if best.most_steps < _FEWER * equal.most_steps else equal
+    return best if best.cost < _FEWER * equal.cost else equal
 
 
 @dataclass(frozen=True)

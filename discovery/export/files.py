@@ -92,6 +92,8 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
     if path.name == "results.json" and isinstance(content, dict):
         check_whole(folder, content)
     try:
+        if (content.get("loop") or content).get("failure"):
+            raise InputError(f"{path} holds no model: the declared one has no fit. The page says what would help.")
         described = content.get("models")
         if described is None:
             raise InputError(f"{path} does not hold its models: it was written by an earlier version. Make it again.")

@@ -57,6 +57,8 @@ class FittedModel:
     coordinate : str
         SI unit of the coordinate; of an oscillator whose numbers were given without recordings it is not known, and
         written q.
+    given : str
+        SI unit of the input; written u where it is not known.
 
     Raises
     ------
@@ -74,6 +76,7 @@ class FittedModel:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     physical: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     coordinate: str = ""
+    given: str = ""
 
     def __post_init__(self) -> None:
         if not self.coordinate:
@@ -121,11 +124,12 @@ class FittedModel:
             },
             physical=fit.physical,
             coordinate=bench.experiments[0].coordinate_unit,
+            given=bench.experiments[0].input_unit,
         )
 
     def unit_of(self, parameter: str) -> str:
         """Return the SI unit of a parameter."""
-        return in_coordinate(self.model.parameters[parameter].value_unit, self.coordinate)
+        return in_coordinate(self.model.parameters[parameter].value_unit, self.coordinate, self.given or "u")
 
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-ready description; numbers that are missing are null."""
@@ -155,6 +159,7 @@ class FittedModel:
             "provenance": dict(self.provenance),
             "physical": {n: {"value": v, "sd": _null(sd), "unit": u} for n, (v, sd, u) in self.physical.items()},
             "coordinate_unit": self.coordinate,
+            "input_unit": self.given,
         }
 
     @classmethod
@@ -177,6 +182,7 @@ class FittedModel:
                 for n, p in description.get("physical", {}).items()
             },
             coordinate=description.get("coordinate_unit", ""),
+            given=description.get("input_unit", ""),
         )
 
 

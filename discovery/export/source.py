@@ -42,6 +42,8 @@ _TEMPLATE = Path(__file__).with_name("model_template.txt")
 _STACKED = "np.array(np.broadcast_arrays({}))"
 #: Where nothing in it need depend on the state.
 _SHAPED = "np.array(np.broadcast_arrays({}, state[0]))[:-1]"
+#: The same of what `_slopes` returns.
+_SLOPES = {False: _STACKED.format("*slopes"), True: _SHAPED.format("*slopes")}
 
 
 def _symbols(*expressions: sp.Expr) -> set[sp.Basic]:
@@ -58,25 +60,54 @@ def _body(
     program: SymbolicModel,
     results: Sequence[sp.Expr],
     *,
-    assignments: Assignments = (),
     drive: Assignments = (),
     states: Sequence[sp.Symbol] = (),
     returns: str = _STACKED,
 ) -> str:
     """Return the indented body of a function that returns the results."""
-    needed = [*results, *[e for _, e in (*assignments, *drive)]]
     lines = []
-    names = _used([p.name for p in program.parameters], needed)
+    names = _used([p.name for p in program.parameters], [*results, *dict(drive).values()])
     if names:
         lines.append(f"{', '.join(names)}{',' * (len(names) == 1)} = (parameters[n] for n in {tuple(names)!r})")
     if states:
         lines.append(f"{', '.join(y.name for y in states)}, *_ = state")
-    left, right = ", ".join(a.name for a, _ in drive), ", ".join(printer.doprint(e) for _, e in drive)
-    # All at once: what the system receives has the names of what was recorded.
-    if left != right:
-        lines.append(f"{left} = {right}")
-    lines += [f"{a.name} = {printer.doprint(e)}" for a, e in assignments]
+    lines += _received(printer, drive)
     lines.append(f"return {returns.format(', '.join(printer.doprint(e) for e in results))}")
+    return _indented(lines)
+
+
+def _slopes(
+    printer: NumPyPrinter, program: SymbolicModel, drive: Assignments, inputs: Sequence[sp.Symbol]
+) -> tuple[list[str], str]:
+    """Return the parameters on which the slopes depend, and the body of the function that returns these.
+
+    It serves arrays as well as the numbers of one state. Of these it returns numbers of one type: so it compiles.
+    """
+
+    def printed(expression: sp.Expr) -> str:
+        return repr(float(expression)) if expression.is_Integer else str(printer.doprint(expression))
+
+    needed = [*program.slopes, *dict(program.assignments).values(), *dict(drive).values()]
+    names = _used([p.name for p in program.parameters], needed)
+    places = {"numbers": names, "state": [y.name for y in program.states], "inputs": [u.name for u in inputs]}
+    lines = [
+        f"{name} = {array}[{k}]"
+        for array, its in places.items()
+        for k, name in enumerate(its)
+        if name in _used(its, needed)
+    ]
+    lines += _received(printer, drive)
+    lines += [f"{a.name} = {printed(e)}" for a, e in program.assignments]
+    return names, _indented([*lines, f"return ({', '.join(map(printed, program.slopes))},)"])
+
+
+def _received(printer: NumPyPrinter, drive: Assignments) -> list[str]:
+    """Return the line that makes what the system receives of what was recorded, all at once: names may be the same."""
+    left, right = ", ".join(a.name for a, _ in drive), ", ".join(printer.doprint(e) for _, e in drive)
+    return [f"{left} = {right}"] if left != right else []
+
+
+def _indented(lines: Iterable[str]) -> str:
     return "\n".join(f"    {line}" for line in lines)
 
 
@@ -149,6 +180,7 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     read = [k for k, symbol in enumerate(inputs) if symbol in needs or (arm and k == 0)]
     printer = NumPyPrinter({"fully_qualified_modules": False})
     body = partial(_body, printer, program)
+    names_of_slopes, slopes = _slopes(printer, program, drive, inputs)
     n = program.n_coordinates
     seen = reported | needs
     memory = bool(seen & set(program.states[2 * n :]))
@@ -161,13 +193,9 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
         "STATES": ", ".join(y.name for y in program.states),
         "N_STATES": str(len(program.states)),
         "N_READING": str(len(program.reading)),
-        "DERIVATIVE": body(
-            program.slopes,
-            assignments=program.assignments,
-            drive=drive,
-            states=program.states,
-            returns=_SHAPED if base.prescribed else _STACKED,
-        ),
+        "NAMES": repr(tuple(names_of_slopes)),
+        "SLOPES": slopes,
+        "DERIVATIVE": _SLOPES[base.prescribed],
         "READING": body(
             program.reading, drive=received, states=sampled, returns=_STACKED if base.reads_state else _SHAPED
         ),

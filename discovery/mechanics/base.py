@@ -106,7 +106,7 @@ class Place:
         """Return whether an effect has a meaning here; one of a spring needs a spring, which is declared itself."""
         angle = self.unit in ("rad", "1") or not effect.angular
         held = self.tied or not effect.anchored
-        there = {"": True, SPRING: self.sprung, ROTOR: not self.tied}[effect.needs]
+        there = {"": True, SPRING: self.sprung, ROTOR: not self.tied}.get(effect.needs, False)
         return angle and held and there and effect.id() != "linear_stiffness"
 
     def unit_of(self, parameter: Parameter) -> str:
@@ -174,6 +174,8 @@ class Base(ABC):
     n_coordinates: ClassVar[int]
     #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.
     provides: ClassVar[frozenset[str]] = frozenset()
+    #: What effects may need of it, see `discovery.declarations.effect.Effect.needs`.
+    has: ClassVar[frozenset[str]] = frozenset()
     #: Typical distance of its tip from that of the structure which it idealises, rms for each axis, in lengths; 0 where
     #: it is not stated.
     accuracy: ClassVar[float] = 0.0
@@ -208,6 +210,11 @@ class Base(ABC):
     def push(self) -> sp.Expr | None:
         """Return what the input alone does to the coordinate [s^-2 q]; None where no mode could be added to it."""
         return None
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether the input is a force or a voltage, which passes a drive before it acts, not a motion."""
+        return self.push() is not None and not self.input_moves
 
     @abstractmethod
     def reading(self, closure: sp.Expr | None, rod: Rod = STRAIGHT) -> tuple[sp.Expr, ...]:

@@ -231,6 +231,11 @@ class DeclaredBase(Base):
             found[name] = float(moved), float(np.sqrt(weight * moved / max(still, weight * moved * frequency**2)))
         return found
 
+    @property
+    def is_pushed(self) -> bool:
+        """Whether an input acts that is no motion."""
+        return s.u in sp.Tuple(*self.mechanics().force).free_symbols
+
     def _received(self, expression: sp.Expr) -> sp.Expr:
         return expression if self.input_moves else expression.xreplace({s.theta_m: s.u})
 

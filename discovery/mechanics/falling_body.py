@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from discovery.declarations.effect import WEIGHT
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
 
@@ -13,6 +14,7 @@ class FallingBody(OneCoordinate):
 
     name = "falling_body"
     anchored = False
+    has = frozenset({WEIGHT})
     #: Nothing rubs against it.
     provides = frozenset({"coulomb_friction", "stribeck_friction", "friction_through_play", "constant_force"})
 

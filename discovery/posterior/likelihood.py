@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Normal, Prior
-from discovery.declarations.units import in_coordinate
 from discovery.foundation.errors import NotIdentifiable
 from discovery.posterior.instrument import Instrument, instruments
 from discovery.posterior.noise import GAUSSIAN, Noise, NoiseParameter, noise_of
@@ -93,8 +92,9 @@ class LogPosterior:
     def units(self) -> tuple[str, ...]:
         """Units of the sampled quantities, ``q`` written out."""
         problem = self.problem
-        coordinate = problem.bench.experiments[0].coordinate_unit
-        physical = [in_coordinate(problem.model.parameters[n].value_unit, coordinate) for n in problem.free]
+        experiment = problem.bench.experiments[0]
+        coordinate = experiment.coordinate_unit
+        physical = [experiment.unit_of(problem.model.parameters[n]) for n in problem.free]
         initial = [coordinate, f"{coordinate} s^-1"] * _released(problem)
         noise = [*(part.unit for part in self.instruments), *(p.unit for _, p in self._extra)]
         return (*physical, *initial, *noise)

@@ -12,8 +12,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Prior
+from discovery.estimation.importance import Weighted, importance_sample
 from discovery.foundation.errors import InputError
-from discovery.posterior.importance import Weighted, importance_sample
 
 if TYPE_CHECKING:
     from discovery.posterior.likelihood import LogPosterior

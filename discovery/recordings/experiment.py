@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.declarations.parameters import Parameter
 from discovery.declarations.systems import System
-from discovery.declarations.units import si_symbol
+from discovery.declarations.units import in_coordinate, si_symbol
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
 from discovery.recordings.recording import Recording
@@ -128,6 +129,16 @@ class Experiment:
         if self.rig.view is not None and self.rig.columns.input is not None:
             return si_symbol(self.rig.columns.input.unit)
         return self.system.coordinate_unit(self.recording.units[0])
+
+    @property
+    def input_unit(self) -> str:
+        """SI unit of the recorded input; empty without one."""
+        told = self.rig.columns.input
+        return "" if told is None else si_symbol(told.unit)
+
+    def unit_of(self, parameter: Parameter) -> str:
+        """Return the SI unit of the values of a parameter."""
+        return in_coordinate(parameter.value_unit, self.coordinate_unit, self.input_unit or "u")
 
     @cached_property
     def deflection(self) -> FloatArray:

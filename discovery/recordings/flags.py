@@ -9,9 +9,11 @@ from typing import Any
 
 from discovery.declarations.units import quoted
 
-__all__ = ["MISREAD", "OVERSTATED", "UNDERSTATED", "Flag", "misread", "misstated"]
+__all__ = ["IMPOSSIBLE", "MISREAD", "OVERSTATED", "UNDERSTATED", "Flag", "impossible", "misread", "misstated"]
 
 UNDERSTATED, OVERSTATED, MISREAD = "noise_understated", "noise_overstated", "columns_misread"
+#: Severity of a flag that refutes what the rig file declares.
+IMPOSSIBLE = "impossible"
 _FAR = 2.0  # ratio of a stated noise to a smaller one that hides what is sought
 _BENT = 0.9  # rms deflection of a rod [rad]
 
@@ -116,13 +118,14 @@ _CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "joined.",
     ),
     "angle_unit": (
-        "doubt",
+        IMPOSSIBLE,
         "The period grows with the amplitude as that of a pendulum whose angle is in {right}: by {slower:.2g} % up to "
         "{amplitude:unit}, where it would grow by {due:.2g} % if the unit were as the rig file has it. Is the unit of "
-        'the output right? For {right}, set unit = "{right}".',
+        'the output right? For {right}, set unit = "{right}". If it is, declare the law that bends the period, such as '
+        "cubic_stiffness, in [model].",
     ),
     "fall_rate": (
-        "doubt",
+        IMPOSSIBLE,
         lambda n: (
             "The fall begins with {found:.3g} m/s^2 where gravity is {gravity:.4g} m/s^2, "
             + (
@@ -131,6 +134,7 @@ _CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
                 else "and drag is small as long as it is slow"
             )
             + ". Are the units of height and time right, and gravity?"
+            + ("" if n["found"] > n["gravity"] else " Where the body floats in part, state gravity_m_s2 less buoyancy.")
             + (' Heights in {right} would fit: set unit = "{right}" for the output.' if n["right"] else "")
         ),
     ),
@@ -175,7 +179,11 @@ class Flag:
 
     @property
     def severity(self) -> str:
-        """``note``: good to know; ``left_out``: readings became gaps; ``doubt``: the results may be wrong."""
+        """How much depends on it.
+
+        ``note``: good to know; ``left_out``: readings became gaps; ``doubt``: the results may be wrong; ``impossible``:
+        the declared system cannot move as the readings do.
+        """
         return _CODES[self.code][0]
 
     @property
@@ -221,9 +229,20 @@ def _misread(numbers: Mapping[str, Any]) -> str:
     )
 
 
+def impossible(flags: Iterable[Flag]) -> bool:
+    """Return whether a flag refutes what the rig file declares: the file is in doubt before any model is."""
+    return any(flag.severity == IMPOSSIBLE for flag in flags)
+
+
 def misread(flags: Mapping[str, Iterable[Flag]]) -> list[str]:
-    """Return a sentence for each mistake in columns that flags, by recording, tell of, with its first numbers."""
-    found = _alike(flags, lambda flag: flag.numbers["likely"] if flag.code == MISREAD else None)
+    """Return a sentence for each mistake in columns or units that flags, by recording, tell of, with its numbers."""
+
+    def fault(flag: Flag) -> object | None:
+        if flag.code == MISREAD:
+            return flag.code, flag.numbers["likely"]
+        return (flag.code, flag.numbers["right"]) if flag.severity == IMPOSSIBLE else None
+
+    found = _alike(flags, fault)
     return [
         f"{first}: {flag.sentence}" + (f" So in {', '.join(name for name, _ in others)}." if others else "")
         for (first, flag), *others in found

@@ -30,6 +30,8 @@ _PERIODS, _FEWEST = 2.0, 4
 _SHARE = 0.04
 #: Frequencies are known to this part at best: a stretch decays, other effects act.
 _FLOOR = 5e-4
+#: Declared, they change the period with the amplitude as well as the sine does.
+_BENDING = frozenset({"quadratic_stiffness", "cubic_stiffness", "quintic_stiffness"})
 #: Beyond it a pendulum turns over [rad].
 _LARGEST = 3.0
 #: Share of the largest speed up to which a fall is slow, and samples that it needs.
@@ -43,6 +45,8 @@ _SURE = 4.0
 def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> Flag | None:
     """Return a doubt about the unit of the angle of a pendulum that swings freely; None where there is none.
 
+    A declared law that bends the period leaves no doubt: the sine is not alone then.
+
     Parameters
     ----------
     rig : Rig
@@ -50,6 +54,8 @@ def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> Flag | None:
     motions : sequence of (time, angle), each shape (n,)
         Of one pendulum, in SI units; NaN are gaps.
     """
+    if _BENDING.intersection(rig.declared):
+        return None
     measured = [row for time, angle in motions for row in _stretches(time, angle)]
     if len(measured) < _FEWEST:
         return None

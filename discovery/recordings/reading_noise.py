@@ -19,24 +19,31 @@ _SETTLED = 0.9  # of an estimate is left by the next order of differences where 
 _JITTER = 0.05  # of a step
 
 
-def estimate_noise(values: FloatArray) -> float:
+def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
     """Estimate the standard deviation of white noise on a signal that is smooth from sample to sample.
 
     Differences of order 2 to 8 suppress the signal more and more, and each, divided by the root of the sum of its
     squared binomial coefficients, has the variance of the noise. Their median absolute deviation (times 1.4826,
-    Gaussian) does not see steps and outliers; the smallest estimate is the one that holds least of the signal.
+    Gaussian) does not see steps and outliers; the smallest estimate is the one that holds least of the signal. Where
+    steps are uneven, plain differences keep some of the slope: there divided ones are taken beside them. Both are,
+    because a stamp may err where the samples were steady.
 
     Parameters
     ----------
     values : array, shape (n,)
-        Samples, about equally spaced; NaN are skipped.
+        Samples; NaN are skipped.
+    time : array, shape (n,), optional
+        Their times, in any unit; equally spaced by default.
 
     Returns
     -------
     float
         The estimate in the unit of `values`; 0 for a signal without noise, NaN with fewer than 18 samples.
     """
-    return min(_estimates(values), default=float("nan"))
+    estimates = _estimates(values)
+    if time is not None and _uneven(good := time[np.isfinite(values)]):
+        estimates += _estimates_at(good, values[np.isfinite(values)])
+    return min(estimates, default=float("nan"))
 
 
 def white_noise(values: FloatArray) -> float | None:
@@ -63,6 +70,35 @@ def _estimates(values: FloatArray) -> list[float]:
     return estimates
 
 
+def _estimates_at(time: FloatArray, values: FloatArray) -> list[float]:
+    """Estimates by the order of divided differences, scaled each to the variance of the noise; none with too few."""
+    estimates: list[float] = []
+    if values.size < 18:
+        return estimates
+    scaled = time / np.median(np.diff(time))
+    for order in range(2, 9):
+        size = values.size - order
+        instants = [scaled[k : k + size] for k in range(order + 1)]
+        difference, square_sum = np.zeros(size), np.zeros(size)
+        for k, at in enumerate(instants):
+            weight = 1.0 / np.prod([at - other for j, other in enumerate(instants) if j != k], axis=0)
+            difference += weight * values[k : k + size]
+            square_sum += weight**2
+        difference /= np.sqrt(square_sum)
+        estimates.append(float(1.4826 * np.median(np.abs(difference - np.median(difference)))))
+    return estimates
+
+
+def _uneven(time: FloatArray) -> bool:
+    """Say whether times increase, and more than one step in twenty is not like the others."""
+    steps = np.diff(time)
+    return bool(
+        steps.size
+        and steps.min() > 0.0
+        and np.quantile(np.abs(steps - np.median(steps)), 0.95) > _JITTER * np.median(steps)
+    )
+
+
 def noise_flags(label: str, unit: str, time: FloatArray, values: FloatArray, stated: float) -> list[Flag]:
     """Tell where the scatter from sample to sample is not the noise that the rig file states.
 
@@ -83,10 +119,7 @@ def noise_flags(label: str, unit: str, time: FloatArray, values: FloatArray, sta
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []
-    if scatter > stated:
-        steps = np.diff(time[np.isfinite(values)])
-        irregular = np.quantile(np.abs(steps - np.median(steps)), 0.95) > _JITTER * np.median(steps)
-        if irregular or estimates[-1] < _SETTLED * estimates[-2]:
-            return []
+    if scatter > stated and (_uneven(time[np.isfinite(values)]) or estimates[-1] < _SETTLED * estimates[-2]):
+        return []
     code = UNDERSTATED if scatter > stated else OVERSTATED
     return [Flag(code, label, unit, {"scatter": scatter, "stated": float(stated)})]

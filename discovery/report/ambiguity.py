@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from discovery.report.estimates import symbol_of
+from discovery.report.follow_up_sentences import contradiction_sentences, stand_in_sentence
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
@@ -24,7 +25,8 @@ def undecided(run: Run) -> list[str]:
     found = []
     for e in run.loop["effects"]:
         if other := e.get("stands_for"):
-            found.append(f"{other['sentence'][0].upper()}{other['sentence'][1:]}.")
+            words = stand_in_sentence(e["id"], other)
+            found.append(f"{words[0].upper()}{words[1:]}.")
         rivals = e["ambiguous_with"]
         if rivals:
             others = " or ".join(effect_name(r) for r in rivals)
@@ -38,8 +40,7 @@ def undecided(run: Run) -> list[str]:
 
 def contradictions(run: Run) -> list[str]:
     """Return every contradiction as a sentence."""
-    tested = run.loop.get("contradiction") or {"contradictions": []}
-    return [c["sentence"] for c in tested["contradictions"]]
+    return contradiction_sentences(run.loop.get("contradiction"))
 
 
 def reconciliations_table(run: Run) -> Table | None:
@@ -59,11 +60,11 @@ def reconciliations_table(run: Run) -> Table | None:
                     "; ".join(values),
                     significant(t["value"], 5),
                     significant(t["z"], 2),
-                    significant(t["evidence"]),
+                    significant(t["odds"]),
                     "yes" if t["reconciles"] else "no",
                 ]
             )
-            raw.append([c["parameter"], t["id"], t["value"], t["z"], t["evidence"], t["reconciles"]])
+            raw.append([c["parameter"], t["id"], t["value"], t["z"], t["odds"], t["reconciles"]])
     if not cells:
         return None
     head = (
@@ -72,13 +73,13 @@ def reconciliations_table(run: Run) -> Table | None:
         "its parameters",
         "value then",
         "difference [sds]",
-        "evidence",
+        "log odds [nats]",
         "reconciles",
     )
-    keys = ("parameter", "effect", "value", "z", "evidence", "reconciles")
+    keys = ("parameter", "effect", "value", "z", "odds", "reconciles")
     caption = (
-        "Effects that could take the contradicting value to its prediction. Evidence: by how much the effect lowers "
-        "chi-square, that of the prediction counted."
+        "Effects that could take the contradicting value to its prediction, with the log odds of each against an error "
+        "of the rig file. None of them is excluded that reconciles."
     )
     return Table("reconciliations", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 6))
 

@@ -10,8 +10,8 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from discovery.report.figures.motion import channel_name
-from discovery.report.numbers import scale_for, unit_text
+from discovery.report.figures.motion import channel_name, shown_scale
+from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
 
 __all__ = ["chart_data"]
@@ -81,6 +81,7 @@ def _every(measured: FloatArray) -> int:
 
 def _channel(run: Run, trajectory: Trajectory, c: int, noise: float, every: int) -> dict[str, Any]:
     measured, unit = trajectory.measured[::every, c][:_MOST], trajectory.units[c]
+    shown = shown_scale(trajectory, c, run.coordinate_unit)
     left = {
         m: trajectory.models[m][::every, c][:_MOST] - measured for m in ("before", "after") if m in trajectory.models
     }
@@ -88,12 +89,12 @@ def _channel(run: Run, trajectory: Trajectory, c: int, noise: float, every: int)
     scale = scale_for(unit, min(largest, default=1.0))
     return {
         "name": channel_name(run, trajectory.channels[c]),
-        "unit": unit_text(unit, run.coordinate_unit),
-        "factor": scale.factor,
+        "unit": shown.symbol,
+        "factor": scale.factor / shown.factor,
         "small": scale.symbol,
-        "noise": noise,
-        "measured": _packed(measured),
-        "left": {model: _packed(values) for model, values in left.items()},
+        "noise": noise * shown.factor,
+        "measured": _packed(measured * shown.factor),
+        "left": {model: _packed(values * shown.factor) for model, values in left.items()},
     }
 
 

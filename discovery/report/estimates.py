@@ -23,11 +23,14 @@ __all__ = [
     "posterior_table",
     "prior_words",
     "published",
+    "sampled_parameters",
     "symbol_of",
 ]
 
 #: Columns of a summary that tell how well the mean and the quantiles are known from the draws.
 _DIAGNOSTICS = ("r_hat", "ess", "mcse", "ess_tail")
+#: What the numbers of an initial state are.
+_STATES = {"delta_0_init": "deflection", "rate_0_init": "rate"}
 _ORDER = ("alpha", "beta", "beta/alpha", "gamma")
 #: Columns of the final model on a narrow screen: values before words.
 _NARROW = (0, 3, 2, 4, 1, 5)
@@ -66,10 +69,10 @@ def symbol_of(parameter: str) -> Markup:
     return name_cell(parameter, declared.get(parameter, ""))
 
 
-def _subject(run: Run) -> Mapping[str, Any]:
-    """Return the description of the model that the posterior is of."""
+def sampled_parameters(run: Run) -> dict[str, Any]:
+    """Return the declarations of the parameters of the model that the posterior is of, by name."""
     which = "after" if (run.results["posterior"] or {}).get("subject") == "after" else "before"
-    return run.loop["model"][which]["model"]
+    return declared_parameters(run.loop["model"][which]["model"])
 
 
 def posterior_table(run: Run) -> Table:
@@ -77,7 +80,7 @@ def posterior_table(run: Run) -> Table:
     from discovery.posterior.noise import is_independent
 
     rows = run.quantities_sampled
-    declared, paper = declared_parameters(_subject(run)), published(run).get("parameters", {})
+    declared, paper = sampled_parameters(run), published(run).get("parameters", {})
     cells = []
     for r in rows:
         sd = r["sd"]
@@ -124,6 +127,12 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
     return str(law)
 
 
+def _start(name: str) -> str:
+    """Return an initial state in words."""
+    what, _, recording = name.partition("[")
+    return f"{_STATES.get(what, what)} at the start of {recording.rstrip(']')}"
+
+
 def nuisance_table(run: Run) -> Table | None:
     """Return the sampled initial states."""
     shown = {r["name"] for r in run.quantities_sampled}
@@ -132,7 +141,7 @@ def nuisance_table(run: Run) -> Table | None:
         return None
     unit = run.coordinate_unit
     cells = [
-        [r["name"], unit_text(r["unit"], unit), uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])]
+        [_start(r["name"]), unit_text(r["unit"], unit), uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])]
         for r in rows
     ]
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95")

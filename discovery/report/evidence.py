@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.report.numbers import MISSING, ratio, scale_for, significant, uncertain
+from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
 from discovery.report.sentences import chances, probability_words, share_words
 from discovery.report.story import named, searches
@@ -129,7 +129,10 @@ def residual_table(run: Run) -> Table | None:
         "autocorrelation": "autocorrelation at lag one",
         "ljung_box_p": "probability under white noise (Ljung-Box)",
     }
-    cells = [[words, *(significant(residual[w][k]) for w in ("before", "after"))] for k, words in wanted.items()]
+    cells = [
+        [words, *((chance if k == "ljung_box_p" else significant)(residual[w][k]) for w in ("before", "after"))]
+        for k, words in wanted.items()
+    ]
     cells.append(["white at 1 %", *("yes" if residual[w]["white"] else "no" for w in ("before", "after"))])
     raw = [[k, *(residual[w][k] for w in ("before", "after"))] for k in (*wanted, "white")]
     caption = "The residual on the training recordings, in units of the stated noise."
@@ -147,9 +150,8 @@ def dependence_table(run: Run) -> Table | None:
         if d["variable"] == "angle" and not run.is_arm:
             continue  # the output itself, once more
         other = after.get(d["variable"], {"share": None, "p_value": None})
-        cells.append(
-            [d["variable"], *(significant(x, 2) for x in (d["share"], d["p_value"], other["share"], other["p_value"]))]
-        )
+        both = [told for x in (d, other) for told in (significant(x["share"], 2), chance(x["p_value"]))]
+        cells.append([d["variable"], *both])
         raw.append([d["variable"], d["share"], d["p_value"], other["share"], other["p_value"]])
     head = ("sorted by", "before: share", "p value", "after: share", "p value")
     keys = ("variable", "before_share", "before_p_value", "after_share", "after_p_value")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from discovery.report.numbers import scale_for, significant, unit_text
+from discovery.report.numbers import chance, scale_for, significant, unit_text
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, ORANGE, SKY, Picture, label, new_figure, verbatim
 from discovery.report.tables import Table
@@ -150,7 +150,7 @@ def dependence_table(run: Run) -> Table | None:
     for d in missing["dependence"]:
         mark = "chosen" if tuple(d["variables"]) in chosen else ""
         share = "none" if d["share"] <= 0 else f"{100 * d['share']:.0f} %"
-        cells.append([_names(run, d["variables"]), share, significant(d["p_value"], 2), mark])
+        cells.append([_names(run, d["variables"]), share, chance(d["p_value"]), mark])
         raw.append(["; ".join(d["variables"]), d["share"], d["p_value"], bool(mark)])
     caption = (
         "What the missing force depends on: share of its power that a smooth law of these predicts in periods that it "

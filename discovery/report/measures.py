@@ -35,7 +35,7 @@ def recordings_table(run: Run) -> Table:
                 f"{r['samples']}",
                 significant(r["duration_s"]),
                 significant(r["rate_hz"], 4),
-                f"{significant(r['largest_deflection'])} {unit}",
+                _largest(r["largest_deflection"], unit),
                 ", ".join(shown) + (" (estimated)" if r.get("noise_estimated") else ""),
             ]
         )
@@ -43,6 +43,11 @@ def recordings_table(run: Run) -> Table:
     largest = f"largest {'deflection' if run.is_arm else run.output_name if run.reads_coordinate else 'motion'}"
     head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")
     return Table("recordings", "Recordings.", header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2))
+
+
+def _largest(value: float, unit: str) -> str:
+    scale = scale_for(unit, value)
+    return f"{significant(value * scale.factor)} {scale.symbol}"
 
 
 def _spread(values: Mapping[str, Any] | None, scale: Scale) -> list[str]:

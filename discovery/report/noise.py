@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from discovery.declarations.registry import catalogue
 from discovery.mechanics import base_names, get_base
-from discovery.report.estimates import symbol_of
-from discovery.report.numbers import interval, significant
+from discovery.report.estimates import published, sampled_parameters, symbol_of
+from discovery.report.numbers import MISSING, interval, rounded, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.tables import Cell, Table
 from discovery.report.words import effect_name, listed, prose
 
-__all__ = ["noise_differs", "noise_sentence", "noise_table"]
+__all__ = ["honest_table", "noise_differs", "noise_sentence", "noise_table"]
 
 #: Noise models that do not apply to every recording, and why not.
 _NEEDS = {"input": "no recorded input moves what is read", "quantised": "readings do not come in steps"}
+#: Log evidence [nats] by which one noise model must lead another to be preferred: odds of 20 to 1.
+_PREFERRED = 3.0
+#: Standard deviations in a 90 % interval of a Gaussian.
+_WIDTH = 3.29
 #: Manoeuvres up to which even intervals under correlated noise are not safe.
 _FEW = {1: "one manoeuvre was", 2: "two manoeuvres were"}
 
@@ -28,15 +32,26 @@ def _physical(names: Iterable[str]) -> list[str]:
     return [n for n in names if n in declared]
 
 
+def preferred_noise(run: Run) -> Mapping[str, Any] | None:
+    """Return the noise model of largest evidence, where it leads that of the posterior by odds of 20 to 1."""
+    weighed = run.results.get("noise") or {}
+    models = {m["noise"]: m for m in weighed.get("models", ())}
+    best, sampled = models.get(weighed.get("chosen")), models.get(run.noise_sampled)
+    if best is None or best is sampled:
+        return None
+    leads = sampled is None or best["log_evidence"] - sampled["log_evidence"] > _PREFERRED
+    return best if leads else None
+
+
 def noise_differs(run: Run) -> list[str]:
     """Return what to know where the noise of the posterior is not the preferred one, in sentences; else nothing."""
     from discovery.posterior.noise import words_of
 
-    noise, posterior = run.results.get("noise"), run.results.get("posterior")
-    if not noise or not posterior or noise["chosen"] == run.noise_sampled:
+    best = preferred_noise(run)
+    if best is None or not run.results.get("posterior"):
         return []
-    sampled, preferred = effect_name(run.noise_sampled), effect_name(noise["chosen"])
-    others: dict[str, Any] = next((m["intervals"] for m in noise["models"] if m["noise"] == noise["chosen"]), {})
+    sampled, preferred = effect_name(run.noise_sampled), effect_name(best["noise"])
+    others: Mapping[str, Any] = best["intervals"]
     rows = {r["name"]: r for r in run.quantities_sampled}
     apart = [
         prose(n)
@@ -45,12 +60,13 @@ def noise_differs(run: Run) -> list[str]:
     ]
     elastica = " and the check against the elastica" if run.results.get("elastica") else ""
     found = [
-        f"The posterior on this page takes errors of the readings as {words_of(run.noise_sampled)} ({sampled} noise): "
-        f"so do the table, the corner plot, the profiles{elastica}. The evidence prefers {preferred} noise.",
+        f"The evidence prefers {preferred} noise, and the table says what the parameters are under it. The draws take "
+        f"errors of the readings as {words_of(run.noise_sampled)} ({sampled} noise): so do the corner plot, the "
+        f"profiles{elastica}.",
         f"Under {preferred} noise the 90 % interval{'s' * (len(apart) > 1)} of {listed(apart)} "
-        f"{'do' if len(apart) > 1 else 'does'} not overlap what is shown here."
+        f"{'do' if len(apart) > 1 else 'does'} not overlap that of the draws."
         if apart
-        else f"Under {preferred} noise the 90 % intervals overlap those shown here.",
+        else f"Under {preferred} noise the 90 % intervals overlap those of the draws.",
     ]
     few = _FEW.get(sum(r["role"] == "train" for r in run.results["recordings"]))
     if few:
@@ -67,11 +83,58 @@ def noise_sentence(run: Run) -> str:
     if not noise:
         return ""
     wider = [noise["widening"][n] for n in _physical(noise.get("widening", ()))]
+    if noise["chosen"] != run.noise_sampled and preferred_noise(run) is None:
+        return (
+            f"The evidence cannot tell {effect_name(noise['chosen'])} noise from {effect_name(run.noise_sampled)} "
+            "noise: the odds are less than 20 to 1."
+        )
     chosen = f"The evidence prefers {effect_name(noise['chosen'])} noise"
     if noise["chosen"] == "gaussian" or not wider:
         return f"{chosen}."
     span = " to ".join(dict.fromkeys(significant(w, 2) for w in (min(wider), max(wider))))
     return f"{chosen}: intervals are {span} times as wide as where errors count as independent and Gaussian."
+
+
+def honest_table(run: Run) -> Table | None:
+    """Return the parameters under the noise that the evidence prefers to that of the posterior; None without one."""
+    best = preferred_noise(run)
+    if best is None:
+        return None
+    declared, paper = sampled_parameters(run), published(run).get("parameters", {})
+    cells, raw = [], []
+    for r in run.quantities_sampled:
+        low, middle, high = best["intervals"].get(r["name"], (None, None, None))
+        if low is None or r["name"] not in declared:
+            continue
+        width = high - low
+        cells.append(
+            [
+                symbol_of(r["name"]),
+                str(declared[r["name"]].meaning),
+                unit_text(r["unit"], run.coordinate_unit),
+                *(rounded(end, width / _WIDTH) for end in (middle, low, high)),
+                significant(width / (r["q95"] - r["q05"]), 2) if r["q95"] > r["q05"] else MISSING,
+                uncertain(r["fit_value"], r["fit_sd"]),
+                *([significant(paper.get(r["name"]), 4)] if paper else []),
+            ]
+        )
+        raw.append([r["name"], r["unit"], low, middle, high, r["q05"], r["q95"]])
+    told = ["paper, least squares"] if paper else []
+    head = ("", "meaning", "unit", "median", "5 %", "95 %", "times as wide as the draws", "fit ± sd", *told)
+    caption = (
+        f"Parameters. 5 to 95 %: 90 % credible interval under {effect_name(best['noise'])} noise, which the evidence "
+        "prefers. Fit: least squares, with a standard deviation that counts residuals as correlated as they are."
+    )
+    return Table(
+        "parameters",
+        caption,
+        header=head,
+        rows=cells,
+        raw_header=("name", "unit", "q05", "q50", "q95", "sampled_q05", "sampled_q95"),
+        raw_rows=raw,
+        text=(0, 1, 2),
+        narrow=(0, 3, 2, 4, 5, 6, 7, *([8] if paper else []), 1),
+    )
 
 
 def noise_table(run: Run) -> Table | None:
@@ -81,12 +144,13 @@ def noise_table(run: Run) -> Table | None:
         return None
     models = noise["models"]
     sampled = run.noise_sampled if run.results.get("posterior") else None
+    preferred = noise["chosen"] if preferred_noise(run) or noise["chosen"] == run.noise_sampled else None
     names = _physical(models[0]["intervals"])
     best = max(m["log_evidence"] for m in models)
     cells: list[list[Cell]] = []
     raw: list[list[Any]] = []
     for m in models:
-        marks = [w for w, n in (("preferred", noise["chosen"]), ("sampled", sampled)) if n == m["noise"]]
+        marks = [w for w, n in (("preferred", preferred), ("sampled", sampled)) if n == m["noise"]]
         name = effect_name(m["noise"]) + (f" ({', '.join(marks)})" if marks else "")
         unsure = "" if m["reliable"] else ", unreliable"
         cells.append(

@@ -11,6 +11,7 @@ from typing import Any
 __all__ = [
     "MISSING",
     "Scale",
+    "chance",
     "fixed",
     "in_newtons",
     "interval",
@@ -161,6 +162,18 @@ def near_one(share: float) -> str:
     if 1 - _LEAST < share < 1:
         return f"more than {1 - _LEAST:g}"
     return fixed(share, 4) if 0.99 < share < 1 else significant(share)
+
+
+def chance(probability: float | None) -> str:
+    """Return a probability that something is by chance; a very small one only as far as anybody can tell.
+
+    Examples
+    --------
+    >>> chance(0.0312), chance(6e-247)
+    ('0.031', 'less than 0.0001')
+    """
+    small = probability is not None and probability < _LEAST
+    return f"less than {_LEAST:.4f}" if small else significant(probability, 2)
 
 
 def ratio(value: float) -> str:

@@ -24,6 +24,7 @@ from discovery.report.estimates import (
     published,
     symbol_of,
 )
+from discovery.report.failed import failed_context, failed_pictures
 from discovery.report.figures import draw_all
 from discovery.report.latex import latex
 from discovery.report.mathml import block
@@ -68,6 +69,11 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
         If the folder does not hold the results of a run.
     """
     run = read_run(Path(run_dir))
+    if run.loop.get("failure"):
+        with styled():
+            shown = {"data": [embed(run.folder, picture) for picture in failed_pictures(run)]}
+        html = environment().get_template("failed.html.j2").render(**failed_context(run), figures=shown)
+        return _written(run.folder, html)
     tables = _tables(run)
     figures: dict[str, list[dict[str, Any]]] = {}
     with styled():
@@ -76,8 +82,11 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     for table in tables.values():
         with atomic_write(run.folder / "tables" / f"{table.name}.csv") as temporary:
             temporary.write_text(table.csv(), encoding="utf-8")
-    html = environment().get_template("page.html.j2").render(_context(run, tables, figures))
-    path = run.folder / "report.html"
+    return _written(run.folder, environment().get_template("page.html.j2").render(_context(run, tables, figures)))
+
+
+def _written(folder: Path, html: str) -> Path:
+    path = folder / "report.html"
     with atomic_write(path) as temporary:
         temporary.write_text(html, encoding="utf-8")
     return path
@@ -131,6 +140,7 @@ def _tables(run: Run) -> dict[str, Table]:
         evidence.terms_table(run) if r.get("discovery") else None,
         evidence.equations_table(run) if r.get("discovery") else None,
         evidence.radius_table(run),
+        noise.honest_table(run) if r.get("posterior") else None,
         posterior_table(run) if r.get("posterior") else None,
         nuisance_table(run) if r.get("posterior") else None,
         posterior.profiles_table(run),

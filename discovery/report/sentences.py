@@ -15,10 +15,12 @@ __all__ = [
     "decision_sentence",
     "effect_name",
     "effect_sentence",
+    "failure_sentence",
     "lead_sentence",
     "listed",
     "model_error_words",
     "probability_words",
+    "remedy_sentence",
     "share_words",
     "verdict_sentence",
 ]
@@ -108,6 +110,8 @@ def verdict_sentence(loop: Record) -> str:
     loop : mapping
         Content of loop.json.
     """
+    if loop.get("failure"):
+        return failure_sentence(loop["failure"])
     error = loop["model_error"]
     (before, after, _), unit = _sizes([error[k] for k in ("before", "after", "least")], error["unit"])
     if loop["verdict"] == "nothing_missing":
@@ -115,10 +119,42 @@ def verdict_sentence(loop: Record) -> str:
     if loop["verdict"] == "explained":
         moves = "falls" if (error["after"] or 0.0) < (error["before"] or math.inf) else "goes"
         return f"the model error {moves} from {before} to {after} {unit}, which {_as_none(error)}"
+    if any(step["code"] == "impossible" for step in loop.get("steps", ())):
+        return f"{_REASONS['impossible']({})}, so nothing was searched"
     part = f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else ""
     if loop["verdict"] == "partly_explained":
         return f"what is left is a model error of {after} {unit}{part}{_depends(error)}"
     return f"a model error of {after} {unit} is left{part}, and no effect is likely enough to be named{_depends(error)}"
+
+
+def failure_sentence(failure: Record) -> str:
+    """Return why the declared model has no fit."""
+    numbers = failure["numbers"]
+    at = f", at {_plain(numbers['time'])} s" if "time" in numbers else ""
+    words = {
+        "runs_away": "the declared system runs away from rest by itself, and so does every fit of it",
+        "diverges": f"wherever its fit begins, the declared model leaves the measured range a hundred times over{at}",
+        "unresolved": "the declared model moves too fast, or too wildly, for any integration step",
+    }[failure["code"]]
+    if "grows_in" in numbers:
+        words += f"; at its guesses a small motion grows e-fold in {_plain(numbers['grows_in'])} s"
+    if "followed" in numbers:
+        words += f"; it can be fitted to the first {_plain(numbers['followed'])} s"
+    return words
+
+
+def remedy_sentence(failure: Record) -> str:
+    """Return what would help where the declared model has no fit."""
+    numbers = failure["numbers"]
+    short = numbers.get("followed") or 3 * numbers.get("grows_in", 0.0)
+    part = f"train on parts of {_plain(short, 2)} s or less (samples = [start, stop] in [records])" if short else ""
+    if failure["code"] == "runs_away":
+        words = "check the signs: a spring has the potential + k q^2/2, a loss the dissipation + c dot(q)^2/2"
+        return f"{words}. If the system is unstable by nature, {part}" if part else words
+    if failure["code"] == "diverges":
+        words = "check the units of the columns, and give guesses within a factor of two of the truth"
+        return f"{words}; or {part}" if part else words
+    return "check the units of stiffness and inertia, and their guesses: a light part on a stiff spring rings too fast"
 
 
 def lead_sentence(lead: Record) -> str:
@@ -188,6 +224,19 @@ def _size(numbers: Record) -> str:
     return f"the prediction moves by {moved} times the model error that is left, which may look the same"
 
 
+def _sampled(numbers: Record) -> str:
+    change, error, k = (_plain(numbers.get(n), 2) for n in ("correction", "error", "pareto_k"))
+    return f"what is not normal about the posterior changes the log evidence by {change} ± {error} nats (Pareto k {k})"
+
+
+def _laplace(numbers: Record) -> str:
+    k = numbers.get("pareto_k")
+    told = (
+        f"their largest weights have Pareto k = {_plain(k, 2)}" if k is not None and math.isfinite(k) else "few count"
+    )
+    return f"the draws of importance sampling cannot be trusted: {told}"
+
+
 def _complete(numbers: Record) -> str:
     promise, chance = (_plain(numbers.get(k)) for k in ("promise", "chance"))
     return f"what is left is noise: the best candidate promises a chi-square of {promise}, chance alone {chance}"
@@ -201,12 +250,14 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "size": _size,
     "finite": lambda _: "the motion blows up",
     "complete": _complete,
-    "rival": lambda numbers: f"two others explain more: the log evidence is {_nats(numbers['odds'])} higher with them",
+    "sampled": _sampled,
+    "laplace": _laplace,
     "unknown": lambda numbers: (
         f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
         f"and {_plain(numbers['held'])} held out"
     ),
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
+    "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
     "budget": lambda _: "the model holds as many effects as the search may add",
 }
 

@@ -20,6 +20,7 @@ _WORDS = {
     "add": ("Tried", "added", "not added"),
     "remove": ("Tried without", "taken out", "kept in the model"),
     "exchange": ("Exchanged", "", ""),
+    "integrate": ("Integrated", "by importance sampling", "by Laplace's method"),
     "stop": ("Stopped", "", ""),
 }
 
@@ -86,7 +87,7 @@ def searches(run: Run) -> list[Search]:
 def _after(model: Sequence[str], step: Mapping[str, Any]) -> list[str]:
     """Return the effects of the model after a step."""
     effects = step["effects"]
-    if not step["accepted"] or step["action"] in ("mechanics", "stop"):
+    if not step["accepted"] or step["action"] in ("mechanics", "integrate", "stop"):
         return list(model)
     if step["action"] == "add":
         return [*model, *effects]

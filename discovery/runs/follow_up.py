@@ -31,7 +31,7 @@ def contradiction_of(after: Fit, search: Search, context: Context, *, complete: 
     context.progress("comparing with the rig")
     bench = search.best.refit.problem.bench
     rng = np.random.default_rng([context.settings.seed, 1])
-    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, progress=context.progress)
+    return check_contradictions(after, rng, candidates=None if complete else (), bench=bench, context=context)
 
 
 def separations(search: Search, found: Mapping[str, Named], context: Context) -> tuple[Separation, ...]:

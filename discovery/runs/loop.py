@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.estimation.declared import declared_model, rig_uncertainty
-from discovery.estimation.fit import Fit, fit
+from discovery.estimation.declared import rig_uncertainty
+from discovery.estimation.first_fit import first_fit
+from discovery.estimation.fit import Fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.problem import natural_units
@@ -21,9 +22,11 @@ from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
+from discovery.recordings.flags import impossible
 from discovery.recordings.quantisation import resolution
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
+from discovery.runs.model_error_report import ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -32,7 +35,6 @@ from discovery.selection.final import finished
 from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
 from discovery.selection.verdict import (
-    ModelErrorReport,
     Named,
     is_complete,
     least_error,
@@ -85,6 +87,8 @@ def close_loop(
     ------
     InputError
         For anything else than recordings, or a declared model that cannot be theirs.
+    ComputationError
+        If the declared model blows up wherever its fit begins.
 
     Examples
     --------
@@ -131,14 +135,18 @@ def _closed(context: Context) -> LoopResult:
     """Return what the loop finds."""
     train = context.train
     context.progress("refitting the declared model")
-    stated = {} if train[0].is_arm else rig_uncertainty(train[0])
-    before = fit(declared_model(train[0]), train, units=context.units, gaussian=stated)
+    before = first_fit(train, context.units)
     search = Search(_start(before, context), context)
-    search.run()
+    doubted = impossible(flag for e in (*train, *context.judge.separate) for flag in e.recording.flags)
+    if doubted:
+        # What explains readings in another unit is none of the system's effects.
+        search.decisions.append(Decision("stop", (), True, "impossible"))
+    else:
+        search.run()
     found = {n.effect: n for n in named(search)}
     best, geometry, steps = _on_best_mechanics(before, search, context)
     after, last = finished(best, context)
-    complete = is_complete(last, search.root, context)
+    complete = not doubted and is_complete(last, search.root, context)
     first = _declared(before, context)
     return _result(context, search, found, (before, first), (after, last), (geometry, steps), complete=complete)
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
-from discovery.declarations.units import in_coordinate
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
@@ -19,12 +18,13 @@ from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
+from discovery.recordings.flags import impossible
 from discovery.recordings.recording import Recording
+from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Decision
 from discovery.selection.final import prolonged
 from discovery.selection.verdict import (
     Lead,
-    ModelErrorReport,
     Named,
 )
 
@@ -105,6 +105,11 @@ class LoopResult(LoopViews):
         return {effect: found.group for effect, found in self.named.items()}
 
     @property
+    def impossible(self) -> bool:
+        """Whether a recording refutes what the rig file declares; nothing was searched then."""
+        return impossible(flag for recording in self.recordings for flag in recording.flags)
+
+    @property
     def stand_ins(self) -> dict[str, StandIn]:
         """What added effects may stand for, by effect: an error of the rig file would do the same."""
         found = {effect: stand_in(self.after, effect) for effect in self.added}
@@ -145,12 +150,12 @@ class LoopResult(LoopViews):
             sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
         names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
         physical = physical_rows(self.after.physical)
-        coordinate = self.after.problem.bench.experiments[0].coordinate_unit
+        experiment = self.after.problem.bench.experiments[0]
         parameters = {
             n: {
                 "value": values[n],
                 "sd": None if n in self.after.reasons else sd[n],
-                "unit": in_coordinate(self.after.model.parameters[n].value_unit, coordinate),
+                "unit": experiment.unit_of(self.after.model.parameters[n]),
                 **({"physical": physical[n]} if n in physical else {}),
             }
             for n in names

@@ -23,6 +23,7 @@ from discovery.results.manifest import SAVING, hashes, move_in_place
 from discovery.results.provenance import provenance, write_json
 from discovery.runs import stages
 from discovery.runs.answer import _PARTS, Answer, Sampled
+from discovery.runs.failed_loop import FailedLoop, gather_failed_loop
 from discovery.runs.loop_files import loops_predictions, models_of, of_loop, save_curves, to_clean, write_loop
 from discovery.runs.regression_stage import can_discover, discover
 from discovery.runs.stage import Tell, silent
@@ -30,7 +31,7 @@ from discovery.runs.stage import Tell, silent
 if TYPE_CHECKING:
     from discovery.posterior.sampling import Progress
 
-__all__ = ["add_posterior", "answer", "run"]
+__all__ = ["add_posterior", "answer", "run", "save_failed"]
 
 FloatArray = NDArray[np.float64]
 
@@ -97,14 +98,15 @@ def answer(
 ) -> Answer:
     """Run everything but the posterior, and save it; see `run` for the parameters.
 
-    Where the folder holds a run that came to the same answer, it stays as it is until the posterior is there.
+    Where the folder holds a run that came to the same answer, it stays as it is until the posterior is there. Where
+    the declared model has no fit, LoopFailure is raised, and nothing is saved: see `save_failed`.
     """
     out.mkdir(parents=True, exist_ok=True)
     discovered = discover(dataset, seed=seed, progress=progress) if can_discover(dataset.rig) else None
-    fits = stages.estimate(dataset, progress=progress)
     began = time.perf_counter()
     loop = stages.loop(dataset, seed=seed, progress=progress)
     took = {"loop_seconds": time.perf_counter() - began}
+    fits = stages.estimate(dataset, progress=progress)
     missing = stages.unexplained(loop, dataset, progress=progress)
     linear = {n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"}
     predictions = {**linear, **loops_predictions(loop)}
@@ -125,6 +127,16 @@ def answer(
         left = Sampled(because="running" if with_posterior else "asked")
         _save(found, left, progress=progress, first=True)
     return found
+
+
+def save_failed(out: Path, loop: FailedLoop, *, seed: int = 1, note: str = "") -> None:
+    """Save the run of a declared model that has no fit: what is known of it takes the place of an earlier run."""
+    out.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=out, prefix=SAVING) as folder:
+        beside = Path(folder)
+        write_json(beside / "loop.json", loop.summary())
+        gather_failed_loop(beside, loop, seed, note=note)
+        move_in_place(beside, out)
 
 
 def add_posterior(found: Answer, *, progress: Tell = silent, seconds: float = math.inf) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from discovery.declarations.systems import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
+from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.problem import natural_units
@@ -26,6 +27,7 @@ from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import largest_deflection, make_experiment
 from discovery.rigs.kinds import KINDS, LINEAR_MODEL
+from discovery.runs.failed_loop import LoopFailure, failed_loop
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
 from discovery.runs.stage import Tell, silent, stage_seed
@@ -79,7 +81,10 @@ class Fits:
 
 
 def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
-    """Fit the declared model to the training recordings, and the linear one where the system has a rest position."""
+    """Fit the declared model to the training recordings, and the linear one where the system has a rest position.
+
+    A simpler model that blows up is left out.
+    """
     train = dataset.train
     units = natural_units(train)
     declared = declared_model(train[0])
@@ -93,7 +98,12 @@ def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
     start: dict[str, float] = {}
     for label, effects in plans.items():
         progress(f"fitting the {label.replace('_', ' ')} model")
-        models[label] = fit(Model(declared.base, effects, declared.known), train, units=units, start=start)
+        try:
+            models[label] = fit(Model(declared.base, effects, declared.known), train, units=units, start=start)
+        except ComputationError:
+            if label != "declared":
+                continue
+            models[label] = first_fit(train, units)
         start = {n: v for n, v in models[label].values.items() if "[" not in n}
         predictions[label] = models[label].predict()
         found[label] = _fit_errors(train, predictions[label])
@@ -209,9 +219,13 @@ def predicted(dataset: Dataset, posterior, *, seed: int = 1, progress: Tell = si
 
 
 def loop(dataset: Dataset, *, seed: int = 1, follow_up: bool = True, progress: Tell = silent) -> LoopResult:
-    """Close the loop on a data set."""
+    """Close the loop on a data set; raise LoopFailure, with what can be told, where the declared model has no fit."""
     settings = LoopSettings(seed=stage_seed(seed, "loop"), follow_up=follow_up)
-    return close_loop(dataset.train, dataset.holdout, settings=settings, progress=progress)
+    try:
+        return close_loop(dataset.train, dataset.holdout, settings=settings, progress=progress)
+    except ComputationError as failure:
+        progress("looking for why the declared model cannot be fitted")
+        raise LoopFailure(failed_loop(dataset, failure)) from failure
 
 
 def scored(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> dict[str, Any]:
@@ -258,8 +272,8 @@ def continued(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) 
 
 
 def unexplained(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> MissingForce | None:
-    """Return the force that the final model lacks where it is not complete; None where it is."""
-    if result.complete:
+    """Return the force that the final model lacks; None where it is complete, or the file is in doubt."""
+    if result.complete or result.impossible:
         return None
     mechanics = result.after.model.mechanics
     if not mechanics.reads_state or mechanics.places():

@@ -152,9 +152,17 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         and e not in base.provides
         and (base.system == ARM or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
+        and _is_heard(effect, model)
         and (base.anchored or not effect.anchored)
-        and not effect.needs
+        and (not effect.needs or effect.needs in base.has)
     )
+
+
+def _is_heard(effect: Effect, model: Model) -> bool:
+    """Return whether an effect of the drive, if it is one, changes an input that there is."""
+    if effect.kind != "drive" or model.mechanics.system == ARM:
+        return True
+    return model.mechanics.is_pushed and model.known.get("g") != 0.0
 
 
 def _at_places(model: Model) -> tuple[str, ...]:
@@ -162,7 +170,7 @@ def _at_places(model: Model) -> tuple[str, ...]:
     found = []
     for e, effect in catalogue().items():
         if effect.kind in ("drive", "sensor") and OSCILLATOR in effect.systems:
-            found.append(e)
+            found += [e] if _is_heard(effect, model) else []
         elif can_be_placed(effect):
             found += [placed(e, name) for name, place in model.mechanics.places().items() if place.suits(effect)]
     return tuple(e for e in found if e not in model.effects)

@@ -17,7 +17,7 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.screening.attribution import grid_of
 
-__all__ = ["FarStart", "declared_starts", "finite_starts"]
+__all__ = ["MOST_SHAPES", "FarStart", "declared_starts", "finite_starts"]
 
 FloatArray = NDArray[np.float64]
 #: A start of a refit: effect, its free values, and values of other free parameters that go with them.
@@ -30,7 +30,7 @@ _KINDS = ("shape", "joint", "memory", "potential", "kinetic")
 _FACTORS = np.geomspace(0.8, 1.6, 20)
 _BESIDE = np.sqrt(_FACTORS[1] / _FACTORS[0]) ** np.array([-1.0, 0.0, 1.0])
 #: Laws of more shapes than this are not entangled with the stiffness alone.
-_MOST_SHAPES = 12
+MOST_SHAPES = 12
 _KEPT = 2
 
 
@@ -57,7 +57,7 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
     for name in names:
         effect = get_effect(name)
         grid = grid_of(effect, system, problem.units)
-        if effect.kind in _KINDS and len(grid) <= 2 * _MOST_SHAPES:
+        if effect.kind in _KINDS and len(grid) <= 2 * MOST_SHAPES:
             points += [(name, values) for values in grid]
     if not points:
         return []

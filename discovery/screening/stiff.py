@@ -9,9 +9,9 @@ import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import MOST_STEPS
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
+from discovery.estimation.step_control import finer
 from discovery.screening.attribution import Candidate
 from discovery.screening.finite import declared_starts
 from discovery.screening.refits import Refit, distances, refit, resettled, settled
@@ -68,15 +68,16 @@ def unstiffened(
     benches = {1: problem.bench}
     checked: set[str] = set()
     blown: set[str] = set()
-    for finer in (2, 4, 8, 16, 32):
+    for times in (2, 4, 8, 16, 32):
         leading = [r.effect for r in sorted(best.values(), key=lambda r: r.chi2)[:_LEADING]]
         leading += [c.effect for c in by_score[:_PROMISING] if c.effect not in leading]
         least = min(r.chi2 for r in best.values())
-        fine = benches[finer] = Bench.like(problem.bench, problem.bench.step / finer)
-        if fine.most_steps > MOST_STEPS:
+        fine = finer(problem.bench, times)
+        if fine is None:
             break
+        benches[times] = fine
         unchecked = [e for e in leading if e not in checked]
-        before = Refit("", replace(problem, bench=benches[finer // 2]), minimum)
+        before = Refit("", replace(problem, bench=benches[times // 2]), minimum)
         errors = _solver_errors([before, *(finest[e] for e in unchecked)], fine)
         own = _OWN * errors.pop("")
         erring = {e for e, error in errors.items() if error > max(_worth(finest[e], least), own)}
@@ -84,7 +85,7 @@ def unstiffened(
         short = [finest[e] for e in unchecked if best[e].chi2 > n + _MUCH * max(2 * minimum.cost - n, 0.0)]
         stopped = {r.effect for r in short if r.minimum.blown}
         for farther in _FARTHER if len(stopped) < len(short) else ():
-            errors = _solver_errors([before, *short], Bench.like(problem.bench, 2 * farther * fine.step))
+            errors = _solver_errors([before, *short], fine.finer(0.5 / farther))
             if np.isfinite(errors.pop("")) or farther == _FARTHER[-1]:
                 stopped |= {e for e, error in errors.items() if not np.isfinite(error)}
                 break
@@ -93,7 +94,7 @@ def unstiffened(
         if not rough:
             break
         # What was refitted with half as fine steps goes on from there.
-        begun = [finest[e] for e in sorted(rough) if finest[e].problem.bench is benches[finer // 2] and finer > 2]
+        begun = [finest[e] for e in sorted(rough) if finest[e].problem.bench is benches[times // 2] and times > 2]
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in rough - {r.effect for r in begun}]
         # What blew up from its linear start begins small.
         small = declared_starts(problem, sorted(blown), _FEW)
@@ -125,14 +126,14 @@ def coarsened(fine: Refit, coarse: Bench) -> Refit:
     coarse : Bench
         With the longest steps that are tried, then with half of them, and half of those.
     """
-    while coarse.step > _SAME * fine.problem.bench.step:
-        longer = Bench.like(coarse, _FARTHER[0] * coarse.step)
+    while fine.problem.bench.cost > _SAME * coarse.cost:
+        longer = coarse.finer(1 / _FARTHER[0])
         # To begin with, it must be no start that blows up.
         if _is_stable(fine, coarse) and _is_stable(fine, longer):
             again = resettled(fine, coarse)
             if again.chi2 < fine.chi2 + _WORTH and _is_stable(again, longer):
                 return again
-        coarse = Bench.like(coarse, coarse.step / 2)
+        coarse = coarse.finer(2)
     return fine
 
 

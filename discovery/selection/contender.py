@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
-from discovery.estimation.least_squares import Minimum
+from discovery.estimation.generalised import generalised
 from discovery.estimation.log_evidence import Evidence, evidence_of
-from discovery.estimation.model_error import ModelError
-from discovery.estimation.problem import Problem
+from discovery.estimation.sampled_evidence import Sampled, sampled
 from discovery.foundation.workers import at_once
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
 from discovery.selection.linearise import Slopes, linearised
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Contender", "contenders", "plain"]
+__all__ = ["Contender", "contenders", "integrated"]
 
 FloatArray = NDArray[np.float64]
 #: A first-order step that gains more nats than this is made on the trajectories.
@@ -43,11 +42,14 @@ class Contender:
         The model with them, at its generalised least squares estimate; residual and Jacobian in noise sds.
     evidence : Evidence
         How well it explains the recordings.
+    sampled : Sampled or None
+        What importance sampling corrected in the evidence; None where that is Laplace's.
     """
 
     added: tuple[str, ...]
     refit: Refit
     evidence: Evidence
+    sampled: Sampled | None = None
 
     @property
     def model(self) -> Model:
@@ -63,6 +65,11 @@ class Contender:
     def chi2(self) -> float:
         """Sum of squared residuals of the training recordings [noise variances], the rig's part included."""
         return self.refit.chi2
+
+    @property
+    def error_size(self) -> float:
+        """Size of its model error over the noise."""
+        return self.evidence.error / self.evidence.white
 
     @property
     def joint(self) -> float:
@@ -109,25 +116,25 @@ def _freed(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> l
 def _generalised(sets: Sequence[Contender]) -> list[Refit]:
     """Return sets refitted by generalised least squares, each under its model error."""
     problems = [c.refit.problem for c in sets]
-    errors = [
-        ModelError.of(c.evidence.error / c.evidence.white, p.units.time) for c, p in zip(sets, problems, strict=True)
-    ]
-    weighted = [replace(p, error=error) for p, error in zip(problems, errors, strict=True)]
     starts = [c.refit.minimum.x + c.evidence.step for c in sets]
-    minima = fit_problems(weighted, starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True)
-    return [
-        replace(c.refit, minimum=plain(p, m)) if np.isfinite(m.cost) else c.refit
-        for c, p, m in zip(sets, problems, minima, strict=True)
-    ]
+    sizes = [c.error_size for c in sets]
+    minima = generalised(problems, starts, sizes, iterations=_ITERATIONS, tolerance=1e-4)
+    return [replace(c.refit, minimum=m) if np.isfinite(m.cost) else c.refit for c, m in zip(sets, minima, strict=True)]
 
 
-def plain(problem: Problem, minimum: Minimum) -> Minimum:
-    """Return a minimum of generalised least squares with its residual in noise sds; the Jacobian stays white."""
-    if not np.isfinite(minimum.cost):
-        return minimum
-    residual = problem.bench.residuals(*problem.expand(minimum.x[:, None]))[:, 0]
-    residual = np.append(residual, problem.prior_residuals(minimum.x[:, None])[:, 0])
-    return replace(minimum, residual=residual, cost=0.5 * float(residual @ residual))
+def integrated(context: Context, contender: Contender) -> Contender:
+    """Return a set whose parameters are integrated by importance sampling where Laplace's method was used."""
+    refit, evidence = contender.refit, contender.evidence
+    if contender.sampled is not None or not np.isfinite(contender.joint):
+        return contender
+    (slopes,) = linearised(context, refit.problem.bench, [refit])
+    if slopes is None:
+        return contender
+    size = contender.error_size if evidence.nil > 0 else 0.0
+    rng = np.random.default_rng([context.settings.seed, refit.minimum.x.size])
+    found = sampled(refit.problem, refit.minimum.x, slopes.problem, size, rng)
+    better = replace(evidence, train=evidence.train + found.correction)
+    return replace(contender, evidence=better, sampled=found)
 
 
 def _weighed(context: Context, bench: Bench, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[Contender]:

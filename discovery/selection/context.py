@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import MOST_STEPS, Fit, fit
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.problem import NaturalUnits, conventions
-from discovery.estimation.step import choose_step
+from discovery.estimation.step_control import affordable_bench
 from discovery.estimation.unequal_steps import unequal_bench
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import candidates
@@ -23,8 +23,6 @@ from discovery.selection.settings import LoopSettings
 
 __all__ = ["Context", "Tell"]
 
-#: Other mechanics may take so many times the steps: the tip does not feel what rings faster still.
-_MORE = 8
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.
 _CREDIBLE = 2.0
 
@@ -95,19 +93,11 @@ class Context:
         effects, tolerance = self.kernel_effects(model), self.settings.tolerance
         return unequal_bench(model, effects, self.train, self.units, values, tolerance)
 
-    def bench_on(self, base: str, like: Bench, model: Model, values: Mapping[str, float]) -> Bench:
-        """Return simulators on other mechanics, with as many more steps as these ask for, up to a limit.
-
-        Raises
-        ------
-        ComputationError
-            If no step reaches the tolerance.
-        """
-        other = model.on_base(base)
-        shortest = like.duration / min(MOST_STEPS, _MORE * like.most_steps)
-        effects, tolerance = self.kernel_effects(other), self.settings.tolerance
-        step = choose_step(other, self.train, self.units, values, tolerance, effects, shortest)
-        return Bench(base, effects, self.train, step)
+    def bench_on(self, base: str, like: Bench, model: Model, values: Mapping[str, float]) -> Bench | None:
+        """Return simulators on other mechanics; None where they do not keep the tolerance at a bounded cost."""
+        other, tolerance = model.on_base(base), self.settings.tolerance
+        effects = self.kernel_effects(other)
+        return affordable_bench(other, effects, self.train, self.units, values, tolerance=tolerance, like=like)
 
     def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
         """Fit a model with the kernel that holds the whole catalogue of its base."""

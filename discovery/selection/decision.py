@@ -46,15 +46,16 @@ class Decision:
     Parameters
     ----------
     action : str
-        "mechanics", "add", "remove", "exchange" or "stop".
+        "mechanics", "add", "remove", "exchange", "integrate" or "stop".
     effects : tuple of str
         What it is about.
     accepted : bool
         Whether it was done.
     code : str
         Why: "accepted", "training", "held_out", "chance", "size", "finite" (a motion that blows up), "complete" (what
-        is left is noise), "exhausted" (nothing is accepted), "budget",
-        "rival" (two others explain more), "unknown" (a force of no law).
+        is left is noise), "exhausted" (nothing is accepted), "budget", "impossible" (a recording refutes the rig file),
+        "unknown" (a force of no law), "sampled" or "laplace" (how the parameters were integrated); why there is no fit,
+        see `discovery.runs`.
     numbers : mapping of str to float
         What the code is about, see `Candidacy`; "odds" is the smallest of the log odds.
     candidates : tuple of Candidacy

@@ -10,13 +10,13 @@ import numpy as np
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, solver_shift
-from discovery.estimation.fit import MOST_STEPS, SHIFT, Fit
+from discovery.estimation.fit import SHIFT, Fit
+from discovery.estimation.generalised import generalised
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
-from discovery.foundation.errors import ComputationError
+from discovery.estimation.step_control import tightened
 from discovery.recordings.experiment import Experiment
-from discovery.screening.refits import Refit
-from discovery.selection.contender import Contender, contenders, plain
+from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
 __all__ = ["finished", "on_mechanics", "prolonged"]
@@ -29,9 +29,8 @@ _FINER = 3
 def on_mechanics(contender: Contender, base: str, context: Context) -> Contender | None:
     """Return a set refitted on other mechanics from where it is; None where no step is fine enough or it blows up."""
     problem = contender.refit.problem
-    try:
-        bench = context.bench_on(base, problem.bench, problem.model, contender.refit.values)
-    except ComputationError:
+    bench = context.bench_on(base, problem.bench, problem.model, contender.refit.values)
+    if bench is None:
         return None
     other = replace(problem, model=problem.model.on_base(base), bench=bench)
     (minimum,) = fit_problems([other], [other.start(contender.refit.values)], iterations=_ITERATIONS, rough=True)
@@ -50,12 +49,10 @@ def finished(contender: Contender, context: Context) -> tuple[Fit, Contender]:
     found = _settled(contender, free, context)
     fitted = _fit(found)
     for _ in range(_FINER):
-        bench = found.refit.problem.bench
-        if not fitted.solver_shift > SHIFT or 2 * bench.most_steps > MOST_STEPS:
+        bench = tightened(found.refit.problem.bench, fitted.solver_shift, SHIFT)
+        if bench is None:
             break
-        # The shift falls with the fourth power of the step.
-        step = bench.step * max(0.25, 0.8 * (SHIFT / fitted.solver_shift) ** 0.25)
-        finer = _settled(found, replace(free, bench=Bench.like(bench, step)), context)
+        finer = _settled(found, replace(free, bench=bench), context)
         again = _fit(finer)
         if not again.solver_shift < fitted.solver_shift:
             break
@@ -65,17 +62,11 @@ def finished(contender: Contender, context: Context) -> tuple[Fit, Contender]:
 
 def _settled(contender: Contender, problem: Problem, context: Context) -> Contender:
     """Return a set fitted by generalised least squares as another problem; as it is where that blows up."""
-    refit = _generalised(contender.refit, contender, problem)
+    start, sizes = problem.start(contender.refit.values), [contender.error_size]
+    (minimum,) = generalised([problem], [start], sizes, iterations=_ITERATIONS, tolerance=1e-6)
+    refit = replace(contender.refit, problem=problem, minimum=minimum)
     (found,) = contenders(context, [(contender.added, refit)])
     return found if np.isfinite(found.joint) else contender
-
-
-def _generalised(refit: Refit, contender: Contender, problem: Problem) -> Refit:
-    error = ModelError.of(contender.evidence.error / contender.evidence.white, problem.units.time)
-    weighted = replace(problem, error=error)
-    start = weighted.start(contender.refit.values)
-    (minimum,) = fit_problems([weighted], [start], iterations=_ITERATIONS, tolerance=1e-6, rough=True)
-    return replace(refit, problem=problem, minimum=plain(problem, minimum))
 
 
 def _fit(contender: Contender) -> Fit:

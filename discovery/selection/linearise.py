@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from discovery.estimation.belief import belief_of
 from discovery.estimation.bench import Bench
+from discovery.estimation.differences import Probed, simulated
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
@@ -41,36 +42,6 @@ class Slopes:
     jacobian: FloatArray
 
 
-@dataclass(frozen=True)
-class _Probed:
-    """Points around a vector within its bounds, and how far apart those of a parameter are."""
-
-    points: FloatArray
-    apart: FloatArray
-
-    @classmethod
-    def around(cls, problem: Problem, x: FloatArray, size: FloatArray) -> _Probed:
-        low, high = problem.bounds
-        up, down = np.minimum(x + size, high), np.maximum(x - size, low)
-        points = np.repeat(x[:, None], 2 * x.size + 1, axis=1)
-        each = np.arange(x.size)
-        points[each, 1 + each], points[each, 1 + x.size + each] = up, down
-        apart = up - down
-        return cls(points, np.where(apart > 0, apart, 1.0))
-
-    @property
-    def count(self) -> int:
-        return self.points.shape[1]
-
-    def columns(self, experiment: Experiment, channels: FloatArray) -> FloatArray:
-        """Return derivatives by every parameter and the residual, shape (n, c, p + 1) [noise sds]."""
-        p, noise = self.apart.size, experiment.recording.scatter[:, :, None]
-        slopes = (channels[:, :, 1 : p + 1] - channels[:, :, p + 1 :]) / self.apart / noise
-        slopes[:, :, ~np.isfinite(slopes).all(axis=(0, 1))] = 0.0
-        residual = (channels[:, :, :1] - experiment.recording.output[:, :, None]) / noise
-        return np.concatenate([slopes, residual], axis=2)
-
-
 def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[Slopes | None]:
     """Return refits of one bench linearised; None for what blows up.
 
@@ -85,9 +56,9 @@ def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[
     """
     if not refits:
         return []
-    probes = [_Probed.around(r.problem, r.minimum.x, _sizes(r)) for r in refits]
+    probes = [Probed.around(r.problem, r.minimum.x, _sizes(r)) for r in refits]
     with np.errstate(over="ignore", invalid="ignore"):
-        train = _simulated(bench, [r.problem for r in refits], probes)
+        train = simulated(bench, [r.problem for r in refits], probes)
         held = [[] for _ in refits] if context.judge.continued else _on_held(context, bench, refits)
         return [_slopes(context, r, own, other) for r, own, other in zip(refits, train, held, strict=True)]
 
@@ -97,20 +68,6 @@ def _sizes(refit: Refit) -> FloatArray:
     scale = refit.problem.scale
     slope = np.linalg.norm(refit.minimum.jacobian, axis=0)
     return np.clip(_APART / np.maximum(slope, 1e-300), 1e-9 * scale, 1e-2 * scale)
-
-
-def _simulated(bench: Bench, problems: Sequence[Problem], probes: Sequence[_Probed]) -> list[list[FloatArray]]:
-    """Return the columns of every recording of a bench, for each problem."""
-    sets = [p.expand(probe.points) for p, probe in zip(problems, probes, strict=True)]
-    edges = np.cumsum([0, *(probe.count for probe in probes)])
-    channels = bench.predict(*(np.concatenate(each, axis=-1) for each in zip(*sets, strict=True)))
-    return [
-        [
-            probe.columns(e, c[:, :, first : first + probe.count])
-            for e, c in zip(bench.experiments, channels, strict=True)
-        ]
-        for first, probe in zip(edges, probes, strict=False)
-    ]
 
 
 def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[list[FloatArray]]:
@@ -124,8 +81,8 @@ def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[li
     for r, problem, state in zip(refits, problems, fitted_states(alone), strict=True):
         free = len(problem.free)
         size = np.concatenate([_sizes(r)[:free], problem.scale[free:] * 1e-2])
-        probes.append(_Probed.around(problem, np.concatenate([r.minimum.x[:free], state]), size))
-    return _simulated(held, problems, probes)
+        probes.append(Probed.around(problem, np.concatenate([r.minimum.x[:free], state]), size))
+    return simulated(held, problems, probes)
 
 
 def _with_known(refit: Refit, held: Bench) -> Problem:

@@ -80,7 +80,7 @@ def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> floa
     added = [get_effect(e) for e in larger.added if e not in smaller.added]
     if any(e.imitates(values, problem.units.time, problem.bench.duration) for e in added):
         return settings.form_pliable
-    return settings.form_arm if any(e.pliable for e in added) else settings.form_of(larger.model)
+    return settings.form_wide if any(e.pliable for e in added) else settings.form_of(larger.model)
 
 
 def _size(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool) -> float:

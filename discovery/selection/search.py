@@ -11,14 +11,15 @@ from discovery.declarations.registry import get_effect
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
 from discovery.screening.contained import contained
-from discovery.screening.refits import Refit, relaxed
+from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
+from discovery.selection.neighbours import Neighbours
 from discovery.selection.odds import Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
-from discovery.selection.simplicity import is_pliable, simplicity
+from discovery.selection.simplicity import simplicity
 from discovery.selection.unknown import Unknown, unknown_force
 
 __all__ = ["Search"]
@@ -56,20 +57,21 @@ class Search:
         (self.root,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.best = self.root
         self.unknown: Unknown | None = None
-        self._smaller: dict[tuple[Contender, str], Contender] = {}
+        self.neighbours = Neighbours(context, self.offers, self.root)
         self._finest: dict[Contender, Contender] = {}
 
     def run(self) -> None:
         """Search until nothing more is accepted, or what is left is noise."""
         self._grow()
         self._simplify()
+        self._integrate()
         self._prune()
         self._ask_the_unknown()
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
         been: dict[tuple[frozenset[str], str], Contender] = {}
-        while len(self.best.added) < self.context.settings.budget.most_effects and self._affords(self.best):
+        while len(self.best.added) < self.context.settings.budget.most_effects and self.neighbours.affords(self.best):
             if self._is_complete():
                 return
             before = self.best
@@ -78,7 +80,7 @@ class Search:
                 self.best = max((c for c in been.values() if len(c.added) == len(before.added)), key=lambda c: c.joint)
                 return self._exhausted()
             been[before.key] = before
-            if not self._forward() and not self._turn():
+            if not self._forward():
                 return self._exhausted()
             self._backward(before)
         self.decisions.append(Decision("stop", (), True, "budget"))
@@ -92,7 +94,8 @@ class Search:
         """Let a law take the place of one that contains it where the difference is not accepted."""
         for effect in self.best.added:
             near = get_effect(effect).reduces_to
-            for simpler in (c for c in [*self._within(effect), *self.instead_of(effect)] if near.intersection(c.added)):
+            others = [*self._within(effect), *self.neighbours.instead_of(self.best, effect)]
+            for simpler in (c for c in others if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
                 if code != "accepted":
                     (new,) = near.intersection(simpler.added)
@@ -106,17 +109,27 @@ class Search:
         laws = sorted(get_effect(effect).reduces_to - {*rest})
         return contenders(self.context, [((*rest, e), contained(self.best.refit, effect, e)) for e in laws])
 
+    def _integrate(self) -> None:
+        """Integrate the set found by importance sampling, and from now on all that are compared with it."""
+        if not self.best.added:
+            return
+        self.context.progress("integrating the last sets by importance sampling")
+        self.best = self.neighbours.sampled(self.best)
+        if (found := self.best.sampled) is not None:
+            code = "sampled" if found.reliable else "laplace"
+            self.decisions.append(Decision("integrate", self.best.added, found.reliable, code, found.numbers))
+
     def _prune(self) -> None:
         """Take out, the least missed first, what is no larger than what the model error would do in its direction."""
         while self.best.added:
-            judged = {e: self._judged(self.best, self.without(e)) for e in self.best.added}
+            judged = {e: self._judged(self.best, self._without(e)) for e in self.best.added}
             weak = [e for e, (_, code) in judged.items() if code != "accepted"]
             if not weak:
                 return
-            effect = max(weak, key=lambda e: self.without(e).joint)
+            effect = max(weak, key=lambda e: self._without(e).joint)
             odds, code = judged[effect]
             self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
-            self.best = self.without(effect)
+            self.best = self._without(effect)
 
     def _ask_the_unknown(self) -> None:
         """Weigh an unknown force beside the set found, where more than noise is left."""
@@ -178,37 +191,16 @@ class Search:
         if self._take(_plain(pairs, 2)):
             return True
         # Effects hide each other: what is refused alone may be right beside another.
-        for leading in self._leading(plain)[:1] if not self.best.added else ():
+        for leading in self._leading(plain) if not self.best.added else ():
             if self._take(_plain(self.offers.beside(leading))):
                 return True
         return self._take(pliable) or self._take(pairs)
-
-    def _turn(self) -> bool:
-        """Begin with another effect where two that hide each other explain more than the one that came first."""
-        turned = any(d.code == "rival" for d in self.decisions)
-        if turned or len(self.best.added) != 1 or self._leaves_noise():
-            return False
-        others = [c for c in _plain(self.offers.beside(self.root)) if c.added != self.best.added]
-        runners = [c for c in others[: self.context.settings.budget.beam] if np.isfinite(c.joint) and self._affords(c)]
-        pairs = sorted((c for r in runners for c in _plain(self.offers.beside(r))), key=lambda c: -c.joint)
-        for pair in pairs[:_TRIED]:
-            gain = pair.joint - self.best.joint
-            if not gain > self.context.settings.nats:
-                return False
-            odds, code = self._judged(pair, self.root)
-            if code == "accepted":
-                told = tuple(candidacy(c, self.root, self.root, self.context.settings) for c in pairs[:_TOLD])
-                self.decisions.append(Decision("remove", self.best.added, True, "rival", {"odds": gain}))
-                self.decisions.append(Decision("add", pair.added, True, code, _numbers(odds), told))
-                self.best = pair
-                return True
-        return False
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
         """Return the refused sets that gain most in training: each may be half of a pair."""
         settings = self.context.settings
         gains = {c: c.evidence.train - self.best.evidence.train for c in offered if np.isfinite(c.joint)}
-        worth = [c for c in gains if gains[c] > _WORTH * settings.nats and self._affords(c)]
+        worth = [c for c in gains if gains[c] > _WORTH * settings.nats and self.neighbours.affords(c)]
         return sorted(worth, key=lambda c: -gains[c])[: settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
@@ -249,32 +241,8 @@ class Search:
             code = odds.code(settings, self._chance(smaller, larger), judged=judged)
         return odds, code
 
-    def _affords(self, node: Contender) -> bool:
-        """Return whether the catalogue may be tried beside a set: not where steps are far finer than at the start."""
-        budget = self.context.settings.budget
-        here, start = (c.refit.problem.bench for c in (node, self.root))
-        known = self.offers.has(node)
-        return known or (len(self.offers) < budget.offers and here.most_steps <= budget.finer * start.most_steps)
-
-    def without(self, effect: str) -> Contender:
-        """Return the best set without one of its members, refitted."""
-        key = self.best, effect
-        if key not in self._smaller:
-            rest = tuple(e for e in self.best.added if e != effect)
-            again = [(rest, relaxed(self.best.refit, [effect]))]
-            known = self.offers.known(rest, self.best.model.base)
-            found = contenders(self.context, again) if rest else []
-            self._smaller[key] = max([*found, *known, *([self.root] if not rest else [])], key=lambda c: c.joint)
-        return self._smaller[key]
-
-    def instead_of(self, effect: str) -> list[Contender]:
-        """Return the sets with another effect in the place of a member, the most likely first."""
-        smaller = self.without(effect)
-        if not self._affords(smaller):
-            return []
-        own = frozenset(self.best.added)
-        offered = self.offers.beside(smaller)
-        return [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
+    def _without(self, effect: str) -> Contender:
+        return self.neighbours.without(self.best, effect)
 
     def _backward(self, before: Contender) -> None:
         """Take out members that the others make needless; exchange those that another effect serves better."""
@@ -282,7 +250,7 @@ class Search:
         for effect in self.best.added if whole else self.best.added[:-1]:
             if effect not in self.best.added or len(self.best.added) < 2:
                 continue
-            smaller = self.without(effect)
+            smaller = self._without(effect)
             odds, code = self._judged(self.best, smaller)
             if code != "accepted":
                 self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
@@ -293,7 +261,7 @@ class Search:
     def _exchange(self, effect: str, smaller: Contender) -> None:
         """Let another effect take the place of a member where the evidence gains what an effect must gain."""
         settings = self.context.settings
-        if not self._affords(smaller):
+        if not self.neighbours.affords(smaller):
             return
         offered = _plain(self.offers.beside(smaller))
         for contender in offered[:1]:
@@ -308,7 +276,7 @@ class Search:
 
 def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
     """Return those sets whose last effect, or so many of them, could imitate no others."""
-    return [c for c in offered if not any(is_pliable(e) for e in c.added[-new:])]
+    return [c for c in offered if not any(get_effect(e).pliable for e in c.added[-new:])]
 
 
 def _numbers(odds: Odds) -> dict[str, float]:

@@ -26,16 +26,16 @@ class Budget:
         Refused effects beside which all others are tried.
     offers : int
         Sets beside which the whole catalogue is refitted.
-    finer : float
-        A set whose steps are so many times those of the start is not extended.
+    dearer : float
+        A set whose simulations cost so many times those of the start is not extended.
     """
 
     most_effects: int = 5
     finished: int = 8
     pairs: int = 8
-    beam: int = 2
+    beam: int = 1
     offers: int = 7
-    finer: float = 4.0
+    dearer: float = 4.0
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class LoopSettings:
         Level of the parametric bootstrap: an effect must remove more than chance would over the whole catalogue.
     error_scale : float
         Scale of the half-Cauchy prior of the model error [noise sds]. One below twice this counts as none.
-    form, form_arm : float
+    form, form_wide : float
         Model error in the direction of one effect, as a share of the model error that is left: laws idealise, and
         what no catalogue holds looks like what it holds in part. Of systems with one coordinate, and of an arm, whose
         geometry and camera have more ways to err; that of an arm also of a law that may imitate others.
@@ -72,7 +72,7 @@ class LoopSettings:
     chance: float = 0.99
     error_scale: float = 0.15
     form: float = 0.45
-    form_arm: float = 1.4
+    form_wide: float = 1.4
     form_pliable: float = 7.0
     law: float = 0.005
     law_arm: float = 0.045
@@ -83,7 +83,7 @@ class LoopSettings:
 
     def form_of(self, model: Model) -> float:
         """Return the form error of a model's laws."""
-        return self.form_arm if model.mechanics.system == ARM else self.form
+        return self.form_wide if model.mechanics.system == ARM else self.form
 
     def law_of(self, model: Model) -> float:
         """Return the share by which a model's added laws idealise."""

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from discovery.declarations.registry import get_effect
 
-__all__ = ["is_pliable", "simplicity"]
-
-
-def is_pliable(effect: str) -> bool:
-    """Return whether the law of an effect is so pliable that it may imitate others."""
-    return get_effect(effect).pliable
+__all__ = ["simplicity"]
 
 
 def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:

@@ -16,7 +16,6 @@ from discovery.selection.search import Search
 __all__ = [
     "VERDICTS",
     "Lead",
-    "ModelErrorReport",
     "Named",
     "is_complete",
     "least_error",
@@ -90,36 +89,6 @@ class Lead:
         return {"effects": list(self.effects), "code": self.code, "numbers": dict(self.numbers)}
 
 
-@dataclass(frozen=True)
-class ModelErrorReport:
-    """The error that a model keeps beside the noise.
-
-    Parameters
-    ----------
-    before, after : float
-        Size for the declared and for the final model [unit of the output].
-    unit : str
-        That unit.
-    share : float
-        After over before.
-    least : float
-        Size up to which it counts as none [unit of the output].
-    depends_on : tuple of str
-        States that explain a part of what the final model leaves, the strongest first.
-    """
-
-    before: float
-    after: float
-    unit: str
-    share: float
-    least: float
-    depends_on: tuple[str, ...]
-
-    def summary(self) -> dict[str, Any]:
-        """Return a JSON-ready description."""
-        return {**asdict(self), "depends_on": list(self.depends_on)}
-
-
 def least_error(contender: Contender, root: Contender, context: Context) -> float:
     """Return the model error up to which a set counts as complete [noise sds].
 
@@ -151,9 +120,9 @@ def named(search: Search) -> list[Named]:
     settings = search.context.settings
     found = []
     for effect in search.best.added:
-        smaller = search.without(effect)
+        smaller = search.neighbours.without(search.best, effect)
         odds = odds_of(search.best, smaller, search.root, settings)
-        others = search.instead_of(effect)
+        others = search.neighbours.instead_of(search.best, effect)
         weights = {c: float(np.exp(min(c.joint - search.best.joint, 0.0))) for c in others}
         absent = float(np.exp(-max(odds.total, 0.0)))
         total = 1.0 + absent + sum(weights.values())

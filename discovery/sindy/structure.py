@@ -100,8 +100,8 @@ class Discovery:
 
 def status_of(equation: Equation, rivals: Sequence[Equation], full: bool, noise: float) -> str:
     """Say what was found, what is left and what cannot be told apart; `full` if no larger equation was looked at."""
-    share = 1.0 - equation.unexplained
-    text = f"{len(equation.terms)} terms ({', '.join(equation.terms)}) explain {share:.6%} of the variance."
+    left = f"{equation.unexplained:.2g}" if equation.unexplained < _MATTERS else f"{equation.unexplained:.2%}"
+    text = f"{len(equation.terms)} terms ({', '.join(equation.terms)}) explain all but {left} of the variance."
     if full and equation.unexplained > _MATTERS:
         text += " More terms than were allowed would explain more."
     if noise > MISFIT:

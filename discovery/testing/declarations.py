@@ -62,7 +62,7 @@ _SYMBOL_UNITS = {
         s.alpha: "s^-2",
         s.xi: "s^-1",
         s.length: "m",
-        s.u: "q",
+        s.u: "u",
     },
     s.push: "q s^-2",
 }
@@ -100,7 +100,8 @@ def expressions(effect: Effect, system: str) -> Iterator[tuple[sp.Expr, str, Map
         for state, slope in states.items():
             yield slope, f"{own[state]} s^-1", own
     stated = effect.power() if isinstance(effect, Load) else effect.expression()  # type: ignore[attr-defined]
-    yield sp.sympify(stated), _KIND_UNITS[effect.kind], own
+    received = "u" if effect.kind == "drive" and s.u in stated.free_symbols else _KIND_UNITS[effect.kind]
+    yield sp.sympify(stated), received, own
 
 
 class DeclarationContract:
@@ -170,7 +171,7 @@ class DeclarationContract:
             # On an arm, angles are ratios of lengths: their unit is free only where no length meets them.
             on_arm = isinstance(instance, (Drive, Sensor)) or scaled.has(*cartesian, s.length)
             tied = instance.angular or (system == ARM and on_arm)
-            size = {"time": 1.7, "coordinate": 1.0 if tied else 0.6, "length": 2.3}
+            size = {"time": 1.7, "coordinate": 1.0 if tied else 0.6, "length": 2.3, "drive": 0.8}
             assert scaled.free_symbols <= units.keys(), f"{effect} uses {scaled.free_symbols - units.keys()}"
             values = {x: float(rng.uniform(0.3, 1.2)) for x in sorted(scaled.free_symbols, key=str)}
             changed = {x: v * natural_scale(units[x], **size) for x, v in values.items()}

@@ -56,7 +56,11 @@ def every_effect(base_name: str) -> tuple[str, ...]:
 
     What only places of declared systems have is tried on the oscillator.
     """
-    joints = [e for e, effect in catalogue().items() if effect.needs] if base_name == "oscillator" else []
+    joints = (
+        [e for e, effect in catalogue().items() if effect.needs and effect.needs not in get_base(base_name).has]
+        if base_name == "oscillator"
+        else []
+    )
     return (*candidates(Model(base_name, ())), *joints)
 
 

@@ -8,6 +8,7 @@ from discovery.report import latent
 from discovery.report.figures import (
     amplitude,
     bands,
+    bode,
     chains,
     comparison,
     corner_plot,
@@ -45,7 +46,7 @@ SECTIONS: dict[str, tuple[Draw, ...]] = {
     "chains": (chains.draw,),
     "coverage": (bands.draw,),
     "elastica": (laws.draw,),
-    "residual": (residual.draw, correlogram.draw, residual.draw_spectrum, amplitude.draw),
+    "residual": (residual.draw, correlogram.draw, residual.draw_spectrum, amplitude.draw, bode.draw),
     "steps": (model_error.draw,),
     "odds": (odds.draw,),
     "story": (ranking.draw,),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.report.figures.motion import channel_name
+from discovery.report.figures.motion import channel_name, shown_scale
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run
 from discovery.report.style import GREY, LINES, Picture, label, new_figure, series, side_label
@@ -20,16 +20,17 @@ def draw(run: Run) -> Picture | None:
     models = {m: shown.models[m][:, 0] for m in ("before", "after") if m in shown.models}
     left = {m: values - shown.measured[:, 0] for m, values in models.items()}
     scale = scale_for(shown.units[0], min((float(np.nanmax(np.abs(v))) for v in left.values()), default=1.0))
+    motion = shown_scale(shown, 0, run.coordinate_unit)
     figure = new_figure(3.4, width=5.6)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    series(above, "measured", shown.time, shown.measured[:, 0])
+    series(above, "measured", shown.time, shown.measured[:, 0] * motion.factor)
     for model, values in models.items():
-        series(above, model, shown.time, values)
+        series(above, model, shown.time, values * motion.factor)
         below.plot(shown.time, left[model] * scale.factor, **LINES[model])
     noise = next(r["noise"] for r in run.results["recordings"] if r["name"] == shown.name)[0]
     if noise:
         below.axhspan(-2 * noise * scale.factor, 2 * noise * scale.factor, color=GREY, alpha=0.25, linewidth=0)
-    above.set_ylabel(side_label(channel_name(run, shown.channels[0]), shown.units[0]))
+    above.set_ylabel(side_label(channel_name(run, shown.channels[0]), motion.symbol))
     below.set_ylabel(label("error", scale.symbol))
     below.set_xlabel("time [s]")
     figure.align_ylabels()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from discovery.report.numbers import Scale, scale_for, unit_text
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import BLUE, GREY, RED, Picture, decimate, new_figure, side_label, verbatim
 
-__all__ = ["channel_name", "draw", "draw_deflections"]
+__all__ = ["channel_name", "draw", "draw_deflections", "shown_scale"]
 
 _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection"}
 
@@ -15,6 +16,13 @@ _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_def
 def channel_name(run: Run, channel: str) -> str:
     """Return a recorded channel in the words of a reader."""
     return _NAMES.get(channel, run.output_name)
+
+
+def shown_scale(trajectory: Trajectory, channel: int, coordinate: str) -> Scale:
+    """Return the unit under which a channel's readings are easy to read."""
+    unit, values = trajectory.units[channel], np.abs(trajectory.measured[:, channel])
+    scale = scale_for(unit, float(values[np.isfinite(values)].max(initial=0.0)))
+    return scale if scale.factor != 1.0 else Scale(1.0, unit_text(unit, coordinate))
 
 
 def _largest(trajectory: Trajectory) -> float:
@@ -30,9 +38,10 @@ def draw(run: Run) -> Picture | None:
     rows = len(shown.channels) + (shown.input is not None)
     figure = new_figure(1.25 * rows + 0.6)
     axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
-    for axis, channel, unit, values in zip(axes, shown.channels, shown.units, shown.measured.T, strict=False):
-        axis.plot(*decimate(shown.time, values), color="black", linewidth=0.8)
-        axis.set_ylabel(side_label(channel_name(run, channel), unit))
+    for c, (axis, channel, values) in enumerate(zip(axes, shown.channels, shown.measured.T, strict=False)):
+        scale = shown_scale(shown, c, run.coordinate_unit)
+        axis.plot(*decimate(shown.time, values * scale.factor), color="black", linewidth=0.8)
+        axis.set_ylabel(side_label(channel_name(run, channel), scale.symbol))
     if shown.input is not None:
         axes[-1].plot(*decimate(shown.time, shown.input), color=BLUE, linewidth=0.9)
         axes[-1].set_ylabel(side_label("motor angle" if run.is_arm else run.input_name, run.input_unit))

@@ -22,7 +22,7 @@ _KINDS = {
     "added": (BLUE, "added"),
     "tied": (SKY, "as likely"),
     "refused": (RED, "tried in vain"),
-    "other": ("#9A9A9A", "not tried"),
+    "other": ("#9A9A9A", "less likely"),
 }
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from discovery.report.figures.motion import channel_name
+from discovery.report.figures.motion import channel_name, shown_scale
 from discovery.report.figures.phase import main_period
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
@@ -23,14 +23,14 @@ _ZOOM = 3
 _STRETCHES = 100
 
 
-def _panel(axes: Axes, trajectory: Trajectory, channel: int, start: float, stop: float) -> None:
+def _panel(axes: Axes, trajectory: Trajectory, channel: int, factor: float, start: float, stop: float) -> None:
     time = trajectory.time
     here = (time >= start) & (time <= stop)
     if trajectory.band is not None:
-        low, high = trajectory.band[0, here, channel], trajectory.band[2, here, channel]
+        low, high = (factor * trajectory.band[k, here, channel] for k in (0, 2))
         axes.fill_between(time[here], low, high, color=BLUE, alpha=0.2, linewidth=0, label="90 % posterior band")
     for model, values in (("measured", trajectory.measured), *trajectory.models.items()):
-        series(axes, model, time[here], values[here, channel])
+        series(axes, model, time[here], factor * values[here, channel])
     axes.set_xlim(start, stop)
 
 
@@ -56,16 +56,17 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
     zoom = min(_ZOOM * main_period(time, reference), (time[-1] - time[0]) / 2)
     figure = new_figure(1.25 * (2 * count + 1) + 0.9)
     grid = figure.add_gridspec(2 * count + 1, 2)
-    for c, (channel, unit) in enumerate(zip(trajectory.channels, trajectory.units, strict=True)):
+    for c, channel in enumerate(trajectory.channels):
+        scale = shown_scale(trajectory, c, run.coordinate_unit)
         whole = figure.add_subplot(grid[2 * c, :])
         start, end = figure.add_subplot(grid[2 * c + 1, 0]), figure.add_subplot(grid[2 * c + 1, 1])
-        _panel(whole, trajectory, c, time[0], time[-1])
-        _panel(start, trajectory, c, time[0], time[0] + zoom)
-        _panel(end, trajectory, c, time[-1] - zoom, time[-1])
+        _panel(whole, trajectory, c, scale.factor, time[0], time[-1])
+        _panel(start, trajectory, c, scale.factor, time[0], time[0] + zoom)
+        _panel(end, trajectory, c, scale.factor, time[-1] - zoom, time[-1])
         start.set_title("start")
         end.set_title("end")
         for axis in (whole, start):
-            axis.set_ylabel(side_label(channel_name(run, channel), unit))
+            axis.set_ylabel(side_label(channel_name(run, channel), scale.symbol))
     _distances(figure.add_subplot(grid[2 * count, :]), trajectory)
     handles, names = whole.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper left", ncols=2)

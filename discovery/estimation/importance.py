@@ -28,10 +28,12 @@ LEAST_EFFECTIVE = 0.15
 _DOF = 8.0
 # Part of the draws that the defence makes, and how much wider it is.
 _DEFENCE, _WIDER = 0.1, 2.5
-# Draws of a round that adapts, and how many rounds at most; a round is good, or not worth another, by its error.
-_PILOT, _ROUNDS, _REPAIRS = 1024, 6, 3
+# How many rounds adapt at most; a round is good, or not worth another, by its error.
+_ROUNDS, _REPAIRS = 6, 3
 _WELL, _GAIN = 0.8, 0.9
 _QUANTILES = (0.05, 0.5, 0.95)
+# Draws below which no Pareto distribution can be fitted to the largest weights.
+_TAIL = 25
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,11 @@ class Weighted:
 
 
 def importance_sample(
-    log_density: Callable[[FloatArray], FloatArray], dimension: int, rng: Generator, draws: int = 4000
+    log_density: Callable[[FloatArray], FloatArray],
+    dimension: int,
+    rng: Generator,
+    draws: int = 4000,
+    pilot: int = 1024,
 ) -> Weighted:
     """Integrate a density that is roughly a standard normal one.
 
@@ -93,8 +99,8 @@ def importance_sample(
         Dimension d.
     rng : Generator
         Source of the draws.
-    draws : int
-        Draws of the last round.
+    draws, pilot : int
+        Draws of the last round, and of one that adapts the proposal.
 
     Raises
     ------
@@ -104,11 +110,11 @@ def importance_sample(
     centre, factor = np.zeros(dimension), np.eye(dimension)
     last = math.inf
     for _ in range(_ROUNDS):
-        pilot = _round(log_density, centre, factor, rng, _PILOT)
-        if pilot.effective > _WELL * _PILOT or (pilot.reliable and not pilot.error < _GAIN * last):
+        first = _round(log_density, centre, factor, rng, pilot)
+        if first.effective > _WELL * pilot or (first.reliable and not first.error < _GAIN * last):
             break
-        last = pilot.error
-        centre, factor = _moments(pilot, centre, factor)
+        last = first.error
+        centre, factor = _moments(first, centre, factor)
     drawn = _round(log_density, centre, factor, rng, draws)
     for _ in range(_REPAIRS):
         if drawn.reliable:
@@ -138,7 +144,7 @@ def _round(
     points = centre + np.einsum("nj,ij->ni", t, factor)
     raw = log_density(points) - log_proposal
     inside = np.isfinite(raw)
-    if inside.sum() < 2 * d:
+    if inside.sum() < max(2 * d, _TAIL):
         raise ComputationError(f"Of {n} draws around the fit only {int(inside.sum())} have a finite density.")
     with np.errstate(all="ignore"):
         # It wants what it calls log likelihoods, whose negative is the log weight.

@@ -1,0 +1,125 @@
+"""What Laplace's method misses of an evidence: bent valleys and bounds, by importance sampling.
+
+Draws around the posterior mode are simulated and weighed by the likelihood under the noise and the model error, whose
+sizes stay those of the mode. The mean of their weights over the integral of Laplace's normal distribution corrects the
+log evidence; the shape of the largest weights tells whether it can be trusted, see `discovery.estimation.importance`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from discovery.estimation.importance import importance_sample
+from discovery.estimation.laplace import Mode, Prior
+from discovery.estimation.log_evidence import Linearised
+from discovery.estimation.model_error import ModelError, innovations
+from discovery.estimation.problem import Problem
+from discovery.foundation.errors import ComputationError
+
+__all__ = ["Sampled", "sampled"]
+
+FloatArray = NDArray[np.float64]
+#: Draws of a round that adapts, and of the last one: together no more simulations than a fit takes.
+_PILOT, _DRAWS = 128, 256
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """What importance sampling says of Laplace's log evidence.
+
+    Parameters
+    ----------
+    correction, error : float
+        What it adds, and its standard error [nats]; none where it cannot be trusted.
+    pareto_k : float
+        Shape of the largest weights; infinite where hardly a draw has a finite density.
+    reliable : bool
+        Whether the draws can be trusted.
+    """
+
+    correction: float
+    error: float
+    pareto_k: float
+    reliable: bool
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What a report tells of it."""
+        return {"correction": self.correction, "error": self.error, "pareto_k": self.pareto_k}
+
+
+def sampled(problem: Problem, x: FloatArray, linear: Linearised, size: float, rng: Generator) -> Sampled:
+    """Correct the log evidence of the training recordings for what is not normal about the posterior.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    x : ndarray, shape (p,)
+        Where it was linearised.
+    linear : Linearised
+        Its linearisation there.
+    size : float
+        Size of the model error over the noise.
+    rng : Generator
+        Source of the draws.
+    """
+    target = _Target(problem, x, linear, size)
+    try:
+        drawn = importance_sample(target, x.size, rng, _DRAWS, pilot=_PILOT)
+    except ComputationError:
+        return Sampled(0.0, np.inf, np.inf, reliable=False)
+    correction = drawn.log_integral - 0.5 * x.size * float(np.log(2 * np.pi))
+    return Sampled(correction if drawn.reliable else 0.0, drawn.error, drawn.pareto_k, drawn.reliable)
+
+
+class _Target:
+    """Log posterior density over that at the mode of the linear problem, in coordinates that make it normal there."""
+
+    def __init__(self, problem: Problem, x: FloatArray, linear: Linearised, size: float) -> None:
+        self.problem, self.error = problem, ModelError.of(size, linear.natural_time)
+        self.prior: Prior = Prior.of(linear.belief, x.size)
+        mode: Mode = linear.mode(size)
+        self.white, self.centre, self.origin = mode.white, x + mode.step, x
+        scale = 1.0 / np.sqrt(np.diag(mode.precision))
+        root = np.linalg.cholesky(mode.precision * np.outer(scale, scale))
+        self.factor = scale[:, None] * np.linalg.inv(root).T
+        left = ((c.time, c.columns[:, : x.size] @ mode.step + c.columns[:, -1]) for c in linear.train)
+        squares = sum(float(np.sum(innovations(t, r[:, None], self.error)[0] ** 2)) for t, r in left)
+        self.least = squares / self.white**2 + float(self._pulled(mode.step[:, None])[0])
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return the log density of points (k, p), minus infinity out of bounds and for what blows up."""
+        x = self.centre[:, None] + self.factor @ points.T
+        low, high = self.problem.bounds
+        inside = ((x >= low[:, None]) & (x <= high[:, None])).all(axis=0)
+        found = np.full(len(points), -np.inf)
+        if inside.any():
+            near = x[:, inside]
+            found[inside] = -0.5 * (self._squares(near) + self._pulled(near - self.origin[:, None]) - self.least)
+        return found
+
+    def _pulled(self, step: FloatArray) -> FloatArray:
+        off = step - self.prior.mean[:, None]
+        return np.einsum("ik,ij,jk->k", off, self.prior.pull, off)
+
+    def _squares(self, x: FloatArray) -> FloatArray:
+        """Return what the recordings leave of the noise made white under the model error, for each column."""
+        experiments, blocks = self.problem.bench.experiments, list(self.problem.bench.blocks())
+
+        def white(i: int, residual: FloatArray) -> FloatArray:
+            time, (_, present) = experiments[i].fitted_part.recording.time, blocks[i]
+            total = np.zeros((1, residual.shape[2]))
+            for c, here in enumerate(present.T):
+                own, _ = innovations(time[here], residual[here, c], self.error)
+                total += np.einsum("nk,nk->k", own, own)
+            return total
+
+        with np.errstate(invalid="ignore", over="ignore"):
+            parts = self.problem.bench.reduced(*self.problem.expand(x), white)
+        total = np.sum([p[0] for p in parts], axis=0) / self.white**2
+        return np.where(np.isfinite(total), total, np.inf)

@@ -1,0 +1,80 @@
+"""The sentences on what follows an answer: contradictions with the rig, manoeuvres, errors that do the same."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+__all__ = ["contradiction_sentences", "separation_sentence", "stand_in_sentence"]
+
+Record = Mapping[str, Any]
+
+
+def contradiction_sentences(tested: Record | None) -> list[str]:
+    """Return every contradiction of loop.json in words."""
+    if not tested:
+        return []
+    checks = {c["parameter"]: c for c in tested["checks"]}
+    return [_contradiction(c, checks[c["parameter"]]) for c in tested["contradictions"]]
+
+
+def _contradiction(found: Record, check: Record) -> str:
+    head = (
+        f"{check['parameter']} = {check['value']:.5g} ± {check['sd']:.2g} {check['unit']} contradicts "
+        f"{check['source']}, {check['predicted']:.5g} ± {check['predicted_sd']:.2g} "
+        f"({abs(check['z']):.2g} standard deviations apart); "
+    )
+    if not found["sought"]:
+        return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
+    if not found["reconciling"]:
+        doubt = " Is the rig file right?" if found["gross"] else ""
+        return head + f"no effect of the catalogue reconciles them.{doubt}"
+    best, *others = found["reconciling"]
+    odds = next(t["odds"] for t in found["tried"] if t["id"] == best)
+    also = f"; so would {', '.join(others)}" if others else ""
+    return head + f"{best} reconciles them, {odds:.3g} nats against an error of the rig file{also}."
+
+
+def separation_sentence(found: Record) -> str:
+    """Return what a designed manoeuvre of loop.json promises."""
+    rivals, designed, most = ", ".join(found["rivals"]), found["designed"], found["limits"]
+    if found["decides"]:
+        turns = "; ".join(
+            f"at {m['start']:.2f} s turn {m['angle']:+.2f} rad at {m['speed']:.2f} rad/s, "
+            f"ramps {m['ramp'] * m['duration']:.2f} s"
+            for m in found["moves"]
+        )
+        return (
+            f"To tell {rivals} apart: {turns}. With their parameters readjusted, the predictions then "
+            f"differ by {designed['projected']:.2g} noise sds rms ({found['given']['projected']:.2g} on the given "
+            f"recordings), and the right one is expected to win by a chi-square of {designed['chi2']:.3g}, the best "
+            f"of {found['evaluations']} manoeuvres tried."
+        )
+    if found["deflection"] <= most["deflection"]:
+        won = f"{designed['chi2']:.2g}, and less than {found['decides_from']:g} may be chance"
+        best = f"the best lets the right one win by an expected chi-square of {won}"
+    elif math.isfinite(found["deflection"]):
+        best = f"the gentlest deflects the tip by {found['deflection']:.3g} rad"
+    else:
+        best = "every motion blows up"
+    return (
+        f"No manoeuvre within the safe limits ({most['angle']:.3g} rad, {most['speed']:.3g} rad/s, "
+        f"{most['acceleration']:.3g} rad/s^2, {most['duration']:.3g} s, tip deflected by {most['deflection']:.3g} rad) "
+        f"tells {rivals} apart: of {found['evaluations']} tried, {best}. A camera with less noise "
+        "would help, or other limits, stated in the rig file: wider ones, if they are safe, or slower ones."
+    )
+
+
+def stand_in_sentence(effect: str, found: Record) -> str:
+    """Return which error of the rig file would do the same as an effect."""
+    digits = max(0, 1 - math.floor(math.log10(found["sd"])))
+    value, stated, sd = (f"{found[k]:.{digits}f}" for k in ("value", "stated", "sd"))
+    quantity, unit = found["quantity"], found["unit"]
+    advice = f"measure the {quantity} before you believe the effect"
+    if not found["doubtful"]:
+        advice = "is that excluded? A usual standard deviation stands for one that the rig file does not state"
+    return (
+        f"a {quantity} of {value} {unit} in place of {stated} ± {sd} {unit} would do the same as {effect}; "
+        f"it is {abs(found['z']):.2g} standard deviations off: {advice}"
+    )

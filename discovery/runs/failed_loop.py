@@ -1,0 +1,150 @@
+"""What a loop says where the declared model cannot be fitted: why, as far as it can be told, and what would help."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from discovery.equations.model import Model
+from discovery.estimation.declared import declared_model, rig_uncertainty
+from discovery.estimation.first_fit import led
+from discovery.estimation.problem import NaturalUnits, natural_units
+from discovery.export import linearise
+from discovery.foundation.errors import ComputationError, InputError, SimulationFailure
+from discovery.mechanics.systems import system_base
+from discovery.recordings.dataset import Dataset
+from discovery.results.provenance import provenance, write_json
+from discovery.runs.description import describe
+from discovery.runs.loop_files import save_curves
+from discovery.selection.decision import Decision
+
+__all__ = ["FailedLoop", "LoopFailure", "failed_loop", "gather_failed_loop"]
+
+#: A motion that grows by more than this many e-foldings in a recording is a hundred times too large at its end.
+_FOLDINGS = float(np.log(100.0))
+
+
+@dataclass(frozen=True)
+class FailedLoop:
+    """The answer of a loop that has no fit to begin with.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Rig and recordings.
+    model : Model
+        The declared model.
+    code : str
+        "runs_away" (it grows from rest by itself), "unresolved" (no step resolves its motion), "diverges" (none of
+        these).
+    numbers : mapping of str to float
+        "time": first time at which the motion is not finite or far too large [s]; "grows_in": time in which a small
+        motion grows e-fold at the guesses [s]; "followed": length of the longest first part of the recordings over
+        which a fit follows [s]. Only those that are known.
+    message : str
+        What the computation said.
+    """
+
+    dataset: Dataset
+    model: Model
+    code: str
+    numbers: Mapping[str, float]
+    message: str
+
+    verdict = "unexplained"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the content of loop.json: errors are infinite, as those of every motion that blows up."""
+        recording = self.dataset.train[0].recording
+        everything = [e.recording for _, e in self.dataset.everything]
+        infinite = {role: dict.fromkeys(("rms", "mean", "peak"), np.inf) for role in ("train", "holdout")}
+        error = {"before": np.inf, "after": np.inf, "unit": recording.units[0], "share": 1.0}
+        return {
+            "verdict": self.verdict,
+            "failure": {"code": self.code, "numbers": dict(self.numbers), "message": self.message},
+            "declared": list(self.model.effects),
+            "recordings": [
+                {"name": r.name, "notes": list(r.notes), "flags": [f.summary() for f in r.flags]} for r in everything
+            ],
+            "effects": [],
+            "errors": {
+                "unit": recording.units[0],
+                "noise_floor": float(np.sqrt(np.sum(np.square(recording.noise)))),
+                **dict.fromkeys(("before", "after"), infinite),
+            },
+            "model_error": {**error, "least": 0.0, "depends_on": []},
+            "complete": False,
+            "model": {when: {"model": self.model.to_dict(), "parameters": {}} for when in ("before", "after")},
+            "steps": [Decision("stop", (), accepted=False, code=self.code, numbers=self.numbers).summary()],
+        }
+
+
+class LoopFailure(ComputationError):
+    """The declared model of a data set cannot be fitted.
+
+    Parameters
+    ----------
+    loop : FailedLoop
+        What is said of it.
+    """
+
+    def __init__(self, loop: FailedLoop) -> None:
+        self.loop = loop
+        super().__init__(loop.message)
+
+
+def failed_loop(dataset: Dataset, failure: ComputationError) -> FailedLoop:
+    """Return what can be told of a fit that failed.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Rig and recordings.
+    failure : ComputationError
+        What the fit, or the search after it, raised.
+    """
+    train = dataset.train
+    units, model = natural_units(train), declared_model(train[0])
+    gaussian = {} if train[0].is_arm else rig_uncertainty(train[0])
+    duration = max(float(np.ptp(e.recording.time[e.fitted])) for e in train)
+    numbers = {"time": failure.time} if isinstance(failure, SimulationFailure) else {}
+    growth = _growth(dataset, model, units)
+    if growth > 0:
+        numbers["grows_in"] = 1.0 / growth
+    _, part = led(model, train, units, gaussian)
+    if part > 0:
+        numbers["followed"] = part * duration
+    code = "diverges" if isinstance(failure, SimulationFailure) else "unresolved"
+    return FailedLoop(dataset, model, "runs_away" if growth * duration > _FOLDINGS else code, numbers, str(failure))
+
+
+def _growth(dataset: Dataset, model: Model, units: NaturalUnits) -> float:
+    """Return the fastest rate at which a small motion grows about rest, at the guesses of the declaration [1/s]."""
+    system = dataset.rig.system
+    own = {} if system is None else {x.name: v for x, v in system_base(system).guess.items()}
+    values = {
+        n: own.get(n, (p.starts[0] if p.starts else p.default) * units.scale(p)) for n, p in model.parameters.items()
+    }
+    try:
+        matrix = linearise(model, {**values, **model.known}).a
+    except InputError:
+        return 0.0
+    return float(np.linalg.eigvals(matrix).real.max()) if np.isfinite(matrix).all() else 0.0
+
+
+def gather_failed_loop(folder: Path, loop: FailedLoop, seed: int, *, note: str = "") -> None:
+    """Gather in an empty folder what the page of a failed loop is made of."""
+    nothing: dict[str, Any] = dict.fromkeys(("posterior", "discovered", "elastica"))
+    save_curves(folder, loop.dataset, predictions={}, bands=(), **nothing)
+    content = {
+        "provenance": provenance(loop.dataset, seed=seed),
+        **describe(loop.dataset),
+        "loop": loop.summary(),
+        "data_note": note,
+        "scope": "loop",
+    }
+    write_json(folder / "results.json", content)

@@ -1,0 +1,58 @@
+"""The sets next to one that was found: without a member, and with another effect in its place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from discovery.screening.refits import relaxed
+from discovery.selection.contender import Contender, contenders, integrated
+from discovery.selection.context import Context
+from discovery.selection.offers import Offers
+
+__all__ = ["Neighbours"]
+
+#: Sets so many times the nats of an accepted effect behind are integrated by sampling where the set found is.
+_NEAR = 3.0
+
+
+class Neighbours:
+    """The sets next to those of one search, each made once."""
+
+    def __init__(self, context: Context, offers: Offers, root: Contender) -> None:
+        self.context, self.offers, self.root = context, offers, root
+        self._smaller: dict[tuple[Contender, str], Contender] = {}
+        self._sampled: dict[Contender, Contender] = {}
+
+    def sampled(self, contender: Contender) -> Contender:
+        """Return a set integrated by importance sampling."""
+        if contender not in self._sampled:
+            self._sampled[contender] = integrated(self.context, contender)
+        return self._sampled[contender]
+
+    def affords(self, node: Contender) -> bool:
+        """Return whether the catalogue may be tried beside a set: not where that costs far more than at the start."""
+        budget = self.context.settings.budget
+        here, start = (c.refit.problem.bench for c in (node, self.root))
+        known = self.offers.has(node)
+        return known or (len(self.offers) < budget.offers and here.cost <= budget.dearer * start.cost)
+
+    def without(self, found: Contender, effect: str) -> Contender:
+        """Return the best set without one of the members of another, refitted."""
+        key = found, effect
+        if key not in self._smaller:
+            rest = tuple(e for e in found.added if e != effect)
+            known = self.offers.known(rest, found.model.base)
+            made = contenders(self.context, [(rest, relaxed(found.refit, [effect]))]) if rest else [self.root]
+            best = max([*made, *known], key=lambda c: c.joint)
+            self._smaller[key] = best if found.sampled is None else self.sampled(best)
+        return self._smaller[key]
+
+    def instead_of(self, found: Contender, effect: str) -> list[Contender]:
+        """Return the sets with another effect in the place of a member, the most likely first."""
+        smaller, own = self.without(found, effect), frozenset(found.added)
+        offered = self.offers.beside(smaller) if self.affords(smaller) else []
+        others = [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
+        if found.sampled is None:
+            return others
+        least = found.joint - _NEAR * self.context.settings.nats
+        return sorted((self.sampled(c) if c.joint > least else c for c in others), key=lambda c: -c.joint)
