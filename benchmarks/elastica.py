@@ -22,7 +22,7 @@ from benchmarks.paper.theory.elastica.beam import shape_under_load, tip_under_lo
 from benchmarks.paper.theory.elastica.force_map import force_components, load_at_tip
 from benchmarks.paper.theory.elastica.loads import FORCE_MAX
 from benchmarks.paper.theory.elastica.polar import polar_compliance
-from discovery.theory.elastica.beam import perpendicular_law
+from discovery.theory.elastica.static_law import perpendicular_law
 
 #: Normalised forces of each domain, of every direction: those of an arm in motion, and all.
 DOMAINS = {"arm": (0.1, 50.0), "whole": (0.01, FORCE_MAX)}

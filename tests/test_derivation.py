@@ -18,8 +18,7 @@ from discovery.declarations import symbols as s
 from discovery.mechanics import get_base
 from discovery.mechanics.reduced import rod_coupling, rod_inertia
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
-from discovery.theory.elastica.beam import perpendicular_law
-from discovery.theory.elastica.static_law import SMALL_DEFLECTION
+from discovery.theory.elastica.static_law import SMALL_DEFLECTION, perpendicular_law
 
 RODS = ("massless", "linear", "bent")
 MU = sp.Symbol("mu", positive=True)

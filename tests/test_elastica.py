@@ -12,7 +12,7 @@ from benchmarks.paper.theory.elastica.loads import FORCE_MAX
 from benchmarks.paper.theory.elastica.series import elastica_series
 from benchmarks.paper.theory.elastica.small_deflection import small_deflection_shape, small_deflection_tip
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import DEFLECTION_MAX, perpendicular_law
+from discovery.theory.elastica.static_law import DEFLECTION_MAX, perpendicular_law
 
 # Mattiasson, Int. J. Numer. Methods Eng. 17 (1981) 145, cantilever under a vertical tip load: P l^2 / EI, w / l, u / l.
 MATTIASSON = [

@@ -10,8 +10,7 @@ from benchmarks.paper.theory.elastica.beam import shape_under_load, tip_under_lo
 from benchmarks.paper.theory.elastica.force_map import force_components
 from benchmarks.paper.theory.elastica.series import elastica_series
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import perpendicular_law
-from discovery.theory.elastica.static_law import SMALL_DEFLECTION
+from discovery.theory.elastica.static_law import SMALL_DEFLECTION, perpendicular_law
 
 
 @lru_cache

@@ -13,7 +13,7 @@ from benchmarks.paper.theory.elastica.loads import FORCE_MAX
 from benchmarks.paper.theory.elastica.polar import polar_compliance
 from benchmarks.paper.theory.elastica.reach import radius_limits
 from discovery.foundation.errors import InputError
-from discovery.theory.elastica.beam import perpendicular_law
+from discovery.theory.elastica.static_law import perpendicular_law
 
 # Timoshenko and Gere, Theory of Elastic Stability, 2nd ed., table 2-4, buckled by compression: P / P_cr, x / l, y / l.
 BUCKLED = [

@@ -21,7 +21,7 @@ from benchmarks.paper.theory.massless_arm.potential import DEFLECTION_LIMIT, RAD
 from benchmarks.paper.theory.massless_arm.simulation import simulate_general
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.recordings.drive import Drive
-from discovery.theory.elastica.beam import perpendicular_law
+from discovery.theory.elastica.static_law import perpendicular_law
 
 RIG = PAPER_RIG
 ARM = GeneralModel(RIG.flexural_rigidity, RIG.tip_mass, RIG.length, RIG.disc_friction / RIG.tip_mass)

@@ -31,7 +31,7 @@ from discovery.recordings.drive import Drive
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
-from discovery.theory.elastica.beam import perpendicular_law
+from discovery.theory.elastica.static_law import perpendicular_law
 
 EFFECTS = ("viscous_damping", "linear_stiffness")
 ELASTICA = ("elastica_4", "elastica", "elastica_2", "elastica_1")

@@ -13,8 +13,7 @@ from discovery.foundation.errors import InputError
 from discovery.rigs.rig import Quantity, Rig
 from discovery.rigs.rig_file import read_rig
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
-from discovery.theory.elastica.beam import DEFLECTION_MAX
-from discovery.theory.elastica.static_law import radius_law, spring_law, static_law, torque_law
+from discovery.theory.elastica.static_law import DEFLECTION_MAX, radius_law, spring_law, static_law, torque_law
 from discovery.theory.prediction import LAWS, MASSES, Prediction, predict
 
 PAPER_RIG = Rig(

@@ -15,7 +15,7 @@ from discovery.recordings.experiment import Experiment, largest_deflection
 __all__ = ["allowed_limits", "demonstrated_limits", "known_part"]
 
 
-def demonstrated_limits(experiments: Sequence[Experiment], *, moves: int = 3) -> MotorLimits:
+def demonstrated_limits(experiments: Sequence[Experiment]) -> MotorLimits:
     """Return what the motor and the arm have done in recordings: limits that are known to be safe.
 
     Raises
@@ -32,7 +32,7 @@ def demonstrated_limits(experiments: Sequence[Experiment], *, moves: int = 3) ->
         angle, rate, acceleration = e.drive.evaluate(np.linspace(time[0], time[-1], 4000))
         sizes.append([np.abs(angle - angle[0]).max(), np.abs(rate).max(), np.abs(acceleration).max(), np.ptp(time)])
     angle, speed, acceleration, duration = np.max(sizes, axis=0).tolist()
-    return MotorLimits(angle, speed, acceleration, duration, 1.1 * largest_deflection(experiments), moves)
+    return MotorLimits(angle, speed, acceleration, duration, 1.1 * largest_deflection(experiments))
 
 
 def allowed_limits(experiments: Sequence[Experiment]) -> MotorLimits:

@@ -14,12 +14,11 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
-from discovery.estimation.guess import restoring, scan
+from discovery.estimation.guess import restoring, scan, staged_start
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import NaturalUnits, Problem, natural_units
 from discovery.estimation.scattered import start_of_system
-from discovery.estimation.staged import staged_start
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
 from discovery.foundation.errors import SimulationFailure
@@ -253,21 +252,20 @@ def _at(problem: Problem, minimum: Minimum) -> Fit:
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
 
 
-def refined(found: Fit, largest: float = SHIFT, *, rough: bool = False) -> Fit:
-    """Return a fit on steps so fine that the solver shifts no estimate by more than `largest` standard deviations.
+def refined(found: Fit) -> Fit:
+    """Return a fit on steps so fine that the solver shifts no estimate by more than `SHIFT` standard deviations.
 
     Each round refits from the minimum of the last one. Where finer steps do not help, as for dry friction, or would be
-    too many, the best round is returned; its `solver_shift` and `status` tell. `rough`, with differences to one side,
-    as in `discovery.estimation.least_squares.levenberg_marquardt`.
+    too many, the best round is returned; its `solver_shift` and `status` tell.
     """
     best = found
     for _ in range(_REFINEMENTS):
         shift, old = best.solver_shift, best.problem
-        finer = tightened(old.bench, shift, largest)
+        finer = tightened(old.bench, shift, SHIFT)
         if finer is None:
             break
         problem = Problem(old.model, finer, old.units, old.gaussian)
-        (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR, rough=rough)
+        (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR)
         if not np.isfinite(minimum.cost):
             break
         found = _at(problem, minimum)

@@ -1,17 +1,19 @@
-"""Where a fit starts: equation-error regression for a system with input, a scan of the stiffness for all."""
+"""Where a fit starts: equation-error regression with an input, a scan of the stiffness, what the rig states held."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import NaturalUnits, Problem
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["restoring", "scan"]
+__all__ = ["restoring", "scan", "staged_start"]
 
 #: Stiffness over the square of the dominant frequency.
 _STIFFNESS = np.concatenate(
@@ -20,6 +22,8 @@ _STIFFNESS = np.concatenate(
 _DAMPING = (0.003, 0.03)
 #: Samples of each recording that the regression uses.
 _REGRESSED = 8192
+#: Starts of a parameter that the rig hardly knows, in its stated values.
+_WIDE = (0.2, 0.5, 1.0, 1.5, 2.0, 3.0)
 
 
 def restoring(model: Model) -> str | None:
@@ -105,3 +109,22 @@ def scan(
             cost[part] = np.einsum("nk,nk->k", residual, residual)
     best = grid[:, int(np.nanargmin(cost))]
     return {**dict(zip(problem.free, best.tolist(), strict=False)), **given}
+
+
+def staged_start(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
+    """Return start values from fits in which what the rig states is held.
+
+    The ringing of the rod has local minima in its mass while the stiffness is off. Where the rig hardly knows the mass,
+    several are tried and the best one is kept. Its damping is held at a usual size: undamped ringing has no smooth
+    answer to a change of stiffness.
+    """
+    known = {**{n: mean for n, (mean, _) in problem.gaussian.items()}, **problem.model.known}
+    vague = [n for n, (mean, sd) in problem.gaussian.items() if sd > 0.3 * mean]
+    wide = [n for n in vague if n in problem.model.known and n not in values]
+    grids = [{n: known[n] * f for n in wide} for f in (_WIDE if wide else (1.0,))]
+    held = [
+        Problem(replace(problem.model, known={**known, **grid}), problem.bench, problem.units, {}) for grid in grids
+    ]
+    minima = fit_problems(held, [p.start(values) for p in held])
+    best = min(range(len(minima)), key=lambda i: minima[i].cost)
+    return {**known, **values, **grids[best], **held[best].named(minima[best].x)}

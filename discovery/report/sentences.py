@@ -103,13 +103,7 @@ def share_words(error: Record) -> str:
 
 
 def verdict_sentence(loop: Record) -> str:
-    """Return why the verdict is what it is: the model error that is left, and what it depends on.
-
-    Parameters
-    ----------
-    loop : mapping
-        Content of loop.json.
-    """
+    """Return why the verdict is what it is: the model error that is left, and what it depends on."""
     if loop.get("failure"):
         return failure_sentence(loop["failure"])
     error = loop["model_error"]

@@ -90,7 +90,7 @@ def noise_free(experiment: Experiment) -> FloatArray | None:
     return clean.output if clean.output.shape == experiment.recording.output.shape else None
 
 
-def laws(posterior, delta_max: float, gamma_names: tuple[str, str, str] = ("alpha", "beta", "gamma")) -> xr.Dataset:
+def laws(posterior, delta_max: float) -> xr.Dataset:
     """Return spring and radius law of the elastica and of the posterior of the paper's model.
 
     The spring is the torque on the deflection per unit of linear stiffness: for the paper's model
@@ -105,15 +105,14 @@ def laws(posterior, delta_max: float, gamma_names: tuple[str, str, str] = ("alph
         "elastica_radius": (("delta",), radius_law(delta)),
     }
     draws = posterior.flat() if posterior is not None else {}
-    alpha, beta, gamma = gamma_names
     thin = slice(None, None, max(1, len(next(iter(draws.values()), [])) // 2000))
-    if alpha in draws and beta in draws:
-        ratio = (draws[beta] / draws[alpha])[thin]
+    if {"alpha", "beta"} <= draws.keys():
+        ratio = (draws["beta"] / draws["alpha"])[thin]
         curves = delta[None] + ratio[:, None] * delta[None] ** 3
         for q, values in zip(("q05", "q50", "q95"), np.quantile(curves, (0.05, 0.5, 0.95), axis=0), strict=True):
             variables[f"posterior_spring_{q}"] = (("delta",), values)
-    if gamma in draws:
-        curves = np.cos(draws[gamma][thin][:, None] * delta[None])
+    if "gamma" in draws:
+        curves = np.cos(draws["gamma"][thin][:, None] * delta[None])
         for q, values in zip(("q05", "q50", "q95"), np.quantile(curves, (0.05, 0.5, 0.95), axis=0), strict=True):
             variables[f"posterior_radius_{q}"] = (("delta",), values)
     return xr.Dataset(variables, {"delta": delta}, {"delta_max": delta_max})

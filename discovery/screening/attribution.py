@@ -207,7 +207,6 @@ def screen(
     names: Sequence[str],
     *,
     keep: int = _STARTS,
-    left: FloatArray | None = None,
 ) -> list[Candidate]:
     """Score candidate effects by their sensitivities around a fitted model, all in one batched simulation.
 
@@ -223,8 +222,6 @@ def screen(
         Candidate effect ids.
     keep : int
         Number of starts kept for each, at most; three times as many for effects with many shapes.
-    left : ndarray, shape (n,), optional
-        The residual to explain, if it is another than that of the minimum: that of finer mechanics.
 
     Returns
     -------
@@ -235,8 +232,7 @@ def screen(
     grids, settings = _planned(tuple(get_effect(name) for name in names), system, units)
     reference = minimum.residual[: bench.n_rows]
     known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
-    left = reference if left is None else left[: bench.n_rows]
-    target = left - known @ (known.T @ left)
+    target = reference - known @ (known.T @ reference)
     with single_algebra():
         with ThreadPoolExecutor(THREADS) as pool:
             responses = respond(pool, bench, problem.expand(minimum.x[:, None]), settings, reference, known)

@@ -46,8 +46,6 @@ _SECOND_ROUND = 30
 #: A differenced Jacobian shows within so many steps what a quick search missed (the best ones are finished later), and
 #: where a minimum is on another bench.
 _CHECKED = 10
-#: Shorter steps that leave more than this part of chi-square do not help.
-_NO_HELP = 0.5
 
 
 @dataclass(frozen=True, eq=False)

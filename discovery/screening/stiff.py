@@ -34,10 +34,6 @@ _FEW = 12
 #: Steps are far from blowing up where so many times longer ones do not: the bare arm stands 1.4, see `choose_step`.
 #: Where the set itself does not stand the first of these, its candidates are tried on less long ones.
 _FARTHER = (1.25, 1.12, 1.06)
-#: Of the error of a law that jumps, steps that are so many times shorter leave a 64th.
-_FAR_SHORTER = 8.0
-#: and are worth a refit where they promise this part of what is asked: by a jump they may do better.
-_PROMISED = 0.5
 #: Steps that differ by less than this factor are the same.
 _SAME = 1.01
 

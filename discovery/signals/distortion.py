@@ -37,8 +37,8 @@ SIGNIFICANCE = 1e-3
 MARGIN_DB = 1.0  # noise through a resonance makes its own estimate less certain than white noise would
 
 
-def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | None:
-    """Find the periods of a multisine in the input and read noise and distortion off the output's lines.
+def analyse_multisine(recording: Recording) -> Multisine | None:
+    """Find the periods of a multisine in the input and read noise and distortion off the lines of the first output.
 
     Realisations with different phases may follow one another, with or without pauses; the period is found on the
     input, as the lag at which stretches of it come again (or come again with the opposite sign, at half the period of
@@ -48,8 +48,6 @@ def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | Non
     ----------
     recording : Recording
         Uniformly sampled; periods with gaps are left out.
-    channel : int
-        Column of the output.
 
     Returns
     -------
@@ -63,7 +61,7 @@ def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | Non
     step = float(time[-1] - time[0]) / (time.size - 1)
     if np.max(np.abs(time - np.linspace(time[0], time[-1], time.size))) > IRREGULAR * step:
         return None
-    u, y = recording.input - recording.input.mean(), recording.output[:, channel]
+    u, y = recording.input - recording.input.mean(), recording.output[:, 0]
     found = find_periods(u)
     if found is None:
         return None
@@ -94,7 +92,7 @@ def analyse_multisine(recording: Recording, channel: int = 0) -> Multisine | Non
         noise_source=floor.source,
         interference=tones_of(frequency, lines),
         distortions=_distortions(lines, frequency, floor, len(periods), steady),
-        unit=recording.units[channel],
+        unit=recording.units[0],
     )
 
 

@@ -12,8 +12,7 @@ from benchmarks.paper.theory.elastica.beam import tip_under_load
 from benchmarks.paper.theory.elastica.force_map import load_at_tip
 from benchmarks.paper.theory.elastica.series import elastica_series
 from benchmarks.paper.theory.elastica.small_deflection import small_deflection_tip
-from discovery.theory.elastica.beam import perpendicular_law
-from discovery.theory.elastica.static_law import static_law
+from discovery.theory.elastica.static_law import perpendicular_law, static_law
 
 __all__ = ["MATTIASSON", "boundary_value", "statics"]
 

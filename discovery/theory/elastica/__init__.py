@@ -1,4 +1,4 @@
 """The static elastica: a clamped, inextensible rod bent by a force across the radius of its tip.
 
-`beam` solves it by the elliptic integrals of `integrals`; `static_law` is its best cubic spring and radius law.
+`static_law` has its laws and their best cubic and cosine; they stand on the elliptic integrals of `integrals`.
 """

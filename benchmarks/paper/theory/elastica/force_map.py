@@ -56,7 +56,7 @@ class PolarForce:
 def load_at_tip(rho: npt.ArrayLike, delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Force that holds the tip at a position: eq. (6) of the paper, as magnitude and orientation.
 
-    :func:`discovery.theory.elastica.beam.tip_under_load` returns to the position, ``shape_under_load`` draws the beam.
+    `beam.tip_under_load` returns to the position, ``shape_under_load`` draws the beam.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def polar_compliance(force: npt.ArrayLike, direction: npt.ArrayLike) -> FloatArr
     Parameters
     ----------
     force, direction : array_like
-        As in :func:`discovery.theory.elastica.beam.tip_under_load`, but neither absent nor along the undeflected beam.
+        As in `beam.tip_under_load`, but neither absent nor along the undeflected beam.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def polar_compliance(force: npt.ArrayLike, direction: npt.ArrayLike) -> FloatArr
     Raises
     ------
     InputError
-        As :func:`discovery.theory.elastica.beam.tip_under_load`.
+        As :func:`benchmarks.paper.theory.elastica.beam.tip_under_load`.
     """
 
     def entries(force: FloatArray, direction: FloatArray) -> tuple[FloatArray, ...]:
