@@ -33,6 +33,6 @@ def lazy_names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], 
         return value
 
     def names() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *homes})
+        return sorted({*(n for n in vars(sys.modules[package]) if n.startswith("__")), *homes})
 
     return get, names
