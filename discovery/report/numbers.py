@@ -19,6 +19,7 @@ __all__ = [
     "ratio",
     "rounded",
     "scale_for",
+    "scale_for_change",
     "significant",
     "uncertain",
     "unit_text",
@@ -29,6 +30,8 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MINUS = "\N{MINUS SIGN}"
 #: Probabilities and their ratios are told no finer than one in so many.
 _LEAST = 1e-4
+#: A size below so much of its unit is written in a smaller one.
+_READABLE = 0.01
 _NARROW = "\N{NARROW NO-BREAK SPACE}"
 #: Prefixes by unit: an error of a few millimetres is not written in metres.
 _PREFIXED = {"m": ("m", "µm", "mm"), "rad": ("rad", "µrad", "mrad"), "V": ("V", "µV", "mV"), "s": ("s", "µs", "ms")}
@@ -56,6 +59,12 @@ def scale_for(unit: str, typical: float) -> Scale:
         return Scale(1.0, unit_text(unit))
     _, micro, milli = _PREFIXED[unit]
     return Scale(1e6, micro) if abs(typical) < 1e-4 else Scale(1e3, milli)
+
+
+def scale_for_change(unit: str, before: float, after: float) -> Scale:
+    """Return the prefix for a size before and after: that of the larger one while the smaller one has digits there."""
+    scale = scale_for(unit, before if math.isfinite(before) else after)
+    return scale if after * scale.factor >= _READABLE else scale_for(unit, after)
 
 
 def unit_text(unit: str, coordinate: str = "rad") -> str:

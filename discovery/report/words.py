@@ -9,7 +9,7 @@ from typing import Any
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
-from discovery.report.numbers import Scale, scale_for, significant
+from discovery.report.numbers import Scale, scale_for_change, significant
 from discovery.report.results import Run
 from discovery.report.sentences import effect_name, lead_sentence, listed, verdict_sentence
 
@@ -127,7 +127,8 @@ def error_groups(run: Run) -> dict[str, str]:
 def error_scale(run: Run) -> Scale:
     """Return the unit in which the run's errors are printed."""
     errors = run.loop["errors"]
-    return scale_for(errors["unit"], errors["after"][held_group(errors)]["rms"])
+    group = held_group(errors)
+    return scale_for_change(errors["unit"], *(errors[when][group]["rms"] for when in ("before", "after")))
 
 
 def headline(run: Run) -> str:
