@@ -136,6 +136,12 @@ def test_texts_are_short_and_tables_hold_what_was_found(dataset: Dataset, found:
     assert table.loc["beta", "effect"] == "cubic_stiffness"
     assert table.loc["beta", "value"] == found.after.values["beta"] == pytest.approx(2000.0, rel=0.05)
     assert table.loc["beta", "unit"] == "s^-2 m^-2"
+    assert table.index.tolist() == ["xi", "alpha", "beta"]
+    start = found.after.initial_states()
+    assert start.index.tolist() == ["first"]
+    assert start.loc["first", "deflection"] == pytest.approx(0.05, abs=1e-3)
+    assert start.loc["first", ["deflection_unit", "rate_unit"]].tolist() == ["m", "m s^-1"]
+    assert "_init" not in found.after._repr_html_()
 
 
 def test_recordings_as_pandas_and_xarray(dataset: Dataset) -> None:
@@ -172,6 +178,8 @@ def test_a_posterior_in_a_notebook(found: discovery.LoopResult) -> None:
     row = next(row for row in drawn.summary() if row["name"] == "alpha")
     assert table.loc["alpha", ["mean", "unit"]].tolist() == [row["mean"], row["unit"]]
     assert drawn.status in drawn._repr_html_()
+    assert not table.index.str.contains("_init").any()
+    assert drawn.initial_states().loc["first", "deflection_sd"] > 0.0
     assert "4 ensembles" in repr(drawn)
     axes = drawn.plot_marginals()
     assert [ax.get_xlabel().split(" ")[0] for ax in axes] == [n for n in drawn.names if "_init[" not in n]
