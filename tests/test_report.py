@@ -39,7 +39,7 @@ from discovery.report.noise import honest_table, noise_differs, noise_sentence
 from discovery.report.numbers import chance, interval, scale_for, scale_for_change, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
-from discovery.report.words import headline
+from discovery.report.words import headline, prose
 from discovery.results.provenance import write_json
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
@@ -910,6 +910,11 @@ def test_printed_numbers_are_the_numbers(size: float, digits: int, sign: int) ->
     mantissa, _, power = text.partition("×10")
     exponent = int(power.translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")) or 0)
     assert float(mantissa) * 10.0**exponent == pytest.approx(sign * size, rel=0.5000001 * 10.0 ** (1 - digits))
+
+
+def test_a_sentence_has_its_powers_of_ten_raised() -> None:
+    told = prose("3 terms explain all but 1.2e-06 of the variance of recording a1e-5b")
+    assert told.translate(_PLAIN) == "3 terms explain all but 1.2 × 10⁻⁶ of the variance of recording a1e-5b"
 
 
 def test_a_change_is_told_in_one_unit_while_both_ends_have_digits_in_it() -> None:

@@ -16,6 +16,7 @@ __all__ = [
     "in_newtons",
     "interval",
     "near_one",
+    "power_of_ten",
     "ratio",
     "rounded",
     "scale_for",
@@ -89,7 +90,8 @@ def fixed(value: float, decimals: int) -> str:
     return (_MINUS if whole.startswith("-") else "") + digits + dot + rest
 
 
-def _power(exponent: int) -> str:
+def power_of_ten(exponent: int) -> str:
+    """Return the factor that stands behind a number."""
     return f"×{_NARROW}10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
@@ -110,7 +112,7 @@ def significant(value: float | None, digits: int = 3) -> str:
     exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if -4 < exponent < 7:
         return fixed(value, digits - 1 - exponent)
-    return f"{fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{_power(exponent)}"
+    return f"{fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{power_of_ten(exponent)}"
 
 
 def in_newtons(known: Mapping[str, Any] | None) -> str:
@@ -144,7 +146,7 @@ def uncertain(value: float | None, sd: float | None) -> str:
         return f"{fixed(value, decimals)} ± {fixed(sd, decimals)}"
     decimals = _decimals(sd) + exponent
     unit = 10.0**exponent
-    return f"({fixed(value / unit, decimals)} ± {fixed(sd / unit, decimals)}){_NARROW}{_power(exponent)}"
+    return f"({fixed(value / unit, decimals)} ± {fixed(sd / unit, decimals)}){_NARROW}{power_of_ten(exponent)}"
 
 
 def rounded(value: float | None, sd: float | None) -> str:
@@ -208,4 +210,4 @@ def interval(low: float | None, high: float | None) -> str:
         return f"{fixed(low, decimals)} to {fixed(high, decimals)}"
     unit = 10.0**exponent
     decimals += exponent
-    return f"({fixed(low / unit, decimals)} to {fixed(high / unit, decimals)}){_NARROW}{_power(exponent)}"
+    return f"({fixed(low / unit, decimals)} to {fixed(high / unit, decimals)}){_NARROW}{power_of_ten(exponent)}"
