@@ -8,7 +8,9 @@ import re
 import runpy
 import subprocess
 import sys
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import matplotlib.pyplot as plt
 import pytest
@@ -97,6 +99,43 @@ def test_every_page_is_in_the_contents() -> None:
     assert {p.stem for p in DOCS.glob("*.md")} - {"index"} <= listed
 
 
+class _Links(HTMLParser):
+    """Places that a page names, and where it leads."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.places: set[str] = set()
+        self.links: list[str] = []
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        named = dict(attrs)
+        self.places.add(named.get("id") or "")
+        self.links += [named[key] or "" for key in ("href", "src") if key in named]
+
+
+def lost_links(site: Path) -> list[str]:
+    """Return the links within a site that lead to no file, or to no place in it."""
+    pages = {page.resolve(): _Links(page) for page in site.rglob("*.html")}
+    lost = []
+    for page, found in pages.items():
+        for link in found.links:
+            if re.match(r"\w+:", link):
+                continue
+            path, _, place = link.partition("#")
+            target = (page.parent / unquote(path.partition("?")[0])).resolve() if path else page
+            there = target.exists() and (not place or target not in pages or unquote(place) in pages[target].places)
+            lost += [] if there else [f"{page.name}: {link}"]
+    return lost
+
+
+def test_a_link_to_nothing_is_seen(tmp_path: Path) -> None:
+    page = '<h1 id="top">t</h1><a href="#top"></a><a href="b.html#end"></a><a href="#end"></a><img src="c.png">'
+    (tmp_path / "a.html").write_text(page, encoding="utf-8")
+    (tmp_path / "b.html").write_text("<p id='start'>", encoding="utf-8")
+    assert lost_links(tmp_path) == ["a.html: b.html#end", "a.html: #end", "a.html: c.png"]
+
+
 @pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     pytest.importorskip("sphinx", reason="`make docs-site` installs the generator")
@@ -111,4 +150,5 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert {"index.html", "START.html", "examples/index.html", "reference/discovery.close_loop.html"} <= pages
     loaded = (tmp_path / "html" / "MECHANICS.html").read_text(encoding="utf-8")
     assert "<math" in loaded
+    assert lost_links(tmp_path / "html") == []
     assert not re.search(r'<(?:script|link)[^>]+(?:src|href)="https?:', loaded)

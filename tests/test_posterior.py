@@ -283,7 +283,7 @@ def test_undetermined_parameters_are_refused(linear):
 def test_netcdf_keeps_everything(drawn, linear, tmp_path):
     path = tmp_path / "posterior.nc"
     experiments = linear.problem.bench.experiments
-    bands = predictive(drawn, experiments, 50, rng=np.random.default_rng(1))
+    bands = predictive(drawn, experiments, 50, seed=np.random.default_rng(1))
     drawn.to_netcdf(path, experiments)
     back = Posterior.from_netcdf(path)
     for field in dataclasses.fields(Posterior):
@@ -295,7 +295,7 @@ def test_netcdf_keeps_everything(drawn, linear, tmp_path):
             assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b, field.name
     assert back.summary() == drawn.summary()
     assert [p.name for p in tmp_path.iterdir()] == ["posterior.nc"]
-    again = predictive(back, experiments, 50, rng=np.random.default_rng(1))
+    again = predictive(back, experiments, 50, seed=np.random.default_rng(1))
     assert np.array_equal(bands[0].reading, again[0].reading)
 
 
@@ -352,7 +352,7 @@ def test_summary_states_its_intervals(drawn):
 
 def test_bands_are_those_of_the_linear_problem(linear, drawn):
     best, scale, dof, s = analytic(linear)
-    (band,) = predictive(drawn, linear.problem.bench.experiments, 2000, rng=np.random.default_rng(3))
+    (band,) = predictive(drawn, linear.problem.bench.experiments, 2000, seed=np.random.default_rng(3))
     design = responses()
     spread = np.sqrt(np.einsum("ni,ij,nj->n", design, scale, design))
     width = 2 * stats.t(dof).ppf(0.95)
@@ -365,7 +365,7 @@ def test_bands_are_those_of_the_linear_problem(linear, drawn):
 def test_band_of_a_new_recording_starts_as_told(drawn):
     new = experiment(np.random.default_rng(8), name="new")
     rest, told = (
-        predictive(drawn, [new], 50, rng=np.random.default_rng(1), initial=initial)[0]
+        predictive(drawn, [new], 50, seed=np.random.default_rng(1), initial=initial)[0]
         for initial in (None, {"new": (0.25, 0.0)})
     )
     assert rest.motion[:, 0, 0].tolist() == [0, 0, 0]

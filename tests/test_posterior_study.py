@@ -125,6 +125,6 @@ def test_outliers_widen_the_band_of_a_reading(sampled) -> None:
     )
     widths = []
     for chosen in (posterior, heavy):
-        (band,) = predictive(chosen, [train], n=1500, rng=np.random.default_rng(1))
+        (band,) = predictive(chosen, [train], n=1500, seed=np.random.default_rng(1))
         widths.append(float((band.reading[2] - band.reading[0]).mean()))
     assert widths[1] / widths[0] == pytest.approx(stats.t.ppf(0.95, 3) / stats.norm.ppf(0.95), rel=0.05)

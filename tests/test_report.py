@@ -36,10 +36,10 @@ from discovery.report.index import build_index
 from discovery.report.latex import latex
 from discovery.report.mathml import block
 from discovery.report.noise import honest_table, noise_differs, noise_sentence
-from discovery.report.numbers import chance, interval, scale_for, significant, uncertain, unit_text
+from discovery.report.numbers import chance, interval, scale_for, scale_for_change, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
-from discovery.report.words import headline
+from discovery.report.words import headline, prose
 from discovery.results.provenance import write_json
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
@@ -712,12 +712,16 @@ def test_small_readings_are_shown_in_small_units(tmp_path: Path) -> None:
 
 def test_the_equation_has_its_numbers_and_no_two_of_them_touch() -> None:
     from discovery.report.answer import _with_numbers
-    from discovery.report.mathml import symbol
+    from discovery.report.mathml import power, symbol
 
     body = f'<mrow>{symbol("alpha")}<mspace width="0.12em"/>{symbol("delta_0")}<mo>+</mo>{symbol("alpha_m")}</mrow>'
     told = _with_numbers(body, {symbol("alpha"): 8.093, symbol("delta_0"): 0.5})
     assert _text(told) == "8.093·0.5000+αm"
     assert _text(_with_numbers(body, {symbol("delta_0"): -0.5})) == "α(−0.5000)+αm"
+    small = _with_numbers(f"<mrow>{power(symbol('v_c'), '<mn>2</mn>')}</mrow>", {symbol("v_c"): 7.974e-5})
+    assert latex(small) == r"(7.974\times 10^{-5})^{2}"
+    touching = _with_numbers(body, {symbol("alpha"): 7.974e-5, symbol("delta_0"): 0.5e-4})
+    assert latex(touching) == r"7.974\times 10^{-5}\cdot 5.000\times 10^{-5}+\alpha_{m}"
 
 
 def test_a_formula_becomes_latex() -> None:
@@ -906,6 +910,17 @@ def test_printed_numbers_are_the_numbers(size: float, digits: int, sign: int) ->
     mantissa, _, power = text.partition("×10")
     exponent = int(power.translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")) or 0)
     assert float(mantissa) * 10.0**exponent == pytest.approx(sign * size, rel=0.5000001 * 10.0 ** (1 - digits))
+
+
+def test_a_sentence_has_its_powers_of_ten_raised() -> None:
+    told = prose("3 terms explain all but 1.2e-06 of the variance of recording a1e-5b")
+    assert told.translate(_PLAIN) == "3 terms explain all but 1.2 × 10⁻⁶ of the variance of recording a1e-5b"
+
+
+def test_a_change_is_told_in_one_unit_while_both_ends_have_digits_in_it() -> None:
+    told = {"m": scale_for_change("m", 9.08e-4, 4.93e-5).symbol, "far": scale_for_change("m", 0.05, 5e-7).symbol}
+    assert told == {"m": "mm", "far": "µm"}
+    assert scale_for_change("m", math.inf, 4.93e-5).symbol == "µm"
 
 
 def test_intervals_and_units() -> None:

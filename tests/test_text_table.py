@@ -7,6 +7,7 @@ import pytest
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import read_table
+from discovery.foundation.text_table import unnamed_columns
 from discovery.recordings.recording import read_recording
 from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
 
@@ -32,6 +33,26 @@ def test_layouts(tmp_path, layout, comment, named):
     assert list(table.columns) == ["t", "x", "v"]
     np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in "txv"]), VALUES)
     assert "line" in table.where(0)
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "  "])
+@pytest.mark.parametrize("named", [True, False])
+def test_numbers_with_a_decimal_comma(tmp_path, separator, named):
+    path = tmp_path / "r.csv"
+    rows = [separator.join(f"{v:.4f}".replace(".", ",") for v in row) for row in VALUES]
+    path.write_text("\n".join([separator.join("txv")] * named + rows) + "\n")
+    table = read_table(path, None if named else list("txv"))
+    np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in "txv"]), VALUES)
+    assert unnamed_columns(path) == (() if named else ("c1", "c2", "c3"))
+
+
+@pytest.mark.parametrize("rows", ["1;1,234\n2;2,345\n", "0,5;1.5\n1,5;2.5\n"], ids=["thousands", "both marks"])
+def test_a_comma_that_may_mark_thousands_is_refused(tmp_path, rows):
+    path = tmp_path / "r.csv"
+    path.write_text("t;x\n" + rows)
+    table = read_table(path)
+    with pytest.raises(InputError, match="is not a number"):
+        _ = [table.numbers(name) for name in "tx"]
 
 
 @pytest.mark.parametrize(

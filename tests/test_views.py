@@ -64,6 +64,61 @@ def test_a_mistake_gets_a_sentence(wrong: object) -> None:
         discovery.close_loop(wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (
+            lambda d, f: discovery.load_dataset(None),
+            "`rig_path` is a path, but None is of type NoneType",
+        ),
+        (lambda d, f: discovery.load_dataset(d.rig.path, 3), "`train` is a path, but 3 is of type int"),
+        (lambda d, f: discovery.load_dataset(d.rig.path, [d]), "`train` is a path, but <Dataset 'first'"),
+        (
+            lambda d, f: discovery.read_recording("first.csv", "rig.toml"),
+            "`rig` is a Rig, but 'rig.toml' is of",
+        ),
+        (lambda d, f: discovery.close_loop(d, seed=-1), "`seed` is an integer from 0 on, but it is -1"),
+        (lambda d, f: discovery.close_loop(d, seed="1"), "`seed` is an integer from 0 on, but it is '1'"),
+        (lambda d, f: discovery.close_loop(d, settings={"nats": 3}), "`settings` is a LoopSettings"),
+        (lambda d, f: discovery.close_loop(d, progress="yes"), "`progress` is a function of one sentence"),
+        (lambda d, f: discovery.fit_model(d, discovery.declared_model(d)), "`model` is a Model, but <Dataset 'first'"),
+        (lambda d, f: discovery.Model("oscillator", "viscous_damping"), "write ['viscous_damping']"),
+        (lambda d, f: discovery.sample(d), "`fit` is a Fit, but <Dataset 'first'"),
+        (lambda d, f: discovery.choose_noise(f), "`fit` is a Fit, but <LoopResult"),
+        (lambda d, f: discovery.compare_models([f.before]), "Name the candidates"),
+        (lambda d, f: discovery.compare_models({"a": d}), "`fits['a']` is a Fit"),
+        (lambda d, f: discovery.predict_bands(f.before, d), "`posterior` is a Posterior"),
+        (lambda d, f: discovery.predict_motion(f.before, d), "`experiment` is an Experiment"),
+        (lambda d, f: discovery.predict_elastica(d), "`rig` is a Rig"),
+        (lambda d, f: discovery.overview("rig.toml"), "`dataset` is a Dataset"),
+        (lambda d, f: discovery.discover("rig.toml"), "`dataset` is a Dataset"),
+        (lambda d, f: discovery.run(d, 3), "`out` is a path, but 3 is of type int"),
+        (lambda d, f: discovery.run("rig.toml", "out"), "`dataset` is a Dataset"),
+        (lambda d, f: discovery.draft_rig([]), "no recording to draft a rig file from"),
+        (lambda d, f: discovery.to_sympy(f), "Of a loop give its `after`"),
+        (lambda d, f: f.before.predict(d), "Give `initial`"),
+    ],
+)
+def test_each_mistake_gets_its_sentence(call, told, dataset: Dataset, found: discovery.LoopResult) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(InputError) as refused:
+        call(dataset, found)
+    assert told in str(refused.value)
+
+
+def test_one_path_is_a_list_of_one_and_effects_may_be_a_list(dataset: Dataset) -> None:
+    rig = dataset.rig.path
+    assert rig is not None
+    alone = load_dataset(rig, rig.parent / "first.csv", str(rig.parent / "other.csv"))
+    assert (len(alone.train), len(alone.holdout)) == (1, 1)
+    assert discovery.draft_rig(str(rig.parent / "first.csv")).startswith("# Drafted")
+    model = discovery.Model("oscillator", ["viscous_damping", "linear_stiffness"])  # type: ignore[arg-type]
+    assert hash(model.effects) == hash(("viscous_damping", "linear_stiffness"))
+
+
+def test_only_public_names_are_listed() -> None:
+    assert {n for n in dir(discovery) if not n.startswith("__")} == set(discovery.__all__)
+
+
 def test_nothing_is_no_recording() -> None:
     with pytest.raises(InputError, match="No recording is given"):
         discovery.close_loop([])
@@ -81,6 +136,12 @@ def test_texts_are_short_and_tables_hold_what_was_found(dataset: Dataset, found:
     assert table.loc["beta", "effect"] == "cubic_stiffness"
     assert table.loc["beta", "value"] == found.after.values["beta"] == pytest.approx(2000.0, rel=0.05)
     assert table.loc["beta", "unit"] == "s^-2 m^-2"
+    assert table.index.tolist() == ["xi", "alpha", "beta"]
+    start = found.after.initial_states()
+    assert start.index.tolist() == ["first"]
+    assert start.loc["first", "deflection"] == pytest.approx(0.05, abs=1e-3)
+    assert start.loc["first", ["deflection_unit", "rate_unit"]].tolist() == ["m", "m s^-1"]
+    assert "_init" not in found.after._repr_html_()
 
 
 def test_recordings_as_pandas_and_xarray(dataset: Dataset) -> None:
@@ -97,8 +158,9 @@ def test_pictures_are_drawn_on_axes(dataset: Dataset, found: discovery.LoopResul
     assert all(isinstance(ax, Axes) and ax.has_data() for ax in drawn)
     figure, given = plt.subplots()
     assert found.plot_errors(given) is given
-    heights = sorted({bar.get_height() for bar in given.patches})
-    assert heights[0] == pytest.approx(min(v["rms"] for v in found.errors["after"].values()))
+    drawn_at = {dots.get_label(): sorted(dots.get_offsets()[:, 0]) for dots in given.collections[1:]}
+    for when, places in drawn_at.items():
+        assert set(places) == {told["rms"] for told in found.errors[when].values()}
     assert found.after.plot_residuals([given]) == [given]
     left = given.lines[-1].get_ydata()
     recording = dataset.train[0].recording
@@ -116,6 +178,8 @@ def test_a_posterior_in_a_notebook(found: discovery.LoopResult) -> None:
     row = next(row for row in drawn.summary() if row["name"] == "alpha")
     assert table.loc["alpha", ["mean", "unit"]].tolist() == [row["mean"], row["unit"]]
     assert drawn.status in drawn._repr_html_()
+    assert not table.index.str.contains("_init").any()
+    assert drawn.initial_states().loc["first", "deflection_sd"] > 0.0
     assert "4 ensembles" in repr(drawn)
     axes = drawn.plot_marginals()
     assert [ax.get_xlabel().split(" ")[0] for ax in axes] == [n for n in drawn.names if "_init[" not in n]

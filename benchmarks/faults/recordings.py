@@ -71,7 +71,6 @@ REFUSED_BYTES: dict[str, Callable[[bytes], bytes]] = {
     "a page": lambda _: b"<!DOCTYPE html><html><body>404 not found</body></html>\n" * 60,
     "JSON": lambda _: b'{"t_s": [0, 1], "angle_deg": [1, 2]}\n',
     "a pointer of LFS": lambda _: b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
-    "commas in numbers": lambda b: b.replace(b",", b";").replace(b".", b","),
     "noise": lambda _: np.random.default_rng(0).bytes(5000),
     "cut off in the header": lambda b: b[:3],
     "a quote": lambda b: b.replace(b"\n", b'\n"', 50),
@@ -81,6 +80,7 @@ SOUND_BYTES: dict[str, Callable[[bytes], bytes]] = {
     "CR LF": lambda b: b.replace(b"\n", b"\r\n"),
     "semicolons": lambda b: b.replace(b",", b";"),
     "tabs": lambda b: b.replace(b",", b"\t"),
+    "commas in numbers": lambda b: b.replace(b",", b";").replace(b".", b","),
     "spaces in the header": lambda b: b.replace(b"t_s,angle_deg", b" t_s , angle_deg "),
     "a comment": lambda b: b"# the film of Monday\n" + b,
 }

@@ -9,6 +9,7 @@ import numpy as np
 
 from discovery.declarations.units import quoted
 from discovery.drafting.law_of_motion import FloatArray, own_period
+from discovery.foundation.arguments import expect
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.signals.periods import find_periods
@@ -40,6 +41,7 @@ def overview(dataset: Dataset) -> dict[str, Any]:
         [Hz], missing readings, ``channels`` (unit, range, noise and where it is from, motion over noise), ``input``
         (unit, range, band [Hz], period [s]; null without one), own period [s] and ``flags``.
     """
+    expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     rig = dataset.rig
     every = (*dataset.everything, *(("test", e) for e in dataset.test))
     return {

@@ -6,12 +6,14 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from discovery.declarations.units import si_factor, si_symbol, split_suffix
 from discovery.drafting.kind import Guess, guess_kind, is_arm
 from discovery.drafting.signals import FloatArray, Signal, Signals, find_signals, open_table
+from discovery.foundation.arguments import as_path, as_paths
 from discovery.foundation.errors import InputError
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording_columns import ARM_STEMS
@@ -26,10 +28,10 @@ _HELD, _JUMP = 0.5, 0.05
 
 
 def draft(
-    files: Sequence[Path],
-    folder: Path,
+    files: Any,
+    folder: str | os.PathLike[str] | None = None,
     *,
-    holdout: Sequence[Path] = (),
+    holdout: Any = (),
     kind: str | None = None,
     rate: float | None = None,
     chosen: Mapping[str, str | None] | None = None,
@@ -38,11 +40,11 @@ def draft(
 
     Parameters
     ----------
-    files : sequence of Path
+    files : path or sequence of path
         Recordings to fit, of the same columns; the first one is looked at.
-    folder : Path
-        Where the rig file goes: files are named from there.
-    holdout : sequence of Path
+    folder : path, optional
+        Where the rig file goes: files are named from there; that of the first recording by default.
+    holdout : path or sequence of path
         Recordings that are never fitted.
     kind : str, optional
         Kind of system, if it is known.
@@ -56,7 +58,12 @@ def draft(
     InputError
         For a file that cannot be read, or whose signals cannot be told apart.
     """
-    path = files[0]
+    remedy = "Give the path of a recording, or a list of them."
+    fitted, held = as_paths(files, "files", remedy), as_paths(holdout, "holdout", remedy)
+    if not fitted:
+        raise InputError("There is no recording to draft a rig file from. Give the path of one.")
+    path = fitted[0]
+    place = path.parent if folder is None else as_path(folder, "folder", "Give the folder of the rig file.")
     names = open_table(path)[0].columns
     if (kind is None or KINDS[kind].has_rod) and is_arm(names):
         lines = _arm(path)
@@ -70,7 +77,7 @@ def draft(
                 "tip_angle_rad, or tip_deflection_m. Rename its columns, with any unit as the suffix."
             )
         lines = _system(path, found, guess, time, rate)
-    return "\n".join([*lines, "", *_records(files, holdout, folder)]) + "\n"
+    return "\n".join([*lines, "", *_records(fitted, held, place)]) + "\n"
 
 
 def _text(value: str) -> str:

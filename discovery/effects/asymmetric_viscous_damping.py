@@ -8,7 +8,7 @@ from discovery.declarations.symbols import omega, rho
 
 
 class AsymmetricViscousDamping(Load):
-    r"""Viscous friction of the tip that is stronger one way than the other.
+    r"""Viscous friction that is stronger one way than the other.
 
     .. math:: F_\theta = -\xi_a\, \rho^2 |\dot\theta_t|
 

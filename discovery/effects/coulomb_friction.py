@@ -1,4 +1,4 @@
-"""Dry friction of the tip."""
+"""Dry friction."""
 
 import sympy as sp
 
@@ -8,7 +8,7 @@ from discovery.declarations.symbols import v2
 
 
 class CoulombFriction(Dissipation):
-    r"""Dry friction of constant size against the motion of the tip.
+    r"""Dry friction of constant size against the motion.
 
     .. math:: D = f_c \left(\sqrt{v_t^2 + v_c^2} - v_c\right)
 

@@ -15,7 +15,9 @@ class SecondMode(Mode):
     .. math:: \ddot z + 2 \zeta_2 \omega_2 \dot z + \omega_2^2 z = g_2\, g u
 
     A flexible structure under one force is a sum of such modes; g_2 is how much this one takes part, over the first. On
-    a moving base g u is -p u''. A recording starts with the mode at rest. The exact arm contains its higher modes.
+    a moving base g u is -p u''. A recording starts with the mode at rest: of a free decay, which nothing excites, it
+    explains nothing. Record the input that excites it, or begin where the mode has died. The exact arm contains its
+    higher modes.
     """
 
     cite = "Meirovitch, Fundamentals of Vibrations (2001), section 7.6; Gawronski, Advanced Structural Dynamics (2004)"

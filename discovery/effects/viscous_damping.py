@@ -1,4 +1,4 @@
-"""Viscous friction of the tip."""
+"""Viscous friction."""
 
 from discovery.declarations.effect import Dissipation
 from discovery.declarations.parameters import HalfNormal, Parameter
@@ -6,7 +6,7 @@ from discovery.declarations.symbols import v2
 
 
 class ViscousDamping(Dissipation):
-    r"""Viscous friction, proportional to the speed of the tip.
+    r"""Viscous friction, proportional to the speed.
 
     .. math:: D = \tfrac12\, \xi\, v_t^2
 

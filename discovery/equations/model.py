@@ -31,7 +31,7 @@ class Model:
     ----------
     base : str
         Name of the base, see `discovery.mechanics.base_names`.
-    effects : tuple of str
+    effects : sequence of str
         Effect ids in the order in which they were declared or added.
     known : mapping of str to float
         Values of parameters that are not fitted (from the rig or by convention) [SI].
@@ -47,6 +47,11 @@ class Model:
     known: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if isinstance(self.effects, str):
+            raise InputError(
+                f"`effects` is a sequence of names, but {self.effects!r} is one: write [{self.effects!r}]."
+            )
+        object.__setattr__(self, "effects", tuple(self.effects))
         base = get_base(self.base)
         for effect_id in self.effects:
             effect = get_effect(effect_id)

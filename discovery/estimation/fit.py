@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -21,10 +21,10 @@ from discovery.estimation.problem import NaturalUnits, Problem, natural_units
 from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
-from discovery.foundation.errors import SimulationFailure
+from discovery.foundation.arguments import expect
+from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.plots.fits import FitViews
 from discovery.recordings.chosen import Recordings, training_of
-from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
 
 __all__ = ["SHIFT", "Fit", "fit", "fit_near", "refined"]
@@ -104,13 +104,16 @@ class Fit(FitViews):
             ended += f" The solver still shifts an estimate by {self.solver_shift:.2g} standard deviations."
         return ended
 
-    def predict(
-        self, experiments: Sequence[Experiment] | None = None, initial: FloatArray | None = None
-    ) -> list[FloatArray]:
+    def predict(self, experiments: Recordings | None = None, initial: FloatArray | None = None) -> list[FloatArray]:
         """Return the fitted model's channels, each (n, c): on the fitted recordings, or from initial states (m, 2)."""
         if experiments is None:
             return self.problem.predict(self.minimum.x)
-        assert initial is not None
+        experiments = training_of(experiments)
+        if initial is None or np.shape(initial) != (len(experiments), 2):
+            raise InputError(
+                "Give `initial`, the deflection and the rate at the start of each recording; predict_motion(fit, "
+                "experiment) starts at rest."
+            )
         parameters, _ = self.problem.expand(self.minimum.x[:, None])
         bench = self.problem.bench.of_others(experiments)
         return [c[:, :, 0] for c in bench.predict(parameters, np.asarray(initial, float)[:, :, None])]
@@ -204,6 +207,7 @@ def fit(
     ComputationError
         If no step reaches the tolerance.
     """
+    expect(model, Model, "model", "Take declared_model(dataset), or make a Model(base, effects).")
     experiments = training_of(experiments)
     units = units or natural_units(experiments)
     gaussian = dict(gaussian or {})

@@ -21,6 +21,7 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.problem import NaturalUnits, Problem
 from discovery.estimation.starts import fitted_states
 from discovery.estimation.step import choose_step
+from discovery.foundation.arguments import expect
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import numpy_derivative
@@ -218,6 +219,8 @@ def predict(
     ndarray, shape (n, c), and ndarray, shape (n, c)
         Channels and standard deviations (measurement noise not included).
     """
+    expect(fit, Fit, "fit", "Make one with fit_model(model, dataset).")
+    expect(experiment, Experiment, "experiment", "Take one of dataset.train or dataset.holdout.")
     problem = fit.problem
     names = problem.free
     # The step is chosen for this manoeuvre: it may be far quicker than the fitted ones.

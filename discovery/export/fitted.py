@@ -219,6 +219,24 @@ def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str,
     return given
 
 
+def model_of(source: object) -> Model:
+    """Return the model of what a caller has.
+
+    Raises
+    ------
+    InputError
+        For anything that has none, or two, as the answer of a loop.
+    """
+    if isinstance(source, Model):
+        return source
+    if isinstance(model := getattr(source, "model", None), Model):
+        return model
+    raise InputError(
+        f"A Model, a Fit or a FittedModel is exported, but {source!r:.60} is a {type(source).__name__}. Of a loop give "
+        "its `after`, of a folder of results use `discovery export`."
+    )
+
+
 def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> FittedModel:
     """Return a model with its numbers from whatever a caller has.
 
@@ -234,7 +252,7 @@ def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] 
     InputError
         For a name that is not a parameter of the model, or a parameter without a finite value.
     """
-    model = source if isinstance(source, Model) else source.model
+    model = model_of(source)
     given = given_numbers(model, values)
     if isinstance(source, Model):
         known = {n: v for n, v in model.known.items() if n in model.parameters}

@@ -15,7 +15,7 @@ from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED
 from discovery.export.declared_latex import declared_latex
-from discovery.export.fitted import FittedModel, fitted_model
+from discovery.export.fitted import FittedModel, fitted_model, model_of
 from discovery.export.header import origin
 from discovery.export.latex_table import parameter_table, words_in_text
 from discovery.export.latex_writer import LETTERED, LatexLine, Writer
@@ -209,9 +209,9 @@ def to_latex(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
         An align* environment (equation of motion, radius law, reading), then a table of the parameters: value with
         one standard deviation, unit, meaning.
     """
+    model = model_of(source)
     bare = isinstance(source, Model) and not source.parameters.keys() <= {*source.known, *(values or {})}
     found = None if bare else fitted_model(source, values)
-    model = source if isinstance(source, Model) else source.model
     header = [f"% {line}" for line in (origin(found) if found is not None else [])]
     rows = [f"  & {line.latex} && \\text{{{words_in_text(line.words)}}}" for line in latex_lines(model)]
     equations = [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"]

@@ -14,7 +14,7 @@ from discovery.declarations.effect import Effect, Joint, Memory
 from discovery.equations.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
-from discovery.export.fitted import FittedModel, given_numbers
+from discovery.export.fitted import FittedModel, given_numbers, model_of
 from discovery.foundation.errors import InputError
 from discovery.mechanics.rod import rod_of
 
@@ -189,7 +189,7 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
         If an effect needs the linear stiffness and nothing declares it, for a name that is not a parameter of the
         model, or a value that is not a finite number.
     """
-    model = source if isinstance(source, Model) else source.model
+    model = model_of(source)
     given = given_numbers(model, values)
     found = program_of(model)
     if model.mechanics.system.has_rod:

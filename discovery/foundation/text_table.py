@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import warnings
 from collections import Counter
 from collections.abc import Sequence
@@ -18,6 +19,11 @@ from discovery.foundation.errors import InputError
 __all__ = ["parse_text", "unnamed_columns"]
 
 _BLANKS = r"\s+"
+#: Rows in which a decimal comma is looked for.
+_LOOKED = 200
+_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+#: May be a thousand or more as well as a number with three decimals.
+_THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
 def parse_text(
@@ -31,7 +37,7 @@ def parse_text(
         For the messages.
     content : bytes
         The file. Commas, semicolons, tabs or runs of blanks separate its columns; lines that begin with ``#`` or ``%``
-        are comments.
+        are comments. Where no comma separates columns, numbers may have a decimal comma.
     header : sequence of str, optional
         Names of the columns, from left to right, where the file has no line of names.
 
@@ -85,13 +91,18 @@ def unnamed_columns(path: Path) -> tuple[str, ...]:
     rows = (line for line in map(str.strip, text.splitlines()) if line and line[0] not in "#%")
     first = next(rows, "")
     cells = _cells(first, _separator([first, next(rows, first)], None)) if first else []
-    named = not all(_is_number(cell) for cell in cells)
+    named = not all(map(_is_either_number, cells))
     return () if named else tuple(f"c{number}" for number in range(1, len(cells) + 1))
 
 
 def _separator(rows: Sequence[str], header: Sequence[str] | None) -> str:
     """Return a comma, a semicolon, a tab or the pattern of blanks."""
     first = rows[0]
+    for separator in (";", "\t", _BLANKS):
+        # In a row of numbers with decimal commas, commas are the most frequent mark.
+        cells = _cells(first, separator)
+        if len(cells) > 1 and any(map(_COMMA.fullmatch, cells)) and all(map(_is_either_number, cells)):
+            return separator
     separator = max(",;\t", key=first.count)
     wanted = len(header) if header is not None else len(rows[min(1, len(rows) - 1)].split())
     found = first.count(separator) + 1
@@ -105,14 +116,24 @@ def _cells(row: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([row], delimiter=separator))]
 
 
+def _decimal(rows: Sequence[str], separator: str) -> str:
+    """Return the mark before the decimals: a comma where it stands in numbers that have no point, and no thousands."""
+    if separator == ",":
+        return "."
+    cells = [cell for row in rows[:_LOOKED] for cell in _cells(row, separator)]
+    marked = [cell for cell in cells if _COMMA.fullmatch(cell)]
+    plain = any("." in cell and _is_number(cell) for cell in cells)
+    return "," if not plain and any(not _THOUSAND.fullmatch(cell) for cell in marked) else "."
+
+
 def _check_names(path: Path, line: int, names: Sequence[str], first: Sequence[str], given: bool) -> None:
-    if not given and all(_is_number(name) for name in names):
+    if not given and all(map(_is_either_number, names)):
         raise InputError(
             f"{path}, line {line}: the first line holds numbers, not column names. Add a header such as "
             "'time_s,motor_angle_rad,tip_x_m,tip_y_m', or for another system name the columns in the rig file, "
             'header = ["t", "y"] in [columns].'
         )
-    if given and not any(_is_number(cell) for cell in first):
+    if given and not any(map(_is_either_number, first)):
         raise InputError(
             f"{path}, line {line}: the first line holds names, not numbers, but the rig file gives a header. Remove "
             "header from its [columns]."
@@ -148,6 +169,7 @@ def _read(path: Path, rows: Sequence[str], separator: str, names: Sequence[str])
             frame = pd.read_csv(
                 StringIO("\n".join(rows)),
                 sep=separator,
+                decimal=_decimal(rows, separator),
                 header=None,
                 names=list(names),
                 index_col=False,
@@ -157,6 +179,11 @@ def _read(path: Path, rows: Sequence[str], separator: str, names: Sequence[str])
         except pd.errors.ParserError as error:
             raise InputError(f"{path} is not a table: {error}. Give every row as many cells as the header.") from error
     return {name: frame[name].to_numpy() for name in names}
+
+
+def _is_either_number(text: str) -> bool:
+    """Say whether a text is a number, with a point or a comma before its decimals."""
+    return _is_number(text.replace(",", "."))
 
 
 def _is_number(text: str) -> bool:

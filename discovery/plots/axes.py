@@ -8,12 +8,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-__all__ = ["axes_below", "detached_axes", "one_axes"]
+__all__ = ["axes_below", "detached_axes", "one_axes", "with_unit"]
 
 #: Width of a figure and height of one picture in it [inch].
 _WIDTH, _HEIGHT = 8.0, 2.4
+#: SI units that take a prefix as they stand.
+_PREFIXED = ("m", "rad", "s", "V", "A", "N", "N m")
 
 
 def one_axes(given: Axes | None) -> Axes:
@@ -23,6 +26,15 @@ def one_axes(given: Axes | None) -> Axes:
     import matplotlib.pyplot as plt
 
     return plt.subplots(figsize=(_WIDTH, 1.6 * _HEIGHT), layout="constrained")[1]
+
+
+def with_unit(axis: Axis, label: str, unit: str) -> None:
+    """Label an axis of SI values: the unit stands at its ticks, with a prefix (5 mm for 0.005 m), or in the label."""
+    from matplotlib.ticker import EngFormatter
+
+    if unit in _PREFIXED:
+        axis.set_major_formatter(EngFormatter(unit))
+    axis.set_label_text(label if unit in _PREFIXED else f"{label} [{unit}]")
 
 
 def axes_below(count: int, given: Sequence[Axes] | None) -> list[Axes]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from discovery.foundation.html_table import html_table
 from discovery.plots.axes import axes_below
+from discovery.plots.starts import is_start, starts_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,18 +27,27 @@ class FitViews:
 
     def _repr_html_(self: Any) -> str:
         rows = [
-            (name, entry["value"], entry["sd"], entry["unit"]) for name, entry in self.summary()["parameters"].items()
+            (name, entry["value"], entry["sd"], entry["unit"])
+            for name, entry in self.summary()["parameters"].items()
+            if not is_start(name)
         ]
         told = f"{self.status} Reduced chi-square {self.reduced_chi2:.4g}."
         return html_table(" + ".join(self.model.effects), ("parameter", "value", "sd", "unit"), rows, below=told)
 
     def to_pandas(self: Any) -> pd.DataFrame:
-        """Return a row for every parameter: value, standard deviation (NaN where there is none) and unit, SI."""
+        """Return a row for every parameter: value, standard deviation (NaN where there is none) and unit, SI.
+
+        Initial states are no parameters of the physics: see `initial_states`.
+        """
         import pandas as pd
 
-        found = self.summary()["parameters"]
+        found = {name: entry for name, entry in self.summary()["parameters"].items() if not is_start(name)}
         table = pd.DataFrame.from_dict(found, orient="index", columns=["value", "sd", "unit"])
         return table.astype({"value": float, "sd": float}).rename_axis("parameter")
+
+    def initial_states(self: Any) -> pd.DataFrame:
+        """Return a row for every recording: deflection and rate at its first time, standard deviations, units, SI."""
+        return starts_table(self.summary()["parameters"].items(), "value")
 
     def plot_residuals(self: Any, axes: Sequence[Axes] | None = None) -> list[Axes]:
         """Draw what the fit leaves of every fitted recording, in standard deviations of its noise.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from discovery.foundation.html_table import html_table
-from discovery.plots.axes import axes_below, one_axes
+from discovery.plots.axes import axes_below, one_axes, with_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LoopViews"]
 
+#: What is held out, told apart by the motion that was trained.
+_PARTS = {"holdout_inside": "held out, inside the trained range", "holdout_outside": "held out, beyond it"}
+_WORDS = {"train": "training", "holdout": "held out", **_PARTS}
 _COLOURS = {"before": "tab:orange", "after": "tab:green"}
 
 
@@ -54,17 +57,29 @@ class LoopViews:
         ax : Axes, optional
             New ones otherwise.
         """
+        from matplotlib.ticker import LogLocator, NullFormatter
+
         ax, unit = one_axes(ax), self.errors["unit"]
-        roles = list(self.errors["before"])
-        for shift, (when, colour) in zip((-0.2, 0.2), _COLOURS.items(), strict=True):
-            sizes = [self.errors[when][role]["rms"] for role in roles]
-            ax.bar(np.arange(len(roles)) + shift, sizes, 0.38, color=colour, label=when)
+        sizes = {when: {role: told["rms"] for role, told in self.errors[when].items()} for when in _COLOURS}
+        # Where all that is held out lies inside the trained range, or outside, its part says the same once more.
+        roles = [
+            role
+            for role in sizes["before"]
+            if role not in _PARTS or sizes["before"]["holdout"] != sizes["before"][role]
+        ]
+        rows = range(len(roles))
+        first, last = ([sizes[when][role] for role in roles] for when in _COLOURS)
+        ax.hlines(rows, first, last, color="0.8", zorder=1)
+        for when, colour in _COLOURS.items():
+            ax.scatter([sizes[when][role] for role in roles], list(rows), s=60, color=colour, label=when, zorder=2)
         if self.errors.get("noise_floor") is not None:
-            ax.axhline(self.errors["noise_floor"], color="0.3", linestyle="--", label="noise floor")
-        ax.set(
-            yscale="log", ylabel=f"rms error [{unit}]", title=f"{self.verdict}: {', '.join(self.added) or 'nothing'}"
-        )
-        ax.set_xticks(range(len(roles)), [role.replace("_", " ") for role in roles])
+            ax.axvline(self.errors["noise_floor"], color="0.3", linestyle="--", label="noise floor")
+        ax.set(xscale="log", title=f"{self.verdict}: {', '.join(self.added) or 'nothing'}")
+        ax.set_yticks(rows, [_WORDS.get(role, role) for role in roles])
+        ax.set_ylim(len(roles) - 0.5, -0.5)
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+        with_unit(ax.xaxis, "rms error", unit)
         ax.legend(fontsize="small")
         return ax
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from discovery.foundation.html_table import html_table
 from discovery.plots.axes import axes_below
+from discovery.plots.starts import is_start, starts_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,14 +29,22 @@ class PosteriorViews:
         return f"<Posterior of {d} quantities: {ensembles} ensembles, {ensembles * steps * walkers} draws; {worst}>"
 
     def _repr_html_(self: Any) -> str:
-        rows = [(row["name"], *(row[key] for key in _COLUMNS)) for row in self.summary()]
+        rows = [(row["name"], *(row[key] for key in _COLUMNS)) for row in self.summary() if not is_start(row["name"])]
         return html_table(repr(self).strip("<>"), ("quantity", *_COLUMNS), rows, below=self.status)
 
     def to_pandas(self: Any) -> pd.DataFrame:
-        """Return a row for every quantity: mean, standard deviation, quantiles, unit, R-hat, effective draws."""
+        """Return a row for every parameter and size of noise: mean, sd, quantiles, unit, R-hat, effective draws.
+
+        Initial states are no parameters of the physics: see `initial_states`.
+        """
         import pandas as pd
 
-        return pd.DataFrame(self.summary()).set_index("name")[list(_COLUMNS)]
+        rows = [row for row in self.summary() if not is_start(row["name"])]
+        return pd.DataFrame(rows).set_index("name")[list(_COLUMNS)]
+
+    def initial_states(self: Any) -> pd.DataFrame:
+        """Return a row for every recording: mean deflection and rate at its first time, sds, units, SI."""
+        return starts_table(((row["name"], row) for row in self.summary()), "mean")
 
     def plot_marginals(self: Any, names: Sequence[str] | None = None, axes: Sequence[Axes] | None = None) -> list[Axes]:
         """Draw the marginal posterior of quantities, with their 90 % intervals; for pairs see `to_arviz`.
@@ -59,7 +68,7 @@ class PosteriorViews:
         from discovery.foundation.errors import InputError, suggestion
 
         rows = {row["name"]: row for row in self.summary()}
-        chosen = [n for n in self.names if "_init[" not in n] if names is None else list(names)
+        chosen = [n for n in self.names if not is_start(n)] if names is None else list(names)
         for name in chosen:
             if name not in rows:
                 raise InputError(f"{name!r} was not sampled.{suggestion(name, rows)} Sampled are {', '.join(rows)}.")

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from discovery.foundation.html_table import html_table
-from discovery.plots.axes import axes_below
+from discovery.plots.axes import axes_below, with_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["DatasetViews", "RecordingViews"]
+
+FloatArray = npt.NDArray[np.float64]
+#: Readings of which each is seen as a point.
+_FEW = 200
 
 
 class RecordingViews:
@@ -43,6 +48,11 @@ class RecordingViews:
         found = {name: ("time", values, {"units": u, "noise": float(sd)}) for name, u, sd, values in told}
         given = {} if self.input is None else {"input": ("time", self.input)}
         return xr.Dataset({**given, **found}, {"time": ("time", self.time, {"units": "s"})}, {"name": self.name})
+
+
+def _style(values: FloatArray) -> str:
+    """Return a line that gaps interrupt; points beside it where they are few enough to be seen."""
+    return ".-" if np.isfinite(values).sum() < _FEW else "-"
 
 
 class DatasetViews:
@@ -79,11 +89,11 @@ class DatasetViews:
         for ax, (role, experiment) in zip(drawn, every, strict=True):
             r = experiment.recording
             for name, unit, values in zip(r.channels, r.units, r.output.T, strict=True):
-                seen = np.isfinite(values)
-                ax.plot(r.time[seen], values[seen], ".", markersize=2, label=f"{name} [{unit}]")
+                ax.plot(r.time, values, _style(values), markersize=3, linewidth=0.9, label=name)
+                with_unit(ax.yaxis, ", ".join(r.channels), unit)
             if role == "train" and experiment.fitted_samples is not None:
                 ax.axvspan(r.time[experiment.fitted][-1], r.time[-1], color="0.9", zorder=0, label="held out")
-            ax.set(title=f"{role}: {r.name}", xlabel="time [s]", ylabel=f"{r.channels[0]} [{r.units[0]}]")
+            ax.set(title=f"{role}: {r.name}", xlabel="time [s]")
             if r.input is not None:
                 behind = ax.twinx()
                 behind.plot(r.time, r.input, color="0.6", linewidth=0.8, zorder=0)

@@ -10,6 +10,7 @@ import numpy as np
 
 from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
+from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import Evidence, log_evidence
@@ -111,6 +112,11 @@ def compare_models(
     NotIdentifiable
         If the data leave a combination of parameters of a candidate undetermined.
     """
+    expect(fits, Mapping, "fits", 'Name the candidates: {"declared": fit, "with drag": other}.')
+    for name, candidate in fits.items():
+        if not hasattr(candidate, "problem"):
+            expect(candidate, Fit, f"fits[{name!r}]", "Make one with fit_model(model, dataset).")
+    check_seed(seed)
     data = {tuple((e.recording.sha256, e.fitted_samples) for e in f.problem.bench.experiments) for f in fits.values()}
     if len(data) != 1:
         raise InputError("Evidences compare only on the same readings: fit all candidates on the same recordings.")

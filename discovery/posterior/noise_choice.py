@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from discovery.estimation.fit import Fit
+from discovery.foundation.arguments import check_seed, expect
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN, applicable
-
-if TYPE_CHECKING:
-    from discovery.estimation.fit import Fit
 
 __all__ = ["NoiseChoice", "choose_noise"]
 
@@ -86,6 +85,8 @@ def choose_noise(fit: Fit, *, seed: int = 1, models: Sequence[str] | None = None
     InputError
         For a noise model that is not known, or does not apply.
     """
+    expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
+    check_seed(seed)
     parts = instruments(fit.problem.bench.experiments)
     names = applicable(fit.problem, parts) if models is None else (GAUSSIAN, *(m for m in models if m != GAUSSIAN))
     streams = np.random.default_rng(seed).spawn(len(names))

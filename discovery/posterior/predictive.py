@@ -70,7 +70,7 @@ def predictive(
     experiments: Recordings,
     n: int = 200,
     *,
-    rng: Generator | int = 1,
+    seed: Generator | int = 1,
     initial: Mapping[str, tuple[float, float]] | None = None,
 ) -> list[Band]:
     """Return predictive bands of recordings, free-run from the initial state on.
@@ -83,8 +83,8 @@ def predictive(
         The training recordings of a data set, or any others.
     n : int
         Number of draws.
-    rng : Generator or int
-        Chooses the draws and makes the noise; or its seed.
+    seed : int or Generator
+        Of the choice of draws and of the noise.
     initial : mapping of str to (deflection, rate), optional
         Initial deflection [q] and rate [q/s] by name of the recording; otherwise the sampled ones of a recording that
         was fitted, and rest without deflection of any other.
@@ -101,7 +101,9 @@ def predictive(
     SimulationFailure
         If a draw's motion blows up.
     """
-    experiments, rng = training_of(experiments), np.random.default_rng(rng)
+    if not hasattr(posterior, "flat"):
+        raise InputError(f"`posterior` is a Posterior, but {posterior!r:.60} is none. Draw one with sample(fit).")
+    experiments, rng = training_of(experiments), np.random.default_rng(seed)
     flat = posterior.flat()
     chosen = rng.choice(next(iter(flat.values())).size, size=n, replace=False)
     draws = {name: values[chosen] for name, values in flat.items()}

@@ -9,11 +9,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
 
+from discovery.estimation.fit import Fit
+from discovery.foundation.arguments import check_callable, check_seed, expect
 from discovery.foundation.errors import InputError, NotConverged
 from discovery.posterior.checkpoint import fingerprint, restore, save
 from discovery.posterior.diagnostics import LENGTH_IN_TAU, Convergence, convergence, tail_effective
@@ -22,9 +23,6 @@ from discovery.posterior.ensembles import Ensemble, grow, start_ensembles
 from discovery.posterior.likelihood import LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN
 from discovery.posterior.prior_draws import prior_draws
-
-if TYPE_CHECKING:
-    from discovery.estimation.fit import Fit
 
 __all__ = ["Progress", "sample"]
 
@@ -124,7 +122,7 @@ def sample(
     The errors of the readings are taken as the noise model has them, the Gaussian one as independent. Where the model
     leaves a systematic residual, the noise absorbs it, and `Posterior.status` says so.
     """
-    _refuse(ensembles, max_steps)
+    _refuse(fit, seed, progress, ensembles, max_steps)
     target = log_posterior(fit, noise=noise)
     if walkers is None:
         walkers = _walkers(target.dimension, min_effective / ensembles)
@@ -155,7 +153,10 @@ def sample(
     raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
 
 
-def _refuse(ensembles: int, max_steps: int) -> None:
+def _refuse(fit: object, seed: object, progress: object, ensembles: int, max_steps: int) -> None:
+    expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
+    check_seed(seed)
+    check_callable(progress, "progress")
     if ensembles < FEWEST_ENSEMBLES:
         raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
     if max_steps < _SHORTEST_RUN:

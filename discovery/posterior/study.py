@@ -178,7 +178,7 @@ def study_posterior(
     starts = fitted_starts(posterior, held)
 
     def banded(experiments: Sequence[Experiment]) -> list[Band]:
-        return predictive(posterior, experiments, draws, rng=rng, initial=starts) if experiments else []
+        return predictive(posterior, experiments, draws, seed=rng, initial=starts) if experiments else []
 
     try:
         bands = banded([*train, *held])

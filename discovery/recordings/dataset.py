@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from discovery.declarations.units import quoted
+from discovery.foundation.arguments import as_path, as_paths
 from discovery.foundation.errors import InputError
 from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
@@ -76,8 +76,8 @@ def _read(part: RecordPart, rig: Rig) -> Recording:
 
 def load_dataset(
     rig_path: str | os.PathLike[str],
-    train: Sequence[str | os.PathLike[str]] = (),
-    holdout: Sequence[str | os.PathLike[str]] = (),
+    train: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    holdout: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     *,
     keep_third: bool = True,
 ) -> Dataset:
@@ -87,7 +87,7 @@ def load_dataset(
     ----------
     rig_path : path
         TOML rig file.
-    train, holdout : sequence of path
+    train, holdout : path or sequence of path
         Recordings; where `train` is empty, the rig file's own [records].
     keep_third : bool
         Keep the last third of every training recording, or of its motion where that ends sooner, out of the fit where
@@ -98,11 +98,13 @@ def load_dataset(
     InputError
         For anything that cannot be used, naming file, column, row and remedy.
     """
-    rig = read_rig(rig_path)
+    rig = read_rig(as_path(rig_path, "rig_path", "Give the path of a rig file."))
+    files = "Give the path of a recording, or a list of them."
+    fitted, held = as_paths(train, "train", files), as_paths(holdout, "holdout", files)
     parts = {
-        "train": [RecordPart(Path(p)) for p in train] or list(rig.records.get("train", ())),
-        "holdout": [RecordPart(Path(p)) for p in holdout] or ([] if train else list(rig.records.get("holdout", ()))),
-        "test": [] if train or holdout else list(rig.records.get("test", ())),
+        "train": [RecordPart(p) for p in fitted] or list(rig.records.get("train", ())),
+        "holdout": [RecordPart(p) for p in held] or ([] if fitted else list(rig.records.get("holdout", ()))),
+        "test": [] if fitted or held else list(rig.records.get("test", ())),
     }
     if not parts["train"]:
         raise InputError(

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.declarations.units import si_symbol
+from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.arm_plausibility import check_arm
@@ -129,6 +130,7 @@ def read_recording(
         numbers, times that do not increase, gaps in the input, a dead sensor, too short a record, or values that are
         physically impossible; the message names file, column, row and remedy.
     """
+    expect(rig, Rig, "rig", "Read one with read_rig(path).")
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
     checked = _checked(rig, found)

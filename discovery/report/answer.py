@@ -24,7 +24,7 @@ __all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
 _LAW = ("Equation of motion", "Lagrange")
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
-_SIDE_BY_SIDE = re.compile(r'(</mn>(?:</mrow>)*)<mspace width="[\d.]+em"/>(?=(?:<mrow>)*<mn>)')
+_SIDE_BY_SIDE = re.compile(r'(</mn>(?:</mrow>|</msup>)*)<mspace width="[\d.]+em"/>(?=(?:<mrow>)*<mn>)')
 #: Before a symbol that is not the stem of one with an index or dots.
 _ALONE = r'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)'
 
@@ -81,6 +81,9 @@ def _with_numbers(body: str, values: Mapping[str, float]) -> str:
             body = body.replace(name, printed)
         else:
             body = re.sub(_ALONE + re.escape(name), printed, body)
+        if "×" in printed:
+            # A power of ten that is raised itself would be read as one number.
+            body = body.replace(f"<msup>{printed}", f"<msup><mrow><mo>(</mo>{printed}<mo>)</mo></mrow>")
     # Two numbers side by side would be read as one.
     return _SIDE_BY_SIDE.sub(r"\1<mo>·</mo>", body)
 

@@ -14,7 +14,7 @@ from typing import Any
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.mechanics import get_base
-from discovery.report.numbers import scale_for, significant, uncertain, unit_text
+from discovery.report.numbers import scale_for_change, significant, uncertain, unit_text
 from discovery.report.page import environment
 from discovery.report.results import read_run
 from discovery.report.sentences import chances
@@ -89,7 +89,7 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
     """Return what a card says of a run."""
     errors = loop["errors"]
     group = held_group(errors)
-    scale = scale_for(errors["unit"], errors["after"][group]["rms"])
+    scale = scale_for_change(errors["unit"], *(errors[when][group]["rms"] for when in ("before", "after")))
     before, after = (errors[when][group]["rms"] * scale.factor for when in ("before", "after"))
     page = folder / "report.html"
     picture = _PICTURE.search(page.read_text(encoding="utf-8")) if page.is_file() else None

@@ -32,11 +32,18 @@ def block(body: str) -> str:
     return f'<math display="block">{body}</math>'
 
 
+_LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789\N{MINUS SIGN}")
+
+
 def number(text: str) -> str:
-    """Return a number as it is printed elsewhere, its minus sign as an operator."""
+    """Return a number as it is printed elsewhere: its minus sign as an operator, its power of ten raised."""
     minus = "\N{MINUS SIGN}"
-    size = escape(text.removeprefix(minus))
-    return row("<mo>−</mo>", f"<mn>{size}</mn>") if text.startswith(minus) else f"<mn>{size}</mn>"
+    size, _, tens = text.removeprefix(minus).partition("×")
+    body = f"<mn>{escape(size.rstrip())}</mn>"
+    if tens:
+        exponent = tens.strip().removeprefix("10").translate(_LOWERED)
+        body = row(body, "<mo>×</mo>", f"<msup><mn>10</mn>{number(exponent)}</msup>")
+    return row("<mo>−</mo>", body) if text.startswith(minus) else body
 
 
 def symbol(name: str, dots: int = 0) -> str:

@@ -16,9 +16,11 @@ __all__ = [
     "in_newtons",
     "interval",
     "near_one",
+    "power_of_ten",
     "ratio",
     "rounded",
     "scale_for",
+    "scale_for_change",
     "significant",
     "uncertain",
     "unit_text",
@@ -29,6 +31,8 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MINUS = "\N{MINUS SIGN}"
 #: Probabilities and their ratios are told no finer than one in so many.
 _LEAST = 1e-4
+#: A size below so much of its unit is written in a smaller one.
+_READABLE = 0.01
 _NARROW = "\N{NARROW NO-BREAK SPACE}"
 #: Prefixes by unit: an error of a few millimetres is not written in metres.
 _PREFIXED = {"m": ("m", "µm", "mm"), "rad": ("rad", "µrad", "mrad"), "V": ("V", "µV", "mV"), "s": ("s", "µs", "ms")}
@@ -58,6 +62,12 @@ def scale_for(unit: str, typical: float) -> Scale:
     return Scale(1e6, micro) if abs(typical) < 1e-4 else Scale(1e3, milli)
 
 
+def scale_for_change(unit: str, before: float, after: float) -> Scale:
+    """Return the prefix for a size before and after: that of the larger one while the smaller one has digits there."""
+    scale = scale_for(unit, before if math.isfinite(before) else after)
+    return scale if after * scale.factor >= _READABLE else scale_for(unit, after)
+
+
 def unit_text(unit: str, coordinate: str = "rad") -> str:
     """Return a unit such as ``"s^-2 q^-2"`` as a reader writes it; `coordinate` stands for q, and nothing for 1."""
     factors = []
@@ -80,7 +90,8 @@ def fixed(value: float, decimals: int) -> str:
     return (_MINUS if whole.startswith("-") else "") + digits + dot + rest
 
 
-def _power(exponent: int) -> str:
+def power_of_ten(exponent: int) -> str:
+    """Return the factor that stands behind a number."""
     return f"×{_NARROW}10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
@@ -101,7 +112,7 @@ def significant(value: float | None, digits: int = 3) -> str:
     exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if -4 < exponent < 7:
         return fixed(value, digits - 1 - exponent)
-    return f"{fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{_power(exponent)}"
+    return f"{fixed(value / 10.0**exponent, digits - 1)}{_NARROW}{power_of_ten(exponent)}"
 
 
 def in_newtons(known: Mapping[str, Any] | None) -> str:
@@ -135,7 +146,7 @@ def uncertain(value: float | None, sd: float | None) -> str:
         return f"{fixed(value, decimals)} ± {fixed(sd, decimals)}"
     decimals = _decimals(sd) + exponent
     unit = 10.0**exponent
-    return f"({fixed(value / unit, decimals)} ± {fixed(sd / unit, decimals)}){_NARROW}{_power(exponent)}"
+    return f"({fixed(value / unit, decimals)} ± {fixed(sd / unit, decimals)}){_NARROW}{power_of_ten(exponent)}"
 
 
 def rounded(value: float | None, sd: float | None) -> str:
@@ -199,4 +210,4 @@ def interval(low: float | None, high: float | None) -> str:
         return f"{fixed(low, decimals)} to {fixed(high, decimals)}"
     unit = 10.0**exponent
     decimals += exponent
-    return f"({fixed(low / unit, decimals)} to {fixed(high / unit, decimals)}){_NARROW}{_power(exponent)}"
+    return f"({fixed(low / unit, decimals)} to {fixed(high / unit, decimals)}){_NARROW}{power_of_ten(exponent)}"

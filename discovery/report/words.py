@@ -9,7 +9,7 @@ from typing import Any
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
-from discovery.report.numbers import Scale, scale_for, significant
+from discovery.report.numbers import Scale, power_of_ten, scale_for_change, significant
 from discovery.report.results import Run
 from discovery.report.sentences import effect_name, lead_sentence, listed, verdict_sentence
 
@@ -63,6 +63,7 @@ _WRITTEN = (
 #: Ids, and whole numbers that are long enough to be grouped.
 _ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _LONG = re.compile(r"(?<![\w.])\d{5,}(?![\w.])")
+_TENS = re.compile(r"(?<=\d)e([+-]\d+)\b")
 
 
 def _listed(effect_id: str) -> bool:
@@ -74,6 +75,7 @@ def prose(text: str) -> str:
     """Return a sentence of a result file with its symbols, effects and numbers as a reader writes them."""
     text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or _listed(m[0]) else m[0], text)
     text = _LONG.sub(lambda m: f"{int(m[0]):,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), text)
+    text = _TENS.sub(lambda m: f"\N{NARROW NO-BREAK SPACE}{power_of_ten(int(m[1]))}", text)
     for pattern, written in _WRITTEN:
         text = re.sub(pattern, written, text)
     return text
@@ -127,7 +129,8 @@ def error_groups(run: Run) -> dict[str, str]:
 def error_scale(run: Run) -> Scale:
     """Return the unit in which the run's errors are printed."""
     errors = run.loop["errors"]
-    return scale_for(errors["unit"], errors["after"][held_group(errors)]["rms"])
+    group = held_group(errors)
+    return scale_for_change(errors["unit"], *(errors[when][group]["rms"] for when in ("before", "after")))
 
 
 def headline(run: Run) -> str:

@@ -18,6 +18,7 @@ from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine
 from discovery.estimation.solver_error import error_unit
+from discovery.foundation.arguments import check_callable, check_seed, expect
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
@@ -99,6 +100,9 @@ def close_loop(
     train, holdout = _given(train, holdout)
     units = natural_units(train)
     settings = settings or LoopSettings()
+    expect(settings, LoopSettings, "settings", "Make some with LoopSettings(name=value).")
+    check_seed(settings.seed if seed is None else seed)
+    check_callable(progress, "progress")
     settings = settings if seed is None else replace(settings, seed=seed)
     least = min(float(e.recording.noise.min()) for e in (*train, *holdout)) / error_unit(train, units)
     rounding = _rounding([*train, *holdout])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from discovery.estimation.fit import Fit
 from discovery.estimation.predict import held_out
+from discovery.foundation.arguments import as_path, check_callable, check_seed, expect
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.time_limit import TimeIsUp, time_limit
 from discovery.posterior.draws import Posterior
@@ -48,7 +50,7 @@ def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> l
 
 def run(
     dataset: Dataset,
-    out: Path,
+    out: str | os.PathLike[str],
     *,
     seed: int = 1,
     progress: Tell = silent,
@@ -62,7 +64,7 @@ def run(
     ----------
     dataset : Dataset
         Rig and recordings.
-    out : Path
+    out : path
         Folder for results.json, loop.json and the netCDF files; made if need be.
     seed : int
         Seed of everything random.
@@ -80,8 +82,12 @@ def run(
     dict
         The content of results.json.
     """
+    expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
+    check_seed(seed)
+    check_callable(progress, "progress")
+    folder = as_path(out, "out", "Give the folder for the results.")
     found = answer(
-        dataset, out, seed=seed, progress=progress, command=command, note=note, with_posterior=with_posterior
+        dataset, folder, seed=seed, progress=progress, command=command, note=note, with_posterior=with_posterior
     )
     return add_posterior(found, progress=progress) if with_posterior else dict(found.content)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from discovery.foundation.arguments import check_callable, check_seed, expect
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
@@ -76,6 +77,9 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell = silent) -> Dis
     InputError
         For recordings without the channels that this needs, and for a system that the library does not describe.
     """
+    expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
+    check_seed(seed)
+    check_callable(progress, "progress")
     if not can_discover(dataset.rig):
         raise InputError(
             f"{dataset.rig.name}: sparse regression needs readings of the coordinate and of the force on it. Use "

@@ -21,12 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
+from discovery.rigs.rig import Rig
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 from discovery.theory.elastica.static_law import SMALL_DEFLECTION, StaticLaw, fitted_law, usable_deflections
 
 if TYPE_CHECKING:
-    from discovery.rigs.rig import Quantity, Rig
+    from discovery.rigs.rig import Quantity
 
 __all__ = ["LAWS", "MASSES", "Comparison", "Prediction", "PredictionRow", "predict"]
 
@@ -151,7 +153,7 @@ class Prediction:
 
 def predict(
     rig: Rig,
-    rng: np.random.Generator,
+    seed: np.random.Generator | int = 1,
     *,
     delta_max: float | None = None,
     deflection: npt.ArrayLike | None = None,
@@ -166,8 +168,8 @@ def predict(
     ----------
     rig : Rig
         With length, tip mass, beam mass and flexural rigidity.
-    rng : numpy.random.Generator
-        Source of the draws.
+    seed : int or numpy.random.Generator
+        Of the draws.
     delta_max, deflection : optional
         As in :func:`discovery.theory.elastica.static_law.static_law`; without either, the law ``static_least_squares``
         is left out.
@@ -183,6 +185,8 @@ def predict(
     InputError
         If the rig lacks a quantity, or the deflections cannot be used.
     """
+    expect(rig, Rig, "rig", "Read one with read_rig(path), or take dataset.rig.")
+    rng = np.random.default_rng(seed)
     missing = [name for name in _NEEDED if getattr(rig, name) is None]
     if missing:
         raise InputError(

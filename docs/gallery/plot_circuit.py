@@ -61,4 +61,4 @@ found = discovery.close_loop(data)
 print(found)
 ratio = found.after.values["beta"] / found.after.values["alpha"]
 print(f"beta / alpha = {ratio:.3f} V^-2, simulated 1.5")
-_ = found.plot_errors()
+_ = found.plot_residuals()

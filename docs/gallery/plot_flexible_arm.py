@@ -24,4 +24,4 @@ print(found)
 print(f"tau = {1e3 * found.after.values['tau']:.3f} ms")
 
 # %%
-_ = found.plot_errors()
+_ = found.plot_residuals()
