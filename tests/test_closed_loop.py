@@ -68,7 +68,7 @@ def test_the_study_writes_its_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "old" not in text
     assert text.startswith("before\n")
     assert text.endswith("after\n")
-    assert f"| 0.001 | {rows[0]['tip_error_mm']:.4g} → " in text
+    assert f"| 0.001 | {significant(rows[0]['tip_error_mm'])} → " in text
     assert (tmp_path / "docs" / "images" / "closed_loop.svg").stat().st_size < 200_000
     told = (folder / "report.html").read_text()
     tip = significant(rows[0]["tip_error_mm"])

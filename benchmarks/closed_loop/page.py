@@ -40,7 +40,7 @@ def best(rows: Sequence[Row]) -> tuple[Row, Row]:
 def _cells(before: Row, after: Row) -> list[str]:
     if "failure" in before or "failure" in after:
         return ["unstable"] * len(_MEASURES)
-    return [f"{before[key]:.4g} → {after[key]:.4g}" for key, _ in _MEASURES]
+    return [f"{significant(before[key])} → {significant(after[key])}" for key, _ in _MEASURES]
 
 
 def markdown(rows: Sequence[Row]) -> str:
@@ -62,13 +62,12 @@ def _table(rows: Sequence[Row]) -> Table:
         ("price_s4", "model", *keys),
         [[row["price_s4"], row["model"], *(row.get(key) for key in keys)] for row in rows],
         text=(),
-        narrow=(0, 1, 2, 3, 4),
     )
 
 
 def _draw(before: Row, after: Row) -> Picture:
     """Return tip and motor in both loops."""
-    figure = new_figure(4.2, width=7.2)
+    figure = new_figure(4.2)
     tip, motor = figure.subplots(2, 1, sharex=True)
     for row, colour, name in ((before, RED, "of the declared model"), (after, BLUE, "of the discovered model")):
         run = row["run"]
@@ -78,13 +77,12 @@ def _draw(before: Row, after: Row) -> Picture:
     tip.set_ylim(-40.0, 40.0)
     motor.set_ylabel("motor [rad/s²]")
     motor.set_xlabel("time [s]")
-    figure.legend(loc="outside upper left", ncols=2)
+    figure.legend(loc="outside upper left")
     return Picture(
         "closed_loop",
         figure,
         f"Tip and motor of the twin, which turns by {TURN:g} rad, at a price of {before['price_s4']:g} s⁴.",
         "The tip under the controller of the discovered model comes to rest closer to its goal.",
-        wide=True,
     )
 
 
