@@ -16,7 +16,7 @@ from discovery.report.tables import Table
 __all__ = ["best", "build_page", "markdown"]
 
 Row = Mapping[str, Any]
-#: What is compared: key, head of the column, and head in the CSV file.
+#: What is compared: key, which is also the head in the CSV file, and head of the column.
 _MEASURES = (
     ("tip_error_mm", f"tip error in the last {LAST:g} s [mm]"),
     ("energy_left_uJ", "energy left in the arm [µJ]"),

@@ -19,6 +19,7 @@ __all__ = [
     "listed",
     "model_error_words",
     "probability_words",
+    "refutations",
     "share_words",
     "verdict_sentence",
 ]
@@ -121,6 +122,16 @@ def verdict_sentence(loop: Record) -> str:
     if loop["verdict"] == "partly_explained":
         return f"what is left is a model error of {after} {unit}{part}{_depends(error)}"
     return f"a model error of {after} {unit} is left{part}, and no effect is likely enough to be named{_depends(error)}"
+
+
+def refutations(loop: Record) -> list[str]:
+    """Return by which readings recordings refute the rig file, a sentence for each recording."""
+    return [
+        f"{recording['name']}: {note}"
+        for recording in loop.get("recordings", ())
+        for note, flag in zip(recording.get("notes", ()), recording.get("flags", ()), strict=False)
+        if flag["severity"] == "impossible"
+    ]
 
 
 def lead_sentence(lead: Record) -> str:
