@@ -18,6 +18,7 @@ CASES ?= 300
 
 # What results are made from, and what only their pages are made from.
 PAGE := $(sort $(shell find discovery/report -type f ! -name '*.pyc'))
+CONTROL := $(sort $(shell find benchmarks/closed_loop -type f ! -name '*.pyc'))
 PAPER := $(sort $(shell find benchmarks/paper -type f ! -name '*.pyc'))
 CODE := $(sort $(filter-out discovery/report/%,$(shell find discovery -name '*.py' -o -name '*.txt')) \
 	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml)) requirements.lock
@@ -68,6 +69,11 @@ $(LOOPS): reports/%/report.html: datasets/%/rig.toml datasets/%/train_paper.csv 
 	@$(BIN)/discovery loop $< --train datasets/$*/train_paper.csv --train datasets/$*/train_large.csv \
 		--holdout datasets/$*/holdout_inside.csv --seed $(SEED) --out $(@D)
 
+# Two controllers of the twin, on the models of one of these loops.
+reports/closed_loop/report.html: reports/arm_delay/report.html $(CONTROL)
+	@echo "a controller from the discovered model"
+	@$(BIN)/python -m benchmarks.closed_loop reports $(@D) --workers $(WORKERS) --again
+
 # A study is not repeated while the code that it depends on is the same.
 reports/paper/studies.json: $(CODE) $(PAPER) | $(READY)
 	@echo "the source paper: every equation, figure and claim"
@@ -77,7 +83,7 @@ reports/paper/report.html: reports/paper/studies.json $(PAGE) $(PAPER)
 	@[ -z "$$(find $^ -newer $@ 2>&1)" ] || $(BIN)/python -m benchmarks.paper $(@D)
 	@touch $@
 
-reports/index.html: $(PAGES) $(LOOPS) $(PAGE)
+reports/index.html: $(PAGES) $(LOOPS) reports/closed_loop/report.html $(PAGE)
 	@$(if $(SILVERBOX),:,echo "the Silverbox is left out: its recording is not here. Set DISCOVERY_DATA to the folder that holds silverbox/SNLS80mV.mat (or: $(BIN)/discovery data fetch silverbox/SNLS80mV.mat) and make again")
 	@$(BIN)/python -m discovery.report.index reports
 
@@ -114,8 +120,8 @@ bench: $(READY) ## Measure speed and recovery beside peers; the figures are writ
 		echo "the peers could not be installed; those that are missing are left out with their reason"
 	@for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python "$$b" "reports/bench/$$(basename "$$b" .py).json" || exit 1; done
 
-closed-loop: reports/arm_delay/report.html $(READY) ## Control the twin by the declared and by the discovered model; docs/CLOSED_LOOP.md
-	$(BIN)/python -m benchmarks.closed_loop reports reports/closed_loop docs/CLOSED_LOOP.md
+closed-loop: reports/closed_loop/report.html ## Control the twin by the declared and by the discovered model; docs/CLOSED_LOOP.md
+	$(BIN)/python -m benchmarks.closed_loop reports reports/closed_loop --page docs/CLOSED_LOOP.md
 
 # The file is written when the service has answered: a fault found fails, a service out of reach does not.
 audit: ## Look the pinned dependencies up in the list of known vulnerabilities (needs the network)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from markupsafe import escape
 from test_security import HOSTILE, harmless
 
 from discovery.report.campaign import build_campaign
@@ -62,6 +63,22 @@ def test_the_page_shows_every_case_and_links_those_that_have_a_page(tmp_path: Pa
     assert worst["case"].tolist() == ["c", "b", "a"]
     assert worst["after_over_floor"].tolist() == pytest.approx([6.0, 4.0, 2.0])
     assert len(pd.read_csv(tmp_path / "tables" / "pooled.csv")) == 1
+
+
+@pytest.mark.parametrize(
+    ("dashboard", "linked"),
+    [
+        ("http://127.0.0.1:8787/status", True),
+        ("", False),
+        ("javascript:alert(1)", False),
+        ('http://a/"><script>', True),
+    ],
+)
+def test_the_dashboard_of_the_cluster_is_linked(dashboard: str, linked: bool, tmp_path: Path) -> None:
+    page = build_campaign(tmp_path, [outcome("a")], [], dashboard).read_text(encoding="utf-8")
+    assert (f'href="{escape(dashboard)}"' in page) == linked
+    assert "<script" not in page
+    assert "javascript:" not in page
 
 
 def test_no_name_of_a_case_is_markup_or_code(tmp_path: Path) -> None:

@@ -11,9 +11,10 @@ from scipy.integrate import solve_ivp
 from test_unit_mistakes import FALL, pendulum
 
 from discovery.cli.doubts import doubts
+from discovery.cli.loop_page import write_page
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.gravity_scale import _stretches, angle_doubt, fall_doubt
-from discovery.report.sentences import verdict_sentence
+from discovery.report.sentences import refutations, verdict_sentence
 from discovery.runs.loop import close_loop
 from discovery.runs.stages import unexplained
 
@@ -160,6 +161,10 @@ def test_readings_that_refute_the_unit_are_not_explained(unit, verdict, tmp_path
     (sentence,) = doubts(found, dataset)
     assert 'For rad, set unit = "rad"' in sentence
     assert "So in 1" in sentence
+    assert [told.partition(":")[0] for told in refutations(found.summary())] == ["0", "1"]
+    page = write_page(tmp_path, dataset, found, None, 1).read_text(encoding="utf-8")
+    assert "The file is in doubt." in page
+    assert page.count("as that of a pendulum whose angle is in rad") >= 2
 
 
 def test_a_declared_law_that_bends_the_period_leaves_no_doubt():

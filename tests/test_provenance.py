@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import subprocess
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -46,6 +47,14 @@ def test_versions_are_those_installed(dataset: Dataset) -> None:
         assert found[package] == version(package)
 
 
+@pytest.fixture
+def afresh() -> Iterator[None]:
+    """The revision is looked up anew, and again after the test."""
+    module.git_revision.cache_clear()
+    yield
+    module.git_revision.cache_clear()
+
+
 def test_a_package_that_is_absent_is_said(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_PACKAGES", ("numpy", "no-such-package"))
     assert provenance(dataset, seed=1)["versions"]["no-such-package"] == "not installed"
@@ -59,6 +68,7 @@ def test_the_command_names_no_folder_of_this_machine(dataset: Dataset, tmp_path:
     assert provenance(dataset, seed=3, command=[])["command"] == ""
 
 
+@pytest.mark.usefixtures("afresh")
 def test_outside_a_repository_there_is_no_revision(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*arguments: object, **options: object) -> None:
         raise subprocess.CalledProcessError(128, "git")

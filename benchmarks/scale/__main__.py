@@ -15,7 +15,7 @@ from benchmarks.faults.page import put
 from benchmarks.scale.study import study
 
 _HEAD = (
-    "", "rigs", "kills", "begun", "lost", "kept twice", "differing", "time [s]", "efficiency",
+    "", "rigs", "kills", "begun", "lost", "kept twice", "differing", "time [s]", "efficiency", "parent’s processor [%]",
     "parent’s memory, second → last tenth [MiB]", "largest worker [MiB]",
 )  # fmt: skip
 
@@ -27,9 +27,9 @@ def table(content: Mapping[str, Any]) -> str:
         one = content[name]
         counts = " | ".join(str(one[key]) for key in ("rigs", "kills", "begun", "lost", "kept_twice", "differing"))
         memory = f"{one['memory_mib']['second_tenth']:.0f} → {one['memory_mib']['last_tenth']:.0f}"
-        efficiency = f"{100 * one['efficiency']:.0f} %"
+        shares = f"{100 * one['efficiency']:.0f} % | {100 * one['own_cpu_s'] / one['work_cpu_s']:.1f}"
         lines.append(
-            f"| {title} | {counts} | {one['seconds']:.0f} | {efficiency} | {memory} | {one['worker_peak_mib']:.0f} |"
+            f"| {title} | {counts} | {one['seconds']:.0f} | {shares} | {memory} | {one['worker_peak_mib']:.0f} |"
         )
     lines += [
         "",

@@ -103,7 +103,12 @@ def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases
             note(f"{rig}: not in its [records], not used: {', '.join(unused)}")
 
 
-def _page(folder: Path, names: Sequence[str]) -> Path:
+def _say_dashboard(link: str, dashboards: list[str]) -> None:
+    dashboards.append(link)
+    note(f"dashboard of the cluster: {link}")
+
+
+def _page(folder: Path, names: Sequence[str], dashboard: str = "") -> Path:
     """Pool the parameters of some cases, and write the page over all of them."""
     from discovery.report.campaign import build_campaign
     from discovery.results.provenance import write_json
@@ -112,7 +117,7 @@ def _page(folder: Path, names: Sequence[str]) -> Path:
 
     pooled = pooled_parameters(rows(folder, names))
     write_json(folder / "pooled.json", {"pooled": pooled})
-    return build_campaign(folder, [_slim(row) for row in rows(folder, names)], pooled)
+    return build_campaign(folder, [_slim(row) for row in rows(folder, names)], pooled, dashboard)
 
 
 def _slim(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -200,8 +205,8 @@ def campaign(
 
     With --scheduler, or the address in DISCOVERY_SCHEDULER, a Dask cluster works instead of this machine. Its workers
     must have this package installed and see rig files, recordings and --out under the same paths. A scheduler of
-    another machine needs a tls:// address; the address of its dashboard is said. Without a scheduler nothing listens
-    on any port.
+    another machine needs a tls:// address; the address of its dashboard is said, and linked on the page. Without a
+    scheduler nothing listens on any port.
     """
     from discovery.foundation.errors import ComputationError
     from discovery.runs.campaign import campaign as run
@@ -212,7 +217,8 @@ def campaign(
     made = origins(cases)
     folder = results_folder(out, "campaign.json", "results.parquet", "results.csv", "campaign.html")
     how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "insecure": insecure, "limit": limit}
-    how["heard"] = lambda link: None if quiet else note(f"dashboard of the cluster: {link}")
+    dashboards: list[str] = []
+    how["heard"] = dashboards.append if quiet else lambda link: _say_dashboard(link, dashboards)
     outcomes = run(close, cases, folder, settings={"seed": seed}, origins=made, **how)
     left = list(unfinished(cases, folder, made))
     if not quiet:
@@ -221,7 +227,7 @@ def campaign(
     done = watched(outcomes, len(left), "cases") if left and not quiet else outcomes
     failed = _count_failed(done, quiet=as_json)
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
-    page = _page(folder, [name for name, _ in cases])
+    page = _page(folder, [name for name, _ in cases], *dashboards)
     if as_json:
         _print_cases(folder, cases, [table, page])
     else:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import subprocess
+from functools import cache
 from pathlib import Path
 
 __all__ = ["git_revision"]
 
 
+@cache
 def git_revision() -> str | None:
-    """Return the revision of the source tree, with a mark where it has changes; None outside its repository.
+    """Return the revision of the source tree when it is first asked for, with a mark where it has changes.
+
+    None outside its repository.
 
     A repository that merely has the package somewhere below it, as in an environment, is another project's.
     """

@@ -30,7 +30,9 @@ _WORST, _MANY = 10, 40
 _SAID = 200
 
 
-def build_campaign(folder: Path, rows: Sequence[Mapping[str, Any]], pooled: Sequence[Mapping[str, Any]]) -> Path:
+def build_campaign(
+    folder: Path, rows: Sequence[Mapping[str, Any]], pooled: Sequence[Mapping[str, Any]], dashboard: str = ""
+) -> Path:
     """Write ``campaign.html`` and ``tables/`` of a campaign.
 
     Parameters
@@ -41,6 +43,8 @@ def build_campaign(folder: Path, rows: Sequence[Mapping[str, Any]], pooled: Sequ
         Outcomes of the cases, from `discovery.runs.campaign.rows`.
     pooled : sequence of mapping
         From `discovery.runs.pooling.pooled_parameters`.
+    dashboard : str
+        Address of the dashboard of the cluster that did the cases; of the web, else it is not linked.
 
     Returns
     -------
@@ -58,6 +62,7 @@ def build_campaign(folder: Path, rows: Sequence[Mapping[str, Any]], pooled: Sequ
     context = {
         "answer": _answer(rows),
         "many": len(rows) > _MANY,
+        "dashboard": dashboard if dashboard.startswith(("http://", "https://")) else "",
         "tables": {name: table.html() for name, table in tables.items()},
         "figures": {"specimens": figures},
         "failed": [(row["name"], row["error"][:_SAID]) for row in rows if row["error"]],

@@ -36,6 +36,11 @@ _PAGES = {
         "Public recordings of real systems, each from one rig file, side by side: what the loop added, and the error "
         "beside the best figure known from elsewhere.",
     ),
+    "closed_loop": (
+        "A controller from a discovered model",
+        "The twin of the arm in a loop with two controllers, one tuned on the declared and one on the discovered "
+        "model: tip error and energy, before and after.",
+    ),
 }
 
 
@@ -46,7 +51,8 @@ def build_index(folder: Path) -> Path:
     ----------
     folder : Path
         Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
-        ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side.
+        ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side,
+        ``closed_loop`` the controllers.
 
     Returns
     -------
@@ -82,6 +88,8 @@ def _pages(folder: Path) -> list[tuple[str, str, str]]:
         found.append((f"{studies.parent.name}/report.html", *_PAGES["paper"]))
     if (folder / "measured" / "index.html").exists():
         found.append(("measured/index.html", *_PAGES["measured"]))
+    if (folder / "closed_loop" / "report.html").exists():
+        found.append(("closed_loop/report.html", *_PAGES["closed_loop"]))
     return found
 
 

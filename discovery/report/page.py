@@ -33,7 +33,7 @@ from discovery.report.references import effects_used, methods_used
 from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
 from discovery.report.scripts import policy, scripts, sheet
-from discovery.report.sentences import effect_sentence, lead_sentence, model_error_words, verdict_sentence
+from discovery.report.sentences import effect_sentence, lead_sentence, model_error_words, refutations, verdict_sentence
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
 from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, prose, sentence
@@ -226,6 +226,7 @@ def _first_screen(run: Run) -> dict[str, Any]:
         "headline": headline(run),
         "verdict": run.loop["verdict"],
         "because": verdict_sentence(run.loop),
+        "refutations": refutations(run.loop),
         "model_error": model_error_words(run.loop["model_error"]),
         "lead": lead_sentence(run.loop["lead"]) if run.loop.get("lead") else "",
         "added": added_effects(run),

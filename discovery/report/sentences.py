@@ -20,6 +20,7 @@ __all__ = [
     "listed",
     "model_error_words",
     "probability_words",
+    "refutations",
     "remedy_sentence",
     "share_words",
     "verdict_sentence",
@@ -149,6 +150,16 @@ def remedy_sentence(failure: Record) -> str:
         words = "check the units of the columns, and give guesses within a factor of two of the truth"
         return f"{words}; or {part}" if part else words
     return "check the units of stiffness and inertia, and their guesses: a light part on a stiff spring rings too fast"
+
+
+def refutations(loop: Record) -> list[str]:
+    """Return by which readings recordings refute the rig file, a sentence for each recording."""
+    return [
+        f"{recording['name']}: {note}"
+        for recording in loop.get("recordings", ())
+        for note, flag in zip(recording.get("notes", ()), recording.get("flags", ()), strict=False)
+        if flag["severity"] == "impossible"
+    ]
 
 
 def lead_sentence(lead: Record) -> str:

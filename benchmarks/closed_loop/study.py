@@ -1,16 +1,12 @@
-"""A controller tuned on the discovered model against one tuned on the declared model, both in a loop with the twin.
+"""Two controllers in a loop with the twin.
 
-Usage: ``python -m benchmarks.closed_loop REPORTS OUT PAGE``. REPORTS holds the loop on `arm_delay`; OUT gets
-`results.json`; of PAGE the table between two marks is written again, and its figure. Both controllers are
-linear-quadratic with the same weights and the same design of the filter; all that differs is the model that they are
-designed on. The twin is none of the models: another rod with its own code, its camera late and noisy, its encoder with
-steps.
+Both are linear-quadratic with the same weights and the same design of the filter; all that differs is the model that
+they are designed on. The twin is none of the models: another rod with its own code, its camera late and noisy, its
+encoder with steps.
 """
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +21,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from discovery.export import FittedModel, discretise, linearise, read_fitted
+from discovery.runs.attempt import Outcome
+from discovery.runs.spread import spread
+
+__all__ = ["LAST", "SEEDS", "TURN", "compare", "design", "drive", "motion", "score"]
 
 FloatArray = NDArray[np.float64]
 #: Time between samples and length of a run [s], and the angle to be turned [rad].
@@ -35,9 +35,10 @@ PRICES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 PUSH, CAMERA, ENCODER = 1.0, 3e-4, 4e-5
 DELAY = 0.01
 SEEDS = (1, 2, 3)
-BEGIN, END = "<!-- table: written by `make closed-loop` -->", "<!-- end of table -->"
 #: Part of the run over which the end is looked at [s].
 LAST = 1.0
+#: Of the samples of a run, one in so many is drawn.
+_DRAWN = 5
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,13 @@ def design(found: FittedModel, price: float) -> Controller:
     wanted = SAMPLE * tip.T @ tip + 1e-12 * np.eye(len(sampled.states))
     s = solve_discrete_are(sampled.a, sampled.b, wanted, np.array([[SAMPLE * price]]))
     gain = np.linalg.solve(SAMPLE * price + sampled.b.T @ s @ sampled.b, sampled.b.T @ s @ sampled.a)
-    return Controller(sampled.a, sampled.b, c, observe, gain)
+    return Controller(sampled.a, sampled.b, c, observe, np.asarray(gain, np.float64))
 
 
 def motion(accelerations: list[float]) -> Manoeuvre:
     """Return the motor's motion from rest at minus the turn, its acceleration held between samples."""
-    at, rate, pieces = -TURN, 0.0, [(-TURN,)]
+    at, rate = -TURN, 0.0
+    pieces: list[tuple[float, ...]] = [(-TURN,)]
     for push in accelerations:
         pieces.append((at, rate, push / 2))
         at, rate = at + SAMPLE * (rate + SAMPLE * push / 2), rate + SAMPLE * push
@@ -123,77 +125,42 @@ def score(run: dict[str, FloatArray], price: float) -> dict[str, float]:
     }
 
 
-def compare(reports: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return a row for every price and model, and the runs of the first seed."""
-    rows, runs = [], {}
-    for price in PRICES:
-        for what in ("before", "after"):
-            controller = design(read_fitted(reports / "arm_delay", what), price)
-            row: dict[str, Any] = {"price": price, "model": what}
-            try:
-                found = [drive(controller, seed) for seed in SEEDS]
-            except TwinError as error:
-                row["failure"] = str(error)
-            else:
-                scores = [score(run, price) for run in found]
-                row |= {key: float(np.mean([s[key] for s in scores])) for key in scores[0]}
-                runs[price, what] = found[0]
-            rows.append(row)
-            print(row, flush=True)
-    return rows, runs
+def driven(case: tuple[Path, str, float, int], _seed: object) -> dict[str, Any]:
+    """Return how a controller does with one noise, and with the first one what is drawn of the run."""
+    loop, what, price, seed = case
+    run = drive(design(read_fitted(loop, what), price), seed)
+    drawn = {
+        "time_s": run["time"][::_DRAWN],
+        "tip_mrad": 1e3 * np.angle(run["tip"][::_DRAWN]),
+        "motor_rad_s2": run["push"][::_DRAWN],
+    }
+    scores: dict[str, Any] = dict(score(run, price))
+    return scores | ({"run": {key: value.tolist() for key, value in drawn.items()}} if seed == SEEDS[0] else {})
 
 
-def draw(runs: dict[Any, dict[str, FloatArray]], path: Path) -> None:
-    """Draw the tip and the motor in both loops."""
-    import matplotlib
+def compare(reports: Path, workers: int = 1) -> list[dict[str, Any]]:
+    """Return a row for every price and model: means over the seeds of the noise, and the run with the first of them.
 
-    matplotlib.use("svg")
-    import matplotlib.pyplot as plt
-
-    matplotlib.rcParams |= {"svg.hashsalt": "closed_loop", "svg.fonttype": "none"}
-    # The price at which the discovered model's controller leaves the tip nearest to its goal.
-    price = min((p for p, what in runs if what == "after"), key=lambda p: score(runs[p, "after"], p)["tip_error_mm"])
-    thin = slice(None, None, 5)
-    figure, axes = plt.subplots(2, 1, sharex=True, figsize=(7, 4.5), layout="constrained")
-    for what, colour in (("before", "tab:red"), ("after", "tab:green")):
-        run, name = (
-            runs[price, what],
-            {"before": "tuned on the declared model", "after": "on the discovered model"}[what],
-        )
-        axes[0].plot(run["time"][thin], 1e3 * np.angle(run["tip"][thin]), color=colour, label=name)
-        axes[1].plot(run["time"][::10], run["push"][::10], color=colour, drawstyle="steps-post")
-    axes[0].set_ylabel("tip from its goal [mrad]")
-    axes[0].set_ylim(-40, 40)
-    axes[1].set_ylabel("motor [rad/s$^2$]")
-    axes[1].set_xlabel("time [s]")
-    axes[0].legend()
-    figure.savefig(path, metadata={"Date": None})
+    Parameters
+    ----------
+    reports : Path
+        With the folder of the loop on `arm_delay`.
+    workers : int
+        Processes.
+    """
+    rows = [(price, what) for price in PRICES for what in ("before", "after")]
+    cases = {
+        f"{what} {price:g} {seed}": (reports / "arm_delay", what, price, seed) for price, what in rows for seed in SEEDS
+    }
+    found = {outcome.name: outcome for outcome in spread(driven, list(cases.items()), workers=workers)}
+    return [_row(price, what, [found[f"{what} {price:g} {seed}"] for seed in SEEDS]) for price, what in rows]
 
 
-def table(rows: list[dict[str, Any]]) -> str:
-    """Return the rows side by side: on the declared model, on the discovered one."""
-    lines = [
-        "| price of the acceleration [s⁴] | tip error in the last second [mm] | energy left in the arm [µJ] | "
-        "effort [rad²/s³] | cost |",
-        "|---|---|---|---|---|",
-    ]
-    for before, after in zip(rows[::2], rows[1::2], strict=True):
-        cells = [
-            f"{before[key]:.4g} → {after[key]:.4g}" if key in before and key in after else "unstable"
-            for key in ("tip_error_mm", "energy_left_uJ", "effort", "cost")
-        ]
-        lines.append(f"| {before['price']:g} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def main(reports: Path, out: Path, page: Path) -> None:
-    out.mkdir(parents=True, exist_ok=True)
-    rows, runs = compare(reports)
-    (out / "results.json").write_text(json.dumps({"sample_s": SAMPLE, "turn_rad": TURN, "rows": rows}, indent=1) + "\n")
-    draw(runs, page.parent / "images" / "closed_loop.svg")
-    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    page.write_text(f"{head}{BEGIN}\n{table(rows)}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+def _row(price: float, what: str, outcomes: list[Outcome]) -> dict[str, Any]:
+    row: dict[str, Any] = {"price_s4": price, "model": what}
+    failed = [outcome.error for outcome in outcomes if outcome.result is None]
+    if failed:
+        return row | {"failure": failed[0]}
+    scores = [dict(outcome.result or {}) for outcome in outcomes]
+    run = scores[0].pop("run")
+    return row | {key: float(np.mean([s[key] for s in scores])) for key in scores[0]} | {"run": run}
