@@ -11,8 +11,9 @@ import pytest
 
 from discovery.cli import main
 from discovery.report import build_report
+from discovery.report.failure_sentences import failure_sentence, remedy_sentence
 from discovery.report.index import build_index
-from discovery.report.sentences import failure_sentence, remedy_sentence, verdict_sentence
+from discovery.report.sentences import verdict_sentence
 
 #: A loss and a spring with the wrong sign: it runs away, and its guesses are stiff.
 RIG = """

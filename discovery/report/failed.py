@@ -7,13 +7,13 @@ from typing import Any
 from markupsafe import Markup
 
 from discovery.report.equations import model_formulas
+from discovery.report.failure_sentences import failure_sentence, remedy_sentence
 from discovery.report.figures import motion
 from discovery.report.latex import latex
 from discovery.report.mathml import block
 from discovery.report.measures import recordings_table
 from discovery.report.results import Run
 from discovery.report.scripts import policy, scripts
-from discovery.report.sentences import failure_sentence, remedy_sentence
 from discovery.report.style import Picture
 from discovery.report.words import origin
 

@@ -6,8 +6,11 @@ The console, the page, the table of a campaign and the comparison of runs all sa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+
+from discovery.report.failure_sentences import failure_sentence
+from discovery.report.number_words import plain, sizes
 
 __all__ = [
     "OUTCOMES",
@@ -15,13 +18,11 @@ __all__ = [
     "decision_sentence",
     "effect_name",
     "effect_sentence",
-    "failure_sentence",
     "lead_sentence",
     "listed",
     "model_error_words",
     "probability_words",
     "refutations",
-    "remedy_sentence",
     "share_words",
     "verdict_sentence",
 ]
@@ -38,8 +39,6 @@ OUTCOMES = {
 }
 #: Odds beyond which a number would promise more than a model of the noise can keep.
 _MOST = 10_000
-#: Units that take a prefix where a size is below a tenth.
-_PREFIXED = ("m", "rad", "V", "s")
 
 
 def listed(words: Iterable[str]) -> str:
@@ -89,7 +88,7 @@ def probability_words(probability: float | None) -> str:
 
 def model_error_words(error: Record) -> str:
     """Return the model error before and after, the part that is left, and what it depends on."""
-    (before, after, least), unit = _sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
     words = f"{before} -> {after} {unit}".strip()
     words += f", {share_words(error)} is left" if share_words(error) else ""
     return f"{words}{_depends(error)}; up to {least} {unit}".strip() + " counts as none"
@@ -100,7 +99,7 @@ def share_words(error: Record) -> str:
     share, before = error["share"], error["before"]
     if not (share and before) or not all(map(math.isfinite, (share, before))):
         return ""
-    return f"{_plain(100 * share, 2)} %"
+    return f"{plain(100 * share, 2)} %"
 
 
 def verdict_sentence(loop: Record) -> str:
@@ -108,7 +107,7 @@ def verdict_sentence(loop: Record) -> str:
     if loop.get("failure"):
         return failure_sentence(loop["failure"])
     error = loop["model_error"]
-    (before, after, _), unit = _sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    (before, after, _), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
     if loop["verdict"] == "nothing_missing":
         return f"the declared model keeps a model error of {after} {unit}, which {_as_none(error)}"
     if loop["verdict"] == "explained":
@@ -120,36 +119,6 @@ def verdict_sentence(loop: Record) -> str:
     if loop["verdict"] == "partly_explained":
         return f"what is left is a model error of {after} {unit}{part}{_depends(error)}"
     return f"a model error of {after} {unit} is left{part}, and no effect is likely enough to be named{_depends(error)}"
-
-
-def failure_sentence(failure: Record) -> str:
-    """Return why the declared model has no fit."""
-    numbers = failure["numbers"]
-    at = f", at {_plain(numbers['time'])} s" if "time" in numbers else ""
-    words = {
-        "runs_away": "the declared system runs away from rest by itself, and so does every fit of it",
-        "diverges": f"wherever its fit begins, the declared model leaves the measured range a hundred times over{at}",
-        "unresolved": "the declared model moves too fast, or too wildly, for any integration step",
-    }[failure["code"]]
-    if "grows_in" in numbers:
-        words += f"; at its guesses a small motion grows e-fold in {_plain(numbers['grows_in'])} s"
-    if "followed" in numbers:
-        words += f"; it can be fitted to the first {_plain(numbers['followed'])} s"
-    return words
-
-
-def remedy_sentence(failure: Record) -> str:
-    """Return what would help where the declared model has no fit."""
-    numbers = failure["numbers"]
-    short = numbers.get("followed") or 3 * numbers.get("grows_in", 0.0)
-    part = f"train on parts of {_plain(short, 2)} s or less (samples = [start, stop] in [records])" if short else ""
-    if failure["code"] == "runs_away":
-        words = "check the signs: a spring has the potential + k q^2/2, a loss the dissipation + c dot(q)^2/2"
-        return f"{words}. If the system is unstable by nature, {part}" if part else words
-    if failure["code"] == "diverges":
-        words = "check the units of the columns, and give guesses within a factor of two of the truth"
-        return f"{words}; or {part}" if part else words
-    return "check the units of stiffness and inertia, and their guesses: a light part on a stiff spring rings too fast"
 
 
 def refutations(loop: Record) -> list[str]:
@@ -194,14 +163,14 @@ def decision_sentence(step: Record) -> str:
         old, new = map(effect_name, step["effects"])
         if code != "accepted":
             return f"{old} contains {new}, and has too little beyond it: {_REASONS[code](numbers)}"
-        return f"with {new} in the place of {old} the log evidence is {_plain(numbers['odds'])} nats higher"
+        return f"with {new} in the place of {old} the log evidence is {plain(numbers['odds'])} nats higher"
     return _REASONS[code](numbers)
 
 
 def _accepted(numbers: Record) -> str:
     if math.isinf(numbers["train"]) or math.isinf(numbers["held"]):
         return "without it the motion blows up"
-    gains = f"{_nats(numbers['train'])} in training and {_plain(numbers['held'])} held out"
+    gains = f"{_nats(numbers['train'])} in training and {plain(numbers['held'])} held out"
     # Where the smallest of the three log odds is that against the model error, the gains alone would mislead.
     limited = ", as a model error may look the same" if numbers["odds"] == numbers["against_error"] else ""
     return f"the log evidence gains {gains}: {chances(numbers['odds'])}{limited}"
@@ -215,35 +184,33 @@ def _training(numbers: Record) -> str:
 
 def _held_out(numbers: Record) -> str:
     held = numbers["held"]
-    change = f"only {_plain(held)}" if held > 0 else f"loses {_plain(abs(held))}"
+    change = f"only {plain(held)}" if held > 0 else f"loses {plain(abs(held))}"
     return f"the log evidence gains {_nats(numbers['train'])} in training, but {change} on the held-out recordings"
 
 
 def _chance(numbers: Record) -> str:
-    gain = _plain(numbers["gain"])
+    gain = plain(numbers["gain"])
     return f"a chi-square of {gain} is removed, no more than noise would give the best of the catalogue"
 
 
 def _size(numbers: Record) -> str:
-    moved = _plain(numbers["size"], 2)
+    moved = plain(numbers["size"], 2)
     return f"the prediction moves by {moved} times the model error that is left, which may look the same"
 
 
 def _sampled(numbers: Record) -> str:
-    change, error, k = (_plain(numbers.get(n), 2) for n in ("correction", "error", "pareto_k"))
+    change, error, k = (plain(numbers.get(n), 2) for n in ("correction", "error", "pareto_k"))
     return f"what is not normal about the posterior changes the log evidence by {change} ± {error} nats (Pareto k {k})"
 
 
 def _laplace(numbers: Record) -> str:
     k = numbers.get("pareto_k")
-    told = (
-        f"their largest weights have Pareto k = {_plain(k, 2)}" if k is not None and math.isfinite(k) else "few count"
-    )
+    told = f"their largest weights have Pareto k = {plain(k, 2)}" if k is not None and math.isfinite(k) else "few count"
     return f"the draws of importance sampling cannot be trusted: {told}"
 
 
 def _complete(numbers: Record) -> str:
-    promise, chance = (_plain(numbers.get(k)) for k in ("promise", "chance"))
+    promise, chance = (plain(numbers.get(k)) for k in ("promise", "chance"))
     return f"what is left is noise: the best candidate promises a chi-square of {promise}, chance alone {chance}"
 
 
@@ -259,7 +226,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "laplace": _laplace,
     "unknown": lambda numbers: (
         f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
-        f"and {_plain(numbers['held'])} held out"
+        f"and {plain(numbers['held'])} held out"
     ),
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
     "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
@@ -278,7 +245,7 @@ def _as_none(error: Record) -> str:
     after, least = error["after"], error["least"]
     if after is None or after > least:
         return "counts as none"
-    (limit,), unit = _sizes([least], error["unit"])
+    (limit,), unit = sizes([least], error["unit"])
     return f"counts as none (up to {limit} {unit})"
 
 
@@ -287,25 +254,4 @@ def _depends(error: Record) -> str:
 
 
 def _nats(value: float | None) -> str:
-    return f"{_plain(value)} nats"
-
-
-def _sizes(values: Sequence[float | None], unit: str) -> tuple[list[str], str]:
-    """Return sizes in one unit, thousandths of it where all of them are small, and that unit."""
-    known = [v for v in values if v is not None and math.isfinite(v)]
-    small = unit in _PREFIXED and 0 < max(known, default=0.0) < 0.1
-    scaled = [v * 1e3 if small and v is not None else v for v in values]
-    return [_plain(v) for v in scaled], f"m{unit}" if small else "" if unit == "1" else unit
-
-
-def _plain(value: float | None, digits: int = 3) -> str:
-    """Return a number without an exponent where it has few digits."""
-    if value is None or math.isnan(value):
-        return "unknown"
-    if math.isinf(value):
-        return "beyond all bounds"
-    if value == 0 or not 1e-4 <= abs(value) < 1e7:
-        return f"{value:.{digits}g}"
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}")))))
-    text = f"{value:.{decimals}f}"
-    return text.rstrip("0").rstrip(".") if digits == 2 and "." in text else text
+    return f"{plain(value)} nats"
