@@ -81,6 +81,7 @@ def load_dataset(
     holdout: Sequence[str | os.PathLike[str]] = (),
     *,
     keep_third: bool = True,
+    estimate_noise: bool = False,
 ) -> Dataset:
     """Read a rig file and recordings.
 
@@ -93,6 +94,8 @@ def load_dataset(
     keep_third : bool
         Keep the last third of every training recording, or of its motion where that ends sooner, out of the fit where
         there is no hold-out: see `discovery.recordings.holdout_part`.
+    estimate_noise : bool
+        Take the noise of each channel from its scatter from sample to sample, whatever the rig file states.
 
     Raises
     ------
@@ -100,6 +103,7 @@ def load_dataset(
         For anything that cannot be used, naming file, column, row and remedy.
     """
     rig = read_rig(rig_path)
+    rig = rig.with_noise_estimated() if estimate_noise else rig
     parts = {
         "train": [RecordPart(Path(p)) for p in train] or list(rig.records.get("train", ())),
         "holdout": [RecordPart(Path(p)) for p in holdout] or ([] if train else list(rig.records.get("holdout", ()))),
