@@ -12,6 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from discovery.recordings.dataset import load_dataset
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, misread, misstated
 from discovery.recordings.quantisation import quantum, resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
@@ -229,6 +230,21 @@ def test_a_recording_says_that_its_noise_is_not_the_stated_one(tmp_path):
     recording = read_recording(tmp_path / "r.csv", rig)
     assert recording.noise[0] == NOISE / 2
     assert [note[:16] for note in recording.notes] == ["'y' scatters by "]
+
+
+@pytest.mark.parametrize("place", ["rig file", "call"])
+def test_the_scatter_is_used_where_that_is_asked_for(place, tmp_path):
+    pd.DataFrame({"t": T[:2000], "y": noisy(DECAY)[:2000]}).to_csv(tmp_path / "r.csv", index=False)
+    stated = '"estimate"' if place == "rig file" else str(NOISE / 2)
+    (tmp_path / "rig.toml").write_text(
+        'name = "o"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        f'output = {{ name = "y", unit = "m", noise = {stated} }}\n'
+    )
+    asked = {"estimate_noise": True} if place == "call" else {}
+    (experiment,) = load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"], **asked).train
+    assert experiment.recording.noise_estimated
+    assert 0.9 * NOISE < experiment.recording.noise[0] < 1.1 * NOISE
+    assert experiment.recording.notes == ()
 
 
 def test_a_clean_signal_is_passed_on_itself():

@@ -32,7 +32,7 @@ __all__ = ["COMMANDS"]
 
 @click.command()
 @click.argument("rig", type=PATH)
-@options("train", "holdout", "out", "seed", "quiet", "json")
+@options("train", "holdout", "out", "seed", "estimate_noise", "quiet", "json")
 @click.option("--note", "data_note", default="", help="Plain words on the data for the top of the report.")
 @click.option(
     "--posterior/--no-posterior", "with_posterior", default=True, help="Sample the posterior, the longest part."
@@ -46,14 +46,14 @@ __all__ = ["COMMANDS"]
     "loop is always given, however long it takes.",
 )
 def run(
-    rig: Path, train, holdout, out: Path, seed: int, quiet: bool, as_json: bool, data_note: str, with_posterior: bool,
-    max_time: float | None,
+    rig: Path, train, holdout, out: Path, seed: int, estimate_noise: bool, quiet: bool, as_json: bool, data_note: str,
+    with_posterior: bool, max_time: float | None,
 ) -> None:  # fmt: skip
     """Run the whole pipeline: first the answer of the loop and its page, then the posterior."""
     from discovery.results.manifest import RESULTS
 
     began = time.monotonic()
-    dataset = load(rig, train, holdout, quiet)
+    dataset = load(rig, train, holdout, quiet, estimate_noise=estimate_noise)
     folder = results_folder(out, *RESULTS, "report.html")
     from discovery.report import build_report
     from discovery.runs import pipeline
@@ -113,7 +113,7 @@ def _posterior(
 
 @click.command()
 @click.argument("rig", type=PATH)
-@options("train", "holdout", "out", "seed", "quiet", "json")
+@options("train", "holdout", "out", "seed", "estimate_noise", "quiet", "json")
 @click.option(
     "--predict",
     "target",
@@ -129,8 +129,8 @@ def _posterior(
     "length; static equilibrium otherwise.",
 )
 def loop(
-    rig: Path, train, holdout, out: Path, seed: int, quiet: bool, as_json: bool, target: Path | None,
-    initial_state: str | None,
+    rig: Path, train, holdout, out: Path, seed: int, estimate_noise: bool, quiet: bool, as_json: bool,
+    target: Path | None, initial_state: str | None,
 ) -> None:  # fmt: skip
     """Find what the declared model lacks, and write it with its page."""
     from discovery.runs.failed_loop import LoopFailure
@@ -140,7 +140,7 @@ def loop(
     initial = read_state(initial_state)
     if initial is not None and target is None:
         raise click.UsageError("--initial-state needs --predict: training and hold-out start where their fit says.")
-    dataset = load(rig, train, holdout, quiet)
+    dataset = load(rig, train, holdout, quiet, estimate_noise=estimate_noise)
     check_state(initial, dataset)
     wanted = None if target is None else _wanted(target, dataset, initial)
     folder = results_folder(out, "loop.json", "prediction.csv", "report.html")

@@ -70,11 +70,13 @@ def init(
 
 @click.command()
 @click.argument("rig", type=PATH)
-@options("train", "holdout")
+@options("train", "holdout", "estimate_noise")
 @click.option("--plot", type=PATH, help=f"Draw the recordings to this file ({', '.join(_PICTURES)}).")
 @click.option("--open", "opened", is_flag=True, help="Open the picture of --plot.")
 @options("json")
-def check(rig: Path, train, holdout, plot: Path | None, opened: bool, as_json: bool) -> None:
+def check(
+    rig: Path, train, holdout, estimate_noise: bool, plot: Path | None, opened: bool, as_json: bool
+) -> None:  # fmt: skip
     """Show what is understood of a rig file and its recordings: sampling, noise, excitation, flags.
 
     Nothing is fitted. A rig file or a recording that cannot be right ends with exit status 2 and its reason.
@@ -86,7 +88,7 @@ def check(rig: Path, train, holdout, plot: Path | None, opened: bool, as_json: b
         raise click.UsageError("--open needs --plot FILE: the picture is opened from there.")
     if plot is not None and plot.suffix.lower() not in _PICTURES:
         raise click.UsageError(f"--plot {plot}: a picture is one of {', '.join(_PICTURES)}.")
-    dataset = load_dataset(rig, train, holdout)
+    dataset = load_dataset(rig, train, holdout, estimate_noise=estimate_noise)
     content: Mapping[str, Any] = overview(dataset)
     if plot is not None:
         _draw(dataset, plot)

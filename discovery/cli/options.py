@@ -72,6 +72,11 @@ def options(*names: str) -> Callable[[Any], Any]:
         ),
         "out": click.option("--out", required=True, type=PATH, help="Folder for the results."),
         "seed": click.option("--seed", default=1, show_default=True, type=SEED, help="Seed of everything random."),
+        "estimate_noise": click.option(
+            "--estimate-noise",
+            is_flag=True,
+            help="Take the noise of each channel from its scatter, whatever the rig file states.",
+        ),
         "quiet": click.option(
             "--quiet",
             is_flag=True,
@@ -157,13 +162,21 @@ def progress(quiet: bool):
 
 
 def load(
-    rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...], quiet: bool, *, keep_third: bool = True
+    rig: Path,
+    train: tuple[Path, ...],
+    holdout: tuple[Path, ...],
+    quiet: bool,
+    *,
+    keep_third: bool = True,
+    estimate_noise: bool = False,
 ) -> Dataset:
     """Read the rig file and the recordings that a command names, and say what is unusual about them."""
     from discovery.estimation.input_choice import choose_interpolation
     from discovery.recordings.dataset import load_dataset
 
-    dataset = choose_interpolation(load_dataset(rig, train, holdout, keep_third=keep_third))
+    dataset = choose_interpolation(
+        load_dataset(rig, train, holdout, keep_third=keep_third, estimate_noise=estimate_noise)
+    )
     for _, experiment in () if quiet else dataset.everything:
         for told in experiment.recording.notes:
             note(f"{experiment.recording.source}: {told}")

@@ -80,6 +80,7 @@ def load_dataset(
     holdout: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     *,
     keep_third: bool = True,
+    estimate_noise: bool = False,
 ) -> Dataset:
     """Read a rig file and recordings.
 
@@ -92,6 +93,8 @@ def load_dataset(
     keep_third : bool
         Keep the last third of every training recording, or of its motion where that ends sooner, out of the fit where
         there is no hold-out: see `discovery.recordings.holdout_part`.
+    estimate_noise : bool
+        Take the noise of each channel from its scatter from sample to sample, whatever the rig file states.
 
     Raises
     ------
@@ -99,6 +102,7 @@ def load_dataset(
         For anything that cannot be used, naming file, column, row and remedy.
     """
     rig = read_rig(as_path(rig_path, "rig_path", "Give the path of a rig file."))
+    rig = rig.with_noise_estimated() if estimate_noise else rig
     files = "Give the path of a recording, or a list of them."
     fitted, held = as_paths(train, "train", files), as_paths(holdout, "holdout", files)
     parts = {

@@ -17,7 +17,10 @@ IMPOSSIBLE = "impossible"
 _FAR = 2.0  # ratio of a stated noise to a smaller one that hides what is sought
 _BENT = 0.9  # rms deflection of a rod [rad]
 
-_STATED = " from sample to sample, but the rig file states a noise of {stated:unit}, which is used. "
+_STATED = (
+    " from sample to sample, but the rig file states a noise of {stated:unit}, which is used (with --estimate-noise, "
+    "the scatter is). "
+)
 _NOISE = {
     UNDERSTATED: _STATED + "If that is too small, the rest of the noise looks like something missing.",
     OVERSTATED: _STATED

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -236,6 +236,11 @@ class Rig:
     deflection_limit: float | None = None
     path: Path | None = None
     sha256: str = ""
+
+    def with_noise_estimated(self) -> Rig:
+        """Return the same rig without the noise that it states: that of each reading is estimated then."""
+        columns = replace(self.columns, output=replace(self.columns.output, noise=None))
+        return replace(self, columns=columns, position_noise=None)
 
     @property
     def traits(self) -> Kind:

@@ -115,7 +115,7 @@ class _Input(_Table):
 class _Output(_Table):
     name: _Text
     unit: _Text
-    noise: _Positive | None = None
+    noise: _Positive | Literal["estimate"] | None = None
     reads: Literal["position", "acceleration"] = "position"
     zero: FiniteFloat = 0.0
     scale: _Scale = 1.0

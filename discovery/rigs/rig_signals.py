@@ -95,7 +95,7 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
     if columns.input is not None:
         factor("input", columns.input.unit, None)
     _check_header(path, text, columns)
-    noise = columns.output.noise
+    noise = None if columns.output.noise == "estimate" else columns.output.noise
     given = columns.input.model_dump() if columns.input else {}
     if given and given["interpolation"] is None:
         given["interpolation"] = "spline" if table.view else kind.interpolation
