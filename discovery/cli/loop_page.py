@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ PARTS = "page"
 
 def write_page(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> Path:
     """Write the page of a loop, one file beside its loop.json, and keep what it is made of."""
-    from tempfile import TemporaryDirectory
-
     from discovery.results.manifest import SAVING
     from discovery.runs.loop_files import gather_loop
 
@@ -46,7 +44,10 @@ def has_parts(folder: Path) -> bool:
 
 
 def remove_page(folder: Path) -> None:
-    """Remove the page of an earlier loop, and what it was made of."""
+    """Remove the page of an earlier loop, and what it was made of: moved away whole, whatever ends the process then."""
+    from discovery.results.manifest import SAVING
+
     (folder / "report.html").unlink(missing_ok=True)
     if has_parts(folder):
-        shutil.rmtree(folder / PARTS)
+        with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
+            (folder / PARTS).replace(Path(beside) / PARTS)
