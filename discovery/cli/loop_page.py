@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -36,8 +36,6 @@ def write_failed_page(folder: Path, loop: FailedLoop, seed: int) -> Path:
 
 def _written(folder: Path, gather: Callable[[Path], None]) -> Path:
     """Write a page of what is gathered for it, and keep that."""
-    from tempfile import TemporaryDirectory
-
     from discovery.results.manifest import SAVING
 
     with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
@@ -62,7 +60,10 @@ def has_parts(folder: Path) -> bool:
 
 
 def remove_page(folder: Path) -> None:
-    """Remove the page of an earlier loop, and what it was made of."""
+    """Remove the page of an earlier loop, and what it was made of: moved away whole, whatever ends the process then."""
+    from discovery.results.manifest import SAVING
+
     (folder / "report.html").unlink(missing_ok=True)
     if has_parts(folder):
-        shutil.rmtree(folder / PARTS)
+        with TemporaryDirectory(dir=folder, prefix=SAVING) as beside:
+            (folder / PARTS).replace(Path(beside) / PARTS)
