@@ -32,7 +32,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/report.html)
 
-.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults kills scale systems datasets docs docs-site lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults kills scale systems growth datasets docs docs-site lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -156,6 +156,9 @@ scale: $(READY) ## Do a campaign of a thousand rigs whose workers are killed; do
 
 systems: $(READY) ## Run the loop on simulated machines that lack one effect; the table is in reports/systems
 	$(BIN)/python -m benchmarks.systems reports/systems --seed $(SEED)
+
+growth: $(READY) ## Measure CPU time and memory of long recordings; the table is in reports/growth
+	$(BIN)/python -m benchmarks.growth reports/growth --run
 
 datasets: $(READY) ## Simulate the twin's recordings again
 	$(BIN)/python -m discovery_datasets.generate datasets

@@ -71,6 +71,40 @@ def test_play_asks_for_a_spring_and_cogging_for_a_rotor() -> None:
     assert not {"play", "cogging"} & set(candidates(Model("oscillator", ("linear_stiffness",))))
 
 
+def test_a_drive_is_doubted_where_the_input_is_a_force() -> None:
+    """What moves as recorded passes no amplifier, and neither does what is not driven at all."""
+    of_drives = {"input_dead_zone", "input_saturation"}
+    models = {name: Model(system_base(system).name, ()) for name, system in ready_made().items()}
+    models["pushed"] = Model("oscillator", ("linear_stiffness",))
+    models["left alone"] = Model("oscillator", ("linear_stiffness",), {"g": 0.0})
+    models |= {base: Model(base, ()) for base in ("base_excited", "servo", "inverse_dynamics", "falling_body")}
+    offered = {name for name, model in models.items() if of_drives <= set(candidates(model))}
+    assert offered == {"cart_pendulum", "dc_motor", "furuta_pendulum", "two_mass_drive", "pushed"}
+    assert not [name for name in models.keys() - offered if of_drives & set(candidates(models[name]))]
+
+
+def test_a_drive_passes_what_lies_between_its_dead_zone_and_its_limit() -> None:
+    program = build_program("oscillator", ("input_dead_zone", "input_saturation"))
+    slopes = numpy_derivative(program)
+    values = {"g": 2.0, "w_u": 0.5, "s_u": 1 / 3.0}
+
+    def pushed(force: float) -> float:
+        return float(slopes(0.0, (force, 0.0, 0.0), [0.0, 0.0], [values[p] for p in program.parameters])[1]) / 2.0
+
+    assert [pushed(u) for u in (-9.0, -2.0, -0.4, 0.0, 0.5, 1.5, 3.5, 9.0)] == pytest.approx(
+        [-3.0, -1.5, 0.0, 0.0, 0.0, 1.0, 3.0, 3.0]
+    )
+
+
+def test_buoyancy_is_asked_of_what_falls() -> None:
+    asked = {b for b in ("oscillator", "falling_body", "servo") if "buoyancy" in candidates(Model(b, ()))}
+    assert asked == {"falling_body"}
+    program = build_program("falling_body", ("buoyancy",))
+    values = {"g_0": 9.8, "b_g": 2.0}
+    slopes = numpy_derivative(program)(0.0, (0.0, 0.0, 0.0), [1.0, 0.0], [values[p] for p in program.parameters])
+    assert float(slopes[1]) == pytest.approx(-7.8)
+
+
 def test_a_joint_with_play_is_as_declared_beyond_it() -> None:
     """In the gap nothing acts; beyond it spring and damper do, from where the parts touch."""
     base = system_base(ready_made()["two_mass_drive"])

@@ -29,13 +29,11 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
-#: Options of every command that answers.
-_SHARED = ("train", "holdout", "out", "seed", "estimate_noise", "quiet", "json")
-
 
 @click.command()
 @click.argument("rig", type=PATH)
-@options(*_SHARED)
+@options("train", "holdout", "estimate_noise")
+@options("out", "seed", "quiet", "json")
 @click.option("--note", "data_note", default="", help="Plain words on the data for the top of the report.")
 @click.option(
     "--posterior/--no-posterior", "with_posterior", default=True, help="Sample the posterior, the longest part."
@@ -116,7 +114,8 @@ def _posterior(
 
 @click.command()
 @click.argument("rig", type=PATH)
-@options(*_SHARED)
+@options("train", "holdout", "estimate_noise")
+@options("out", "seed", "quiet", "json")
 @click.option(
     "--predict",
     "target",

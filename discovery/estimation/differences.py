@@ -15,8 +15,6 @@ from discovery.recordings.experiment import Experiment
 __all__ = ["Probed", "simulated"]
 
 FloatArray = NDArray[np.float64]
-#: Numbers that a simulation returns at most, where several problems share it.
-_NUMBERS = 2e7
 
 
 @dataclass(frozen=True)
@@ -52,14 +50,7 @@ class Probed:
 
 
 def simulated(bench: Bench, problems: Sequence[Problem], probes: Sequence[Probed]) -> list[list[FloatArray]]:
-    """Return the columns of every recording of a bench, for each problem: as many in one simulation as memory bears."""
-    most = max(1, int(_NUMBERS / max(1, bench.n_rows)))
-    if sum(p.count for p in probes) > most and len(problems) > 1:
-        half = len(problems) // 2
-        return [
-            *simulated(bench, problems[:half], probes[:half]),
-            *simulated(bench, problems[half:], probes[half:]),
-        ]
+    """Return the columns of every recording of a bench, for each problem: all in one simulation."""
     sets = [p.expand(probe.points) for p, probe in zip(problems, probes, strict=True)]
     edges = np.cumsum([0, *(probe.count for probe in probes)])
     channels = bench.predict(*(np.concatenate(each, axis=-1) for each in zip(*sets, strict=True)))

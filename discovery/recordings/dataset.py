@@ -24,6 +24,7 @@ from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.holdout_part import fitted_count
 from discovery.recordings.recording import Recording, read_recording
+from discovery.recordings.search_part import with_flag
 from discovery.recordings.shared_samples import shared_samples
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
@@ -121,8 +122,8 @@ def load_dataset(
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,
-        tuple(make_experiment(r, rig, fitted_samples=fitted_count(r) if alone else None) for r in found["train"]),
-        tuple(make_experiment(r, rig) for r in found["holdout"]),
+        with_flag([make_experiment(r, rig, fitted_samples=fitted_count(r) if alone else None) for r in found["train"]]),
+        with_flag([make_experiment(r, rig) for r in found["holdout"]]),
         tuple(make_experiment(r, rig) for r in found["test"]),
     )
     for role, experiment in (*dataset.everything, *(("test", e) for e in dataset.test)):

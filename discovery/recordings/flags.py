@@ -151,6 +151,11 @@ _CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
         "motion that stands out of the noise needs more.",
     ),
+    "searched_in_part": (
+        "note",
+        "effects are searched on the first {searched} of {count} readings; the models before and after are fitted to "
+        "all of them.",
+    ),
     "input_chosen": (
         "note",
         "the input between its samples was taken as {words}; error of the declared model with another, in units of "

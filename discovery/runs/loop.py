@@ -18,6 +18,7 @@ from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine
 from discovery.estimation.solver_error import error_unit
+from discovery.estimation.whole import fitted_to_all
 from discovery.foundation.arguments import check_callable, check_seed, expect
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
@@ -25,6 +26,7 @@ from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
 from discovery.recordings.quantisation import resolution
+from discovery.recordings.search_part import searched_part
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
 from discovery.runs.model_error_report import ModelErrorReport
@@ -97,7 +99,8 @@ def close_loop(
     >>> close_loop(data).verdict  # doctest: +SKIP
     'explained'
     """
-    train, holdout = _given(train, holdout)
+    everything = _given(train, holdout)
+    train, holdout = (searched_part(part) for part in everything)
     units = natural_units(train)
     settings = settings or LoopSettings()
     expect(settings, LoopSettings, "settings", "Make some with LoopSettings(name=value).")
@@ -112,11 +115,14 @@ def close_loop(
         # The error of rounding follows the motion: it is none of the model's.
         error_scale=float(np.hypot(settings.error_scale, rounding)),
     )
-    judge = HoldOut(train, holdout, units, settings.tolerance)
-    context = Context(train, judge, settings, units, progress or (lambda _: None))
+    context, whole = (
+        Context(fitted, HoldOut(fitted, held, units, settings.tolerance), settings, units, progress or (lambda _: None))
+        for fitted, held in ((train, holdout), everything)
+    )
+    part, all_of_it = (*train, *holdout), (*everything[0], *everything[1])
     # Matrices are tall and narrow: a second thread of theirs would only wait in the way of the simulations.
     with single_algebra():
-        return _closed(context)
+        return _closed(context, whole if any(a is not b for a, b in zip(part, all_of_it, strict=True)) else context)
 
 
 def _given(train: Recordings, holdout: Recordings | None) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...]]:
@@ -135,8 +141,8 @@ def _rounding(experiments: Sequence[Experiment]) -> float:
     )
 
 
-def _closed(context: Context) -> LoopResult:
-    """Return what the loop finds."""
+def _closed(context: Context, whole: Context) -> LoopResult:
+    """Return what the loop finds on the recordings of a context, its two models fitted to the whole of them."""
     train = context.train
     context.progress("refitting the declared model")
     before = first_fit(train, context.units)
@@ -152,7 +158,13 @@ def _closed(context: Context) -> LoopResult:
     after, last = finished(best, context)
     complete = not doubted and is_complete(last, search.root, context)
     first = _declared(before, context)
-    return _result(context, search, found, (before, first), (after, last), (geometry, steps), complete=complete)
+    contradiction = contradiction_of(after, search, context, complete=complete)
+    manoeuvres = separations(search, found, context)
+    if whole is not context:
+        context.progress("fitting the whole of the recordings")
+        before, after = (fitted_to_all(f, c.evidence.error, whole.train) for f, c in ((before, first), (after, last)))
+    result = _result(whole, search, found, (before, first), (after, last), (geometry, steps), complete=complete)
+    return replace(result, contradiction=contradiction, separations=manoeuvres)
 
 
 def _start(before: Fit, context: Context) -> Fit:
@@ -241,8 +253,6 @@ def _result(
         residual_after=reports["after"],
         predictions={w: on_train[w] if judge.continued else [*on_train[w], *held[w]] for w in fits},
         complete=complete,
-        contradiction=contradiction_of(after[0], search, context, complete=complete),
-        separations=separations(search, found, context),
         recordings=tuple(e.recording for e in (*train, *judge.separate)),
     )
 

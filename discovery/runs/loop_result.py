@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,13 +16,13 @@ from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.fit import Fit
 from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
+from discovery.estimation.whole import fitted_to_all
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Decision
-from discovery.selection.final import prolonged
 from discovery.selection.verdict import (
     Lead,
     Named,
@@ -118,8 +118,11 @@ class LoopResult(LoopViews):
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
         experiments = self.after.problem.bench.experiments
+        if all(e.fitted_samples is None for e in experiments):
+            return self.after
         noise = float(min(e.recording.noise.min() for e in experiments))
-        return prolonged(self.after, self.model_error.after / noise, experiments)
+        whole = [replace(e, fitted_samples=None) for e in experiments]
+        return fitted_to_all(self.after, self.model_error.after / noise, whole)
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""

@@ -26,6 +26,8 @@ __all__ = ["Contender", "contenders", "integrated"]
 FloatArray = NDArray[np.float64]
 #: A first-order step that gains more nats than this is made on the trajectories.
 _WORTH = 1.0
+#: Sets are linearised together as long as they take no more than so many numbers, of so many a parameter and reading.
+_NUMBERS, _EACH = 4e7, 5
 #: Steps of a generalised least squares fit.
 _ITERATIONS = 8
 
@@ -138,7 +140,15 @@ def integrated(context: Context, contender: Contender) -> Contender:
 
 
 def _weighed(context: Context, bench: Bench, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[Contender]:
-    """Return sets of one bench with their evidence."""
+    """Return sets of one bench with their evidence, in groups that need a bounded memory."""
+    most = max((len(r.problem.names) for _, r in sets), default=1)
+    count = max(1, int(_NUMBERS / (_EACH * most * max(1, bench.n_rows))))
+    groups = [sets[i : i + count] for i in range(0, len(sets), count)]
+    return [c for group in groups for c in _weighed_together(context, bench, group)]
+
+
+def _weighed_together(context: Context, bench: Bench, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[Contender]:
+    """Return sets of one bench with their evidence, linearised in one simulation."""
     good = [r for _, r in sets if np.isfinite(r.chi2)]
     slopes = dict(zip(good, linearised(context, bench, good), strict=True))
     each = at_once([partial(_evidence, slopes.get(r)) for _, r in sets], threads=THREADS)

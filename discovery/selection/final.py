@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from discovery.estimation.batch import fit_problems
-from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, solver_shift
 from discovery.estimation.fit import SHIFT, Fit
 from discovery.estimation.generalised import generalised
-from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
 from discovery.estimation.step_control import tightened
-from discovery.recordings.experiment import Experiment
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
-__all__ = ["finished", "on_mechanics", "prolonged"]
+__all__ = ["finished", "on_mechanics"]
 
 _ITERATIONS = 25
 #: Rounds of finer steps where the solver still shifts an estimate.
@@ -76,22 +72,3 @@ def _fit(contender: Contender) -> Fit:
     lost = [problem.names.index(n) for n in reasons]
     covariance[lost, :] = covariance[:, lost] = np.nan
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
-
-
-def prolonged(found: Fit, error: float, experiments: Sequence[Experiment]) -> Fit:
-    """Return the same model fitted to recordings to their end, where a part of them was held out."""
-    if all(e.fitted_samples is None for e in experiments):
-        return found
-    old = found.problem
-    bench = Bench(
-        old.model.base, old.bench.effects, [replace(e, fitted_samples=None) for e in experiments], old.bench.step
-    )
-    whole = replace(old, bench=bench)
-    weighted = replace(whole, error=ModelError.of(error, old.units.time))
-    (minimum,) = fit_problems(
-        [weighted], [whole.start(found.values)], iterations=_ITERATIONS, tolerance=1e-6, rough=True
-    )
-    if not np.isfinite(minimum.cost):
-        return found
-    covariance, reasons, directions = covariance_of(weighted, minimum)
-    return Fit(whole, minimum, covariance, reasons, directions, found.solver_shift)

@@ -1,0 +1,1 @@
+"""What long recordings cost: seconds of processors and memory of a loop, in processes of their own."""
