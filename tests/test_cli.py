@@ -165,6 +165,17 @@ def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
+def test_what_stands_where_the_page_is_kept_is_refused_and_stays(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "page").mkdir()
+    (tmp_path / "page" / "mine.txt").write_text("mine", encoding="utf-8")
+    said = call(capsys, "loop", case.rig, "--train", case.train, "--out", tmp_path)
+    assert said.status == 2
+    assert "holds something else. Move it away" in said.err
+    assert [p.name for p in (tmp_path / "page").iterdir()] == ["mine.txt"]
+
+
 def test_errors_are_said_once(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
     said = r"^ after: train rms \S+ \(mean \S+\), holdout rms \S+ \(mean \S+\) m$"
     assert re.search(said, looped[0].out, re.MULTILINE)

@@ -11,7 +11,7 @@ import click
 
 from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state, read_state
-from discovery.cli.loop_page import remove_page, write_failed_page, write_page
+from discovery.cli.loop_page import check_parts, remove_page, write_failed_page, write_page
 from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress, results_folder
 from discovery.cli.say import say_doubts, say_failed, say_left_out, say_loop, say_missing
 
@@ -146,6 +146,7 @@ def loop(
     check_state(initial, dataset)
     wanted = None if target is None else _wanted(target, dataset, initial)
     folder = results_folder(out, "loop.json", "prediction.csv", "report.html")
+    check_parts(folder)
     try:
         with progress(quiet) as tell:
             result = close(dataset, seed=seed, progress=tell)

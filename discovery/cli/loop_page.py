@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["has_parts", "rebuild_page", "remove_page", "write_failed_page", "write_page"]
+__all__ = ["check_parts", "has_parts", "rebuild_page", "remove_page", "write_failed_page", "write_page"]
 
 #: Folder beside loop.json that holds what the page is made of, its tables as CSV and its figures.
 PARTS = "page"
@@ -57,6 +57,19 @@ def rebuild_page(folder: Path) -> Path:
 def has_parts(folder: Path) -> bool:
     """Say whether a folder holds what the page of a loop is made of."""
     return (folder / PARTS / "results.json").is_file()
+
+
+def check_parts(folder: Path) -> None:
+    """Refuse a folder in which something else stands where the parts of the page belong."""
+    from discovery.foundation.errors import InputError
+    from discovery.foundation.io import shown
+
+    parts = folder / PARTS
+    if parts.exists() and not has_parts(folder):
+        raise InputError(
+            f"{shown(parts)} is where the parts of the page belong, and holds something else. Move it away, or give "
+            "another folder with --out."
+        )
 
 
 def remove_page(folder: Path) -> None:
