@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from discovery.estimation.batch import fit_problems
-from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
 from discovery.estimation.model_error import ModelError
 from discovery.recordings.experiment import Experiment
@@ -20,6 +19,9 @@ _ITERATIONS = 25
 
 def fitted_to_all(found: Fit, error: float, experiments: Sequence[Experiment]) -> Fit:
     """Return the same model fitted to other recordings by generalised least squares, from where it is.
+
+    Intervals stay those of the part: a model error in a parameter's direction does not average out, and without one
+    they are wider than all readings would give.
 
     Parameters
     ----------
@@ -37,8 +39,7 @@ def fitted_to_all(found: Fit, error: float, experiments: Sequence[Experiment]) -
     (minimum,) = fit_problems([weighted], [start], iterations=_ITERATIONS, tolerance=1e-6, rough=True)
     if not np.isfinite(minimum.cost):
         return found
-    covariance, reasons, directions = covariance_of(weighted, minimum)
     residual = problem.bench.residuals(*problem.expand(minimum.x[:, None]))[:, 0]
     residual = np.append(residual, problem.prior_residuals(minimum.x[:, None])[:, 0])
     minimum = replace(minimum, residual=residual, cost=0.5 * float(residual @ residual))
-    return Fit(problem, minimum, covariance, reasons, directions, found.solver_shift)
+    return replace(found, problem=problem, minimum=minimum)
