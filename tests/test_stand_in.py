@@ -9,6 +9,7 @@ import synthetic_run
 from discovery.cli.doubts import doubts
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
+from discovery.report.follow_up_sentences import stand_in_sentence
 from discovery.results.provenance import plain, write_json
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
@@ -38,7 +39,7 @@ def test_a_scale_that_the_rig_s_length_covers_is_named_with_that_doubt(folder: P
     assert other.value == pytest.approx(1.0, abs=5e-5)
     assert other.z == pytest.approx(-1.0, abs=0.05)
     assert other.doubtful
-    assert said == [other.sentence]
+    assert said == [stand_in_sentence("position_scale", other.summary())]
     assert "a length of 1.0000 m in place of 1.0010 ± 0.0010 m" in said[0]
     assert "measure the length" in said[0]
     effect = result.summary()["effects"][-1]
@@ -54,7 +55,7 @@ def test_a_scale_beyond_the_rig_s_length_is_doubted_less(folder: Path) -> None:
     other = result.stand_ins["position_scale"]
     assert other.z == pytest.approx(-5.0, abs=0.3)
     assert not other.doubtful
-    assert said == [other.sentence]
+    assert said == [stand_in_sentence("position_scale", other.summary())]
     assert "5 standard deviations off: is that excluded?" in said[0]
     assert result.summary()["effects"][-1]["parameters"]["s"]["sd"] == pytest.approx(2e-4, rel=0.05)
 
@@ -70,10 +71,10 @@ def test_a_length_without_error_leaves_the_scale_as_it_was_found(folder: Path) -
 
 def test_the_report_says_what_an_effect_may_stand_for(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
-    other = {"doubtful": True, "sentence": "a length of 1 m would do the same"}
+    other = {"quantity": "length", "unit": "m", "value": 1.0, "stated": 1.01, "sd": 0.01, "z": -1.0, "doubtful": True}
     results["loop"]["effects"][-1]["stands_for"] = other
     write_json(tmp_path / "results.json", results)
-    assert "A length of 1 m would do the same." in build_report(tmp_path).read_text(encoding="utf-8")
+    assert "A length of 1.000 m in place of 1.010" in build_report(tmp_path).read_text(encoding="utf-8")
     del results["loop"]["effects"][-1]["stands_for"]
     write_json(tmp_path / "results.json", results)
     assert "would do the same" not in build_report(tmp_path).read_text(encoding="utf-8")
