@@ -150,6 +150,16 @@ def test_a_throw_with_linear_drag() -> None:
 # An acceleration.
 
 
+def _kinked(effect: str, values: dict[str, float], drive: Swing) -> NDArray[np.bool_]:
+    """Return where the input passes a bend of what the drive makes of it, within the reach of the differences."""
+    force = np.abs(drive.evaluate(TIME)[0])
+    units = {p.name: p.unit for p in get_effect(effect).parameters()}
+    bends = [values[n] if unit == "u" else 1 / values[n] for n, unit in units.items() if unit in ("u", "u^-1")]
+    passed = [np.diff(force > bend, append=force[-1] > bend) for bend in bends]
+    near = np.convolve(np.any(passed, axis=0), np.ones(7), mode="same") > 0 if passed else np.zeros(TIME.size, bool)
+    return near[2:-2]
+
+
 @pytest.mark.parametrize("effect", candidates(Model("accelerometer", ())))
 def test_an_accelerometer_reads_the_second_derivative(effect: str) -> None:
     drive, start = Swing(), (0.4, -0.3)
@@ -175,7 +185,7 @@ def test_an_accelerometer_reads_the_second_derivative(effect: str) -> None:
     else:
         # Dry friction turns with the rate within a sample.
         rate = np.gradient(path, step)[2:-2]
-        expected, seen, tolerance = second, np.abs(rate) > 0.1, 4e-5
+        expected, seen, tolerance = second, (np.abs(rate) > 0.1) & ~_kinked(effect, values, drive), 4e-5
     assert seen.mean() > 0.8
     np.testing.assert_allclose(found[2:-2][seen], expected[seen], atol=tolerance)
     if effect not in LINEAR:

@@ -186,7 +186,7 @@ def test_the_decisions_say_what_was_compared(name: str) -> None:
     assert {*result.added} <= {e for s in done for e in s.effects}
     assert [s.code for s in result.steps if s.action == "stop"][-1] in ("complete", "exhausted")
     for step in result.steps:
-        assert step.action in ("mechanics", "add", "remove", "exchange", "stop")
+        assert step.action in ("mechanics", "add", "remove", "exchange", "integrate", "stop")
         if step.action == "add":
             gains = [c.train + c.held for c in step.candidates]
             assert gains == sorted(gains, reverse=True)
@@ -365,7 +365,8 @@ def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest
     (train,) = dataset.train
     asked: list[float] = []
 
-    def noted(case: Context) -> None:
+    def noted(case: Context, whole: Context) -> None:
+        assert whole.train == case.train
         asked.append(case.settings.tolerance)
         assert case.judge.tolerance == case.settings.tolerance
 

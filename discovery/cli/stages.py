@@ -182,8 +182,8 @@ def report(folder: Path) -> None:
     whole = os.path.exists(folder / "results.json")
     if not whole and not has_parts(folder):
         raise InputError(
-            f"{shown(folder)} holds no results of a run or of a loop; make them with `discovery run` or `discovery "
-            "loop`."
+            f"{shown(folder)} holds neither results.json nor the page of a loop; make them with `discovery run` or "
+            "`discovery loop`."
         )
     click.echo(f"{(build_report if whole else rebuild_page)(held(folder))}")
 
