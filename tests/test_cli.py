@@ -975,7 +975,7 @@ def test_nothing_to_fit(case: Case, tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_report_needs_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = call(capsys, "report", tmp_path)
     assert said.status == 2
-    assert "no results of a run or of a loop" in said.err
+    assert "neither results.json nor the page of a loop" in said.err
     assert not list(tmp_path.iterdir())
 
 

@@ -85,7 +85,7 @@ class Separation:
             "rivals": list(self.rivals),
             "similarity": [[v if np.isfinite(v) else None for v in row] for row in self.similarities.tolist()],
             "limits": asdict(self.limits),
-            "moves": [{**asdict(m), "duration": m.duration} for m in self.moves],
+            "moves": [asdict(m) for m in self.moves],
             "given": asdict(self.given),
             "designed": asdict(self.designed),
             "deflection": self.deflection,

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from discovery.diagnosis.manoeuvre_design import Move
+
 __all__ = ["contradiction_sentences", "separation_sentence", "stand_in_sentence"]
 
 Record = Mapping[str, Any]
@@ -41,9 +43,8 @@ def separation_sentence(found: Record) -> str:
     rivals, designed, most = ", ".join(found["rivals"]), found["designed"], found["limits"]
     if found["decides"]:
         turns = "; ".join(
-            f"at {m['start']:.2f} s turn {m['angle']:+.2f} rad at {m['speed']:.2f} rad/s, "
-            f"ramps {m['ramp'] * m['duration']:.2f} s"
-            for m in found["moves"]
+            f"at {m.start:.2f} s turn {m.angle:+.2f} rad at {m.speed:.2f} rad/s, ramps {m.ramp * m.duration:.2f} s"
+            for m in (Move(**move) for move in found["moves"])
         )
         return (
             f"To tell {rivals} apart: {turns}. With their parameters readjusted, the predictions then "
