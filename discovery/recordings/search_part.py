@@ -13,6 +13,8 @@ __all__ = ["SEARCHED", "searched_part", "with_flag"]
 
 #: Readings of all recordings together that a search uses, and of one of them at least.
 SEARCHED, _FEWEST = 25_000, 2_000
+#: Where there are no more than so many times these, one fit to the whole costs more than the search saves.
+_WORTH = 1.5
 
 
 def searched_part(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
@@ -21,7 +23,7 @@ def searched_part(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     What is held out of a recording stays the same share of it. Readings that passed a filter are few already.
     """
     total = sum(e.recording.time.size for e in experiments)
-    if total <= SEARCHED or any(e.rig.view is not None for e in experiments):
+    if total <= _WORTH * SEARCHED or any(e.rig.view is not None for e in experiments):
         return tuple(experiments)
     return tuple(_first(e, SEARCHED / total) for e in experiments)
 
