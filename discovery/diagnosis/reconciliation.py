@@ -120,7 +120,7 @@ def reconcile(
     bench = (
         own.bench
         if {*effects} <= {*own.bench.effects}
-        else Bench(own.bench.base, effects, context.train, own.bench.step)
+        else Bench(own.bench.base, effects, own.bench.experiments, own.bench.step)
     )
     wide, stated = (replace(own, bench=bench, gaussian={**own.gaussian, name: (mean, s)}) for s in (WIDE * sd, sd))
     promising = _promising(fit, bench, name, mean, candidates)

@@ -7,7 +7,7 @@ log evidence; the shape of the largest weights tells whether it can be trusted, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -81,7 +81,8 @@ class _Target:
     """Log posterior density over that at the mode of the linear problem, in coordinates that make it normal there."""
 
     def __init__(self, problem: Problem, x: FloatArray, linear: Linearised, size: float) -> None:
-        self.problem, self.error = problem, ModelError.of(size, linear.natural_time)
+        error = ModelError.of(size, linear.natural_time)
+        self.problem = replace(problem, error=error)
         self.prior: Prior = Prior.of(linear.belief, x.size)
         mode: Mode = linear.mode(size)
         self.white, self.centre, self.origin = mode.white, x + mode.step, x
@@ -89,7 +90,7 @@ class _Target:
         root = np.linalg.cholesky(mode.precision * np.outer(scale, scale))
         self.factor = scale[:, None] * np.linalg.inv(root).T
         left = ((c.time, c.columns[:, : x.size] @ mode.step + c.columns[:, -1]) for c in linear.train)
-        squares = sum(float(np.sum(innovations(t, r[:, None], self.error)[0] ** 2)) for t, r in left)
+        squares = sum(float(np.sum(innovations(t, r[:, None], error)[0] ** 2)) for t, r in left)
         self.least = squares / self.white**2 + float(self._pulled(mode.step[:, None])[0])
 
     def __call__(self, points: FloatArray) -> FloatArray:
@@ -109,17 +110,7 @@ class _Target:
 
     def _squares(self, x: FloatArray) -> FloatArray:
         """Return what the recordings leave of the noise made white under the model error, for each column."""
-        experiments, blocks = self.problem.bench.experiments, list(self.problem.bench.blocks())
-
-        def white(i: int, residual: FloatArray) -> FloatArray:
-            time, (_, present) = experiments[i].fitted_part.recording.time, blocks[i]
-            total = np.zeros((1, residual.shape[2]))
-            for c, here in enumerate(present.T):
-                own, _ = innovations(time[here], residual[here, c], self.error)
-                total += np.einsum("nk,nk->k", own, own)
-            return total
-
         with np.errstate(invalid="ignore", over="ignore"):
-            parts = self.problem.bench.reduced(*self.problem.expand(x), white)
-        total = np.sum([p[0] for p in parts], axis=0) / self.white**2
+            left = self.problem.whitened(self.problem.bench.residuals(*self.problem.expand(x)))
+            total = np.einsum("nk,nk->k", left, left) / self.white**2
         return np.where(np.isfinite(total), total, np.inf)

@@ -162,7 +162,10 @@ def _closed(context: Context, whole: Context) -> LoopResult:
     manoeuvres = separations(search, found, context)
     if whole is not context:
         context.progress("fitting the whole of the recordings")
-        before, after = (fitted_to_all(f, c.evidence.error, whole.train) for f, c in ((before, first), (after, last)))
+        before, after = (
+            fitted_to_all(f, c.evidence.error, f.problem.bench.of_others(whole.train))
+            for f, c in ((before, first), (after, last))
+        )
     result = _result(whole, search, found, (before, first), (after, last), (geometry, steps), complete=complete)
     return replace(result, contradiction=contradiction, separations=manoeuvres)
 

@@ -13,6 +13,7 @@ from discovery.declarations.registry import get_effect
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
+from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
@@ -117,12 +118,16 @@ class LoopResult(LoopViews):
 
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
-        experiments = self.after.problem.bench.experiments
+        bench = self.after.problem.bench
+        experiments = bench.experiments
         if all(e.fitted_samples is None for e in experiments):
             return self.after
         noise = float(min(e.recording.noise.min() for e in experiments))
         whole = [replace(e, fitted_samples=None) for e in experiments]
-        return fitted_to_all(self.after, self.model_error.after / noise, whole)
+        # Their motions, and so the steps that these ask for, are known.
+        return fitted_to_all(
+            self.after, self.model_error.after / noise, Bench(bench.base, bench.effects, whole, bench.step)
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
