@@ -19,7 +19,6 @@ LONG_MODULES = {"screening/refits.py", "simulation/simulate.py"}
 LONG_FUNCTIONS = {
     "export/source.py:to_numpy",
     "screening/refits.py:_raced",
-    "screening/stiff.py:unstiffened",
     "simulation/kernel/fused.py:fused_reading",
     "simulation/kernel/source.py:kernel_source",
 }

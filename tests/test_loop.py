@@ -273,8 +273,7 @@ def of_another_arm(tmp_path: Path, rig: ArmRig, hidden: Disturbance, rate: float
     return close_loop(load_dataset(tmp_path / "rig.toml", [tmp_path / "train.csv"]).train)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("time", [0.0086, 0.025])
+@pytest.mark.parametrize("time", [0.0086, pytest.param(0.025, marks=pytest.mark.slow)])
 def test_strong_damping_of_the_rod_is_found_although_it_makes_the_motion_stiff(tmp_path: Path, time: float) -> None:
     """At the steps that suit the bare arm its refit blows up, and a camera ahead of the encoder would be named."""
     rig = ArmRig(0.7152, 0.02561, 0.001367, 0.07044, disc_friction=7.1e-4, retardation=5.9e-5)

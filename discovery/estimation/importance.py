@@ -28,8 +28,7 @@ LEAST_EFFECTIVE = 0.15
 _DOF = 8.0
 # Part of the draws that the defence makes, and how much wider it is.
 _DEFENCE, _WIDER = 0.1, 2.5
-# How many rounds adapt at most; a round is good, or not worth another, by its error.
-_ROUNDS, _REPAIRS = 6, 3
+# A round is good, or not worth another, by its error.
 _WELL, _GAIN = 0.8, 0.9
 _QUANTILES = (0.05, 0.5, 0.95)
 # Draws below which no Pareto distribution can be fitted to the largest weights.
@@ -88,6 +87,9 @@ def importance_sample(
     rng: Generator,
     draws: int = 4000,
     pilot: int = 1024,
+    *,
+    rounds: int = 6,
+    repairs: int = 3,
 ) -> Weighted:
     """Integrate a density that is roughly a standard normal one.
 
@@ -101,6 +103,8 @@ def importance_sample(
         Source of the draws.
     draws, pilot : int
         Draws of the last round, and of one that adapts the proposal.
+    rounds, repairs : int
+        How many rounds adapt at most, and how many times the last one is repeated, adapted to itself.
 
     Raises
     ------
@@ -109,14 +113,14 @@ def importance_sample(
     """
     centre, factor = np.zeros(dimension), np.eye(dimension)
     last = math.inf
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         first = _round(log_density, centre, factor, rng, pilot)
         if first.effective > _WELL * pilot or (first.reliable and not first.error < _GAIN * last):
             break
         last = first.error
         centre, factor = _moments(first, centre, factor)
     drawn = _round(log_density, centre, factor, rng, draws)
-    for _ in range(_REPAIRS):
+    for _ in range(repairs):
         if drawn.reliable:
             break
         # A tail that the fewer draws had not shown.

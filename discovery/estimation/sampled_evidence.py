@@ -23,8 +23,8 @@ from discovery.foundation.errors import ComputationError
 __all__ = ["Sampled", "sampled"]
 
 FloatArray = NDArray[np.float64]
-#: Draws of a round that adapts, and of the last one: together no more simulations than a fit takes.
-_PILOT, _DRAWS = 128, 256
+#: Draws of a round that adapts, and of the last one, and how often: together no more simulations than a fit takes.
+_PILOT, _DRAWS, _ROUNDS, _REPAIRS = 128, 256, 2, 1
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def sampled(problem: Problem, x: FloatArray, linear: Linearised, size: float, rn
     """
     target = _Target(problem, x, linear, size)
     try:
-        drawn = importance_sample(target, x.size, rng, _DRAWS, pilot=_PILOT)
+        drawn = importance_sample(target, x.size, rng, _DRAWS, _PILOT, rounds=_ROUNDS, repairs=_REPAIRS)
     except ComputationError:
         return Sampled(0.0, np.inf, np.inf, reliable=False)
     correction = drawn.log_integral - 0.5 * x.size * float(np.log(2 * np.pi))

@@ -189,8 +189,8 @@ class Base(ABC):
     pivots: ClassVar[bool] = False
     #: Whether the instrument reads the state itself, not an acceleration or a force that follows from it.
     reads_state: ClassVar[bool] = True
-    #: Bases of the same parameters that idealise less; an answer is fitted in the end on the first that fits as well.
-    finer: ClassVar[tuple[str, ...]] = ()
+    #: Bases of the same parameters that this one approximates; an answer stands on the first that is as likely.
+    approximates: ClassVar[tuple[str, ...]] = ()
     #: Parameter sets simulated side by side in one block of the kernel.
     lanes: ClassVar[int] = 32
 

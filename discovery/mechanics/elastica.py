@@ -197,7 +197,7 @@ class ElasticaCalm(Elastica):
     heavier = 2.0
     nodes = 5
     rooted = True
-    finer = ("elastica_4", "elastica")
+    approximates = ("elastica_4", "elastica")
 
 
 class ElasticaTwoModes(Elastica):

@@ -212,7 +212,7 @@ def _on_best_mechanics(
 def _with_base(base: str, before: Fit, search: Search, context: Context) -> Contender | None:
     """Return the set that was found on other mechanics; None where it blows up there."""
     if base == _EXACT:
-        return search.finest()
+        return search.unapproximated()
     added = search.best.added
     model = before.model.with_effect(*[e for e in added if e not in before.model.effects]).on_base(base)
     values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}

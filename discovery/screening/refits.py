@@ -10,24 +10,20 @@ from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems, together
-from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum, levenberg_marquardt
 from discovery.estimation.problem import Problem
 from discovery.estimation.race import SLOW, Race, near_the_best
-from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import Candidate
 from discovery.screening.finite import FarStart
 
 __all__ = [
     "Refit",
     "best_of",
-    "distances",
     "finish",
     "held_fixed",
     "refit",
     "refit_pairs",
     "relaxed",
-    "resettled",
     "settle",
     "settled",
 ]
@@ -43,8 +39,7 @@ _PROMISING = 8
 _FIRST_ROUND = 8
 _IN_THE_RACE = 18
 _SECOND_ROUND = 30
-#: A differenced Jacobian shows within so many steps what a quick search missed (the best ones are finished later), and
-#: where a minimum is on another bench.
+#: A differenced Jacobian shows within so many steps what a quick search missed; the best ones are finished later.
 _CHECKED = 10
 
 
@@ -286,26 +281,6 @@ def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
     # A falling body needs no effect at all.
     return Refit(next(reversed(smaller.model.effects), ""), smaller, minimum)
-
-
-def distances(experiments: Sequence[Experiment], here: Sequence[FloatArray], there: Sequence[FloatArray]) -> FloatArray:
-    """Return how far two predictions of recordings, each (n, c, k), lie apart, shape (k,) [noise sds, squared].
-
-    Held-out samples count, too; infinite where a motion blew up.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        apart = sum(
-            np.square((b - a) / e.recording.noise[:, None]).sum(axis=(0, 1))
-            for e, a, b in zip(experiments, here, there, strict=True)
-        )
-    return np.where(np.isfinite(apart), apart, np.inf)
-
-
-def resettled(fitted: Refit, bench: Bench) -> Refit:
-    """Return the same model on another bench, of the same mechanics or another, from where it was fitted."""
-    problem = replace(fitted.problem, model=fitted.problem.model.on_base(bench.base), bench=bench)
-    (minimum,) = settle([problem], [problem.start(fitted.values)], _CHECKED)
-    return Refit(fitted.effect, problem, minimum)
 
 
 def settle(problems: Sequence[Problem], starts: Sequence[FloatArray], iterations: int = 25) -> list[Minimum]:

@@ -18,7 +18,7 @@ from discovery.selection.context import Context
 __all__ = ["finished", "on_mechanics"]
 
 _ITERATIONS = 25
-#: Rounds of finer steps where the solver still shifts an estimate.
+#: Rounds of more accurate simulators where the solver still shifts an estimate.
 _FINER = 3
 
 
@@ -48,11 +48,11 @@ def finished(contender: Contender, context: Context) -> tuple[Fit, Contender]:
         bench = tightened(found.refit.problem.bench, fitted.solver_shift, SHIFT)
         if bench is None:
             break
-        finer = _settled(found, replace(free, bench=bench), context)
-        again = _fit(finer)
+        closer = _settled(found, replace(free, bench=bench), context)
+        again = _fit(closer)
         if not again.solver_shift < fitted.solver_shift:
             break
-        found, fitted = finer, again
+        found, fitted = closer, again
     return fitted, found
 
 

@@ -15,8 +15,8 @@ from discovery.screening.finite import finite_starts
 from discovery.screening.growing import grown
 from discovery.screening.likeness import likely_pairs
 from discovery.screening.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
+from discovery.screening.resolved import resolved
 from discovery.screening.significance import chance_gains, surrogates
-from discovery.screening.stiff import unstiffened
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.simulation.simulate import THREADS
@@ -75,7 +75,7 @@ class Offers:
         def whole() -> list[Refit]:
             starts = finite_starts(minimum, problem, names) if far else []
             quick = refit(problem.model, minimum, problem, scored, finite=starts)
-            quick = unstiffened(problem.model, minimum, problem, scored, quick)
+            quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
             leading = [quick[i] for i in near[: self.context.settings.budget.finished] if np.isfinite(quick[i].chi2)]
             return [*finish(node.refit.problem, node.refit.minimum, leading), *quick]

@@ -58,7 +58,7 @@ class Search:
         self.best = self.root
         self.unknown: Unknown | None = None
         self.neighbours = Neighbours(context, self.offers, self.root)
-        self._finest: dict[Contender, Contender] = {}
+        self._unapproximated: dict[Contender, Contender] = {}
 
     def run(self) -> None:
         """Search until nothing more is accepted, or what is left is noise."""
@@ -88,7 +88,7 @@ class Search:
     def _exhausted(self) -> None:
         """End the search where nothing more is accepted."""
         self.decisions.append(Decision("stop", (), True, "exhausted"))
-        self._resolve()
+        self._change_mechanics()
 
     def _simplify(self) -> None:
         """Let a law take the place of one that contains it where the difference is not accepted."""
@@ -141,21 +141,21 @@ class Search:
         if not self.best.added and numbers["odds"] > self.context.settings.nats:
             self.decisions.append(Decision("add", (SmoothForce.id(),), False, "unknown", numbers))
 
-    def finest(self) -> Contender:
-        """Return the set found on the finest mechanics that explain the recordings no worse."""
-        if self.best not in self._finest:
-            finer = (on_mechanics(self.best, base, self.context) for base in self.best.model.mechanics.finer)
-            good = (c for c in finer if c is not None and c.joint > self.best.joint - self.context.settings.nats)
-            self._finest[self.best] = next(good, self.best)
-        return self._finest[self.best]
+    def unapproximated(self) -> Contender:
+        """Return the set found on the first of the mechanics that its own approximate on which it is as likely."""
+        if self.best not in self._unapproximated:
+            others = (on_mechanics(self.best, base, self.context) for base in self.best.model.mechanics.approximates)
+            likely = (c for c in others if c is not None and c.joint > self.best.joint - self.context.settings.nats)
+            self._unapproximated[self.best] = next(likely, self.best)
+        return self._unapproximated[self.best]
 
-    def _resolve(self) -> None:
-        """Go over to finer mechanics where much of what a set leaves is the error of quicker ones."""
-        gain = self.finest().joint - self.best.joint
+    def _change_mechanics(self) -> None:
+        """Go over to the mechanics that those of the set approximate where the evidence asks for it."""
+        other = self.unapproximated()
+        gain = other.joint - self.best.joint
         if self.best.added and gain > self.context.settings.nats:
-            name = self.finest().model.base
-            self.decisions.append(Decision("mechanics", (name,), True, "accepted", {"odds": gain}))
-            self.best = self.finest()
+            self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
+            self.best = other
 
     def _is_complete(self) -> bool:
         """Return whether what is left is noise and no candidate promises more than chance would."""
