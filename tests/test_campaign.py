@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -104,6 +105,16 @@ def test_no_scheduler_at_an_address_is_told(monkeypatch):
         list(spread(drawn, CASES))
 
 
+def test_a_cluster_whose_workers_are_gone_for_good_ends_the_campaign(monkeypatch):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr("discovery.runs.spread._ABANDONED", 0.5)
+    with LocalCluster(1, threads_per_worker=1, dashboard_address=":0") as local:
+        threading.Timer(1.0, local.scale, [0]).start()
+        with pytest.raises(ComputationError, match="no worker for 0.5 s. What is done is kept: start workers"):
+            list(spread(troubled, [("hangs", "slow")], scheduler=local.scheduler_address))
+
+
 def test_workers_of_a_scheduler_are_used_and_its_dashboard_is_told(cluster, monkeypatch):
     monkeypatch.setenv(SCHEDULER, cluster)
     links = []
@@ -128,6 +139,7 @@ def test_what_raises_dies_or_hangs_on_this_machine_takes_no_other_with_it():
 def test_nothing_listens_on_any_port():
     code = """
 import sys
+import threading
 from campaign_work import CASES, listening
 from discovery.runs.spread import spread
 if __name__ == "__main__":

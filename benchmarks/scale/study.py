@@ -96,6 +96,8 @@ def cluster(workers: int) -> Iterator[dict[str, Any]]:
     with LocalCluster(
         workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=50
     ) as local:
+        # One that is killed while it starts is given up by its nanny: another takes its place.
+        local.adapt(minimum=workers, maximum=workers)
         yield {"scheduler": local.scheduler_address}
 
 

@@ -28,14 +28,14 @@ from discovery.estimation.fit import Fit, fit_near
 from discovery.estimation.problem import Problem
 from discovery.foundation.errors import SimulationFailure
 from discovery.screening.attribution import candidates as possible
+from discovery.screening.refits import Refit
+from discovery.selection.contender import contenders
 from discovery.selection.context import Context
 
 __all__ = ["Contradiction", "ContradictionReport", "check_contradictions"]
 
 #: A value on quicker mechanics differs by at most this part of what is to be reconciled.
 _ALIKE = 0.1
-#: and leaves no more than so much of chi-square beside that of the finer ones.
-_WORSE = 40.0
 
 
 @dataclass(frozen=True)
@@ -135,14 +135,14 @@ def check_contradictions(
     for check, freed in found:
         if check.odds > context.settings.nats:
             name, target = check.parameter, (check.predicted, check.predicted_sd)
-            quick = _quicker(freed, bench, name, target[0])
+            quick = _quicker(freed, bench, name, target[0], context)
             tried = reconcile(quick, name, target, candidates, context)
             contradictions.append(Contradiction(check, tried, sought=bool(candidates)))
     return ContradictionReport(tuple(c for c, _ in found), tuple(contradictions))
 
 
-def _quicker(fit: Fit, bench: Bench | None, name: str, target: float) -> Fit:
-    """Return the fit on other mechanics where it is no worse there and contradicts as much, else as it is."""
+def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, context: Context) -> Fit:
+    """Return the fit on other mechanics where it is as likely there and contradicts as much, else as it is."""
     if bench is None:
         return fit
     problem = Problem(fit.model.on_base(bench.base), bench, fit.problem.units, fit.problem.gaussian)
@@ -150,8 +150,11 @@ def _quicker(fit: Fit, bench: Bench | None, name: str, target: float) -> Fit:
         found = fit_near(problem, fit.values)
     except SimulationFailure:
         return fit
-    alike = abs(found.values[name] - fit.values[name]) < _ALIKE * abs(target - fit.values[name])
-    return found if alike and found.chi2 < fit.chi2 + _WORSE else fit
+    if not abs(found.values[name] - fit.values[name]) < _ALIKE * abs(target - fit.values[name]):
+        return fit
+    added = context.added(fit.model)
+    own, quick = (contenders(context, [(added, Refit("", f.problem, f.minimum))])[0].joint for f in (fit, found))
+    return found if quick > own - context.settings.nats else fit
 
 
 def _gravity(fit: Fit, check: Check, candidates: Sequence[str], context: Context) -> Contradiction:

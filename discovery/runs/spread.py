@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, Protocol
 
-from discovery.foundation.errors import InputError
+from discovery.foundation.errors import ComputationError, InputError
 from discovery.runs.attempt import _GRACE, Outcome, Work, attempt, case_seed
 from discovery.runs.processes import Died, Pool, pool
 
@@ -28,8 +28,10 @@ __all__ = ["SCHEDULER", "spread"]
 SCHEDULER = "DISCOVERY_SCHEDULER"
 #: How often a case is tried whose worker dies: it may have died of another case's memory.
 _TRIES = 3
-#: Seconds in which a scheduler must answer, and have a worker.
-_PATIENCE = 10.0
+#: Seconds in which a scheduler must answer, and have a worker; and after which it is given up without any.
+_PATIENCE, _ABANDONED = 10.0, 60.0
+#: Seconds between two looks at a cluster.
+_LOOK = 0.02
 
 
 def spread(
@@ -77,6 +79,8 @@ def spread(
     ------
     InputError
         If there is no scheduler at that address, no worker, or others could run code through it.
+    ComputationError
+        If a cluster has lost its last worker, and no other comes.
     """
     address = scheduler or os.environ.get(SCHEDULER)
     if address is None and workers == 1:
@@ -139,6 +143,7 @@ class _Cluster:
     def next(self) -> tuple[int, Callable[[], Outcome]]:
         from distributed import KilledWorker
 
+        self._wait()
         future = next(self._done)
 
         def returned() -> Outcome:
@@ -151,6 +156,19 @@ class _Cluster:
             return outcome
 
         return self._keys.pop(future.key), returned
+
+    def _wait(self) -> None:
+        """Wait for a case to end, but not for ever where there is nobody to do it."""
+        manned = time.perf_counter()
+        while not self._done.has_ready():
+            if self.room():
+                manned = time.perf_counter()
+            elif time.perf_counter() - manned > _ABANDONED:
+                raise ComputationError(
+                    f"The Dask cluster has had no worker for {_ABANDONED:g} s. What is done is kept: start workers, and "
+                    "give the same command again."
+                )
+            time.sleep(_LOOK)
 
 
 @contextmanager
