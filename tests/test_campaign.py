@@ -111,7 +111,7 @@ def test_a_cluster_whose_workers_are_gone_for_good_ends_the_campaign(monkeypatch
     monkeypatch.setattr("discovery.runs.spread._ABANDONED", 0.5)
     with LocalCluster(1, threads_per_worker=1, dashboard_address=":0") as local:
         threading.Timer(1.0, local.scale, [0]).start()
-        with pytest.raises(ComputationError, match="no worker for 0.5 s. What is done is kept: start workers"):
+        with pytest.raises(ComputationError, match=r"no worker for .* What is done is kept: start workers"):
             list(spread(troubled, [("hangs", "slow")], scheduler=local.scheduler_address))
 
 

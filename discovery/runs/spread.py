@@ -165,8 +165,8 @@ class _Cluster:
                 manned = time.perf_counter()
             elif time.perf_counter() - manned > _ABANDONED:
                 raise ComputationError(
-                    f"The Dask cluster has had no worker for {_ABANDONED:g} s. What is done is kept: start workers, and "
-                    "give the same command again."
+                    f"The Dask cluster has had no worker for {_ABANDONED:g} s. What is done is kept: start workers, "
+                    "and give the same command again."
                 )
             time.sleep(_LOOK)
 

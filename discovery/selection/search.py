@@ -54,19 +54,26 @@ class Search:
         self.context = context
         self.decisions: list[Decision] = []
         self.offers = Offers(context)
-        (self.root,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
-        self.best = self.root
+        (self.best,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.unknown: Unknown | None = None
-        self.neighbours = Neighbours(context, self.offers, self.root)
         self._unapproximated: dict[Contender, Contender] = {}
+        self._begin()
 
     def run(self) -> None:
         """Search until nothing more is accepted, or what is left is noise."""
+        part = self.context.settings.budget.dear_mechanics
+        if not self._leaves_noise() and self.unapproximated().evidence.error < part * self.best.evidence.error:
+            self._change_mechanics()
+            self._begin()
         self._grow()
         self._simplify()
         self._integrate()
         self._prune()
         self._ask_the_unknown()
+
+    def _begin(self) -> None:
+        self.root = self.best
+        self.neighbours = Neighbours(self.context, self.offers, self.root)
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
@@ -153,7 +160,7 @@ class Search:
         """Go over to the mechanics that those of the set approximate where the evidence asks for it."""
         other = self.unapproximated()
         gain = other.joint - self.best.joint
-        if self.best.added and gain > self.context.settings.nats:
+        if gain > self.context.settings.nats:
             self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
             self.best = other
 

@@ -28,6 +28,9 @@ class Budget:
         Sets beside which the whole catalogue is refitted.
     dearer : float
         A set whose simulations cost so many times those of the start is not extended.
+    dear_mechanics : float
+        Mechanics that cost more are taken before the search where they leave no more than this part of the model error;
+        else they are compared after it.
     """
 
     most_effects: int = 5
@@ -36,6 +39,7 @@ class Budget:
     beam: int = 1
     offers: int = 7
     dearer: float = 4.0
+    dear_mechanics: float = 0.5
 
 
 @dataclass(frozen=True)
