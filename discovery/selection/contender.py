@@ -28,6 +28,8 @@ FloatArray = NDArray[np.float64]
 _WORTH = 1.0
 #: Sets are linearised together as long as they take no more than so many numbers, of so many a parameter and reading.
 _NUMBERS, _EACH = 4e7, 5
+#: Model error [noise sds] above which effects may be of a size at which linear starts fail.
+_FAR = 3.0
 #: Steps of a generalised least squares fit.
 _ITERATIONS = 8
 
@@ -72,6 +74,11 @@ class Contender:
     def error_size(self) -> float:
         """Size of its model error over the noise."""
         return self.evidence.error / self.evidence.white
+
+    @property
+    def is_far(self) -> bool:
+        """Whether its model error is so large that linear starts may fail, and mechanics err."""
+        return self.evidence.error > _FAR
 
     @property
     def joint(self) -> float:

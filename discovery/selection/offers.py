@@ -26,8 +26,6 @@ __all__ = ["Offers"]
 FloatArray = NDArray[np.float64]
 #: Effects and mechanics of a set.
 _Key = tuple[frozenset[str], str]
-#: Model error [noise sds] above which effects may be of a size at which linear starts fail.
-_FAR = 3.0
 
 
 class Offers:
@@ -70,10 +68,9 @@ class Offers:
         self.context.progress(f"refitting every candidate{beside}")
         names = [c.effect for c in scored]
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-        far = node.evidence.error > _FAR
 
         def whole() -> list[Refit]:
-            starts = finite_starts(minimum, problem, names) if far else []
+            starts = finite_starts(minimum, problem, names) if node.is_far else []
             quick = refit(problem.model, minimum, problem, scored, finite=starts)
             quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)

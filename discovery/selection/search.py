@@ -62,7 +62,7 @@ class Search:
     def run(self) -> None:
         """Search until nothing more is accepted, or what is left is noise."""
         part = self.context.settings.budget.dear_mechanics
-        if not self._leaves_noise() and self.unapproximated().evidence.error < part * self.best.evidence.error:
+        if self.best.is_far and self.unapproximated().evidence.error < part * self.best.evidence.error:
             self._change_mechanics()
             self._begin()
         self._grow()
@@ -159,8 +159,7 @@ class Search:
     def _change_mechanics(self) -> None:
         """Go over to the mechanics that those of the set approximate where the evidence asks for it."""
         other = self.unapproximated()
-        gain = other.joint - self.best.joint
-        if gain > self.context.settings.nats:
+        if (gain := other.joint - self.best.joint) > self.context.settings.nats:
             self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
             self.best = other
 

@@ -29,8 +29,7 @@ class Budget:
     dearer : float
         A set whose simulations cost so many times those of the start is not extended.
     dear_mechanics : float
-        Mechanics that cost more are taken before the search where they leave no more than this part of the model error;
-        else they are compared after it.
+        Mechanics that cost more come before the search where they leave no more than this part of the model error.
     """
 
     most_effects: int = 5
