@@ -26,6 +26,7 @@ __all__ = [
     "note",
     "once",
     "options",
+    "print_files",
     "print_json",
     "progress",
     "results_folder",
@@ -110,6 +111,15 @@ def print_json(content: Mapping[str, Any] | Sequence[Any]) -> None:
     from discovery.results.provenance import json_text
 
     click.echo(json_text(content))
+
+
+def print_files(files: Sequence[Path], as_json: bool, content: Mapping[str, Any]) -> None:
+    """Print where files were written, or, as one JSON document, what is in them and where they are."""
+    if as_json:
+        print_json({**content, "files": files})
+        return
+    for path in files:
+        click.echo(f"{path}")
 
 
 def once(_: click.Context, parameter: click.Parameter, values: tuple[Any, ...]) -> Any:
