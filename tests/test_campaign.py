@@ -272,13 +272,13 @@ def test_a_folder_without_outcomes_is_refused(tmp_path):
         collect(tmp_path)
 
 
-def test_what_is_watched_is_shown_and_passed_on(capsys):
-    outcomes = list(watched(spread(troubled, [*CASES, ("bad", "raise")], workers=1), 13, "studies"))
+def test_what_is_watched_is_told_and_passed_on():
+    told = []
+    outcomes = list(watched(spread(troubled, [*CASES, ("bad", "raise")], workers=1), 13, "studies", told.append))
     assert len(outcomes) == 13
-    shown = capsys.readouterr().err
-    assert "studies" in shown
-    assert "13/13" in shown
-    assert "1 failed" in shown
+    assert [t.done for t in told] == list(range(1, 14))
+    assert told[-1] == "studies: 13 of 13 done, 1 failed"
+    assert told[-1].seconds_left == 0
 
 
 def test_a_case_whose_origin_has_changed_is_done_again(tmp_path):
@@ -326,12 +326,12 @@ def test_lists_become_tables_of_their_own_and_all_is_csv_too(tmp_path):
     assert len(pd.read_parquet(tmp_path / "parts.parquet")) == len(pd.read_csv(tmp_path / "parts.csv")) == 0
 
 
-def test_no_bar_stands_above_a_refusal(tmp_path, capsys, monkeypatch):
+def test_nothing_is_told_above_a_refusal(tmp_path, monkeypatch):
     monkeypatch.setattr("discovery.runs.spread._PATIENCE", 0.3)
-    outcomes = campaign(drawn, CASES, tmp_path, scheduler="tcp://127.0.0.1:1")
+    outcomes, told = campaign(drawn, CASES, tmp_path, scheduler="tcp://127.0.0.1:1"), []
     with pytest.raises(InputError, match="No Dask scheduler"):
-        list(watched(outcomes, len(CASES), "cases"))
-    assert capsys.readouterr().err.strip() == ""
+        list(watched(outcomes, len(CASES), "cases", told.append))
+    assert told == []
 
 
 # --- the command
@@ -482,7 +482,7 @@ def test_a_finished_campaign_says_so_and_what_changed_is_done_again(tmp_path, mo
     rigs, out = tmp_path / "rigs", tmp_path / "out"
     for name in "abc":
         place(rigs / name, "rig.toml", "train_1.csv", "holdout_1.csv")
-    assert "3/3" in invoke(rigs, "--out", out).stderr
+    assert "cases: 3 of 3 done" in invoke(rigs, "--out", out).stderr
     assert ran == ["a", "b", "c"]
     again = invoke(rigs, "--out", out)
     assert "3 of 3 cases were done before" in again.stderr
@@ -500,7 +500,7 @@ def test_a_finished_campaign_says_so_and_what_changed_is_done_again(tmp_path, mo
         assert ran == ["a"]
         assert f"a is done again: changed since: {what}" in result.stderr
         assert "2 of 3 cases were done before" in result.stderr
-        assert "1/1" in result.stderr
+        assert "cases: 1 of 1 done" in result.stderr
     ran.clear()
     monkeypatch.setattr("importlib.metadata.version", lambda _: "99")
     assert "b is done again: changed since: version" in invoke(rigs, "--out", out).stderr

@@ -230,6 +230,8 @@ def test_the_page_of_a_loop_is_written_again(looped: tuple[Said, Path], capsys: 
     assert (said.status, said.out) == (0, f"{page}\n"), said.err
     assert page.read_text(encoding="utf-8") == first
     assert (out / "page" / "tables" / "errors.csv").is_file()
+    verdict = json.loads((out / "loop.json").read_text(encoding="utf-8"))["verdict"]
+    assert json.loads(call(capsys, "report", out, "--json").out) == {"verdict": verdict, "files": [str(page)]}
 
 
 @pytest.mark.parametrize(
@@ -603,6 +605,11 @@ def test_export_writes_the_models_of_a_loop(
                 assert row["value"] == result["model"][when]["parameters"][row["name"]]["value"]
     assert content["provenance"]["data"][0]["source"] == "train.csv"
     assert content["provenance"]["git_revision"] == surroundings()["git_revision"]
+    printed = json.loads(
+        call(capsys, "export", looped[1], "--out", out, "--what", when, "--format", "json", "--json").out
+    )
+    assert printed.pop("files") == [str(out / "model.json")]
+    assert printed.items() <= content.items()
     said = call(capsys, "export", looped[1], "--out", tmp_path / "none", "--format", "")
     assert said.status == 2
     assert "No format is named" in said.err
@@ -787,6 +794,10 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatc
     table = pd.read_csv(first)
     assert list(table.columns) == ["time_s", "motor_angle_rad", "tip_x_m", "tip_y_m"]
     assert len(table) == 201
+    said = call(capsys, *arguments, "--seed", 1, "--out", same, "--json")
+    hidden = {"id": "camera_origin_offset", "x": 0.01, "y": -0.02}
+    of = {"manoeuvre": "train_paper", "seed": 1, "columns": list(table.columns), "samples": 201, "effects": [hidden]}
+    assert json.loads(said.out) == {**of, "files": [str(same)]}
     # Where the camera says that the hub's far end is, while the arm still rests.
     np.testing.assert_allclose(table.loc[:40, ["tip_x_m", "tip_y_m"]].mean(), [1.01, -0.02], atol=2e-4)
 
@@ -867,6 +878,11 @@ def test_data_list_and_check(
     states = dict(reversed(line.split()) for line in call(capsys, "data", "check").out.splitlines())
     assert list(states) == list(registry.FILES)
     assert (states[first], states[second]) == ("absent", "altered")
+    monkeypatch.setattr(registry, "fetch", lambda name: tmp_path / name)
+    fetched = json.loads(call(capsys, "data", "fetch", first, "--json").out)
+    assert fetched["files"] == [str(tmp_path / first)]
+    assert fetched["licence"] == registry.FILES[first].licence
+    monkeypatch.undo()
     unknown = call(capsys, "data", "fetch", "unknown.csv")
     assert unknown.status == 2
     assert "unknown.csv" in unknown.err

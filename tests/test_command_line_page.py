@@ -14,8 +14,6 @@ import pytest
 from discovery.cli import cli
 
 PAGE = (Path(__file__).parents[1] / "docs" / "COMMAND_LINE.md").read_text(encoding="utf-8")
-#: They write a file whose place they print, and nothing else.
-WRITERS = {"export", "feed-forward", "linearise", "report", "simulate", "data fetch"}
 
 
 def commands() -> dict[str, click.Command]:
@@ -33,7 +31,7 @@ def test_every_command_is_named() -> None:
 
 def test_every_result_is_printed_as_json_where_asked() -> None:
     with_option = {name for name, c in commands().items() if any("--json" in p.opts for p in c.params)}
-    assert with_option == set(commands()) - WRITERS
+    assert with_option == set(commands())
 
 
 @pytest.mark.parametrize("shell", re.findall(r"_DISCOVERY_COMPLETE=(\w+)_source", PAGE))

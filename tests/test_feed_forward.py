@@ -90,9 +90,12 @@ def test_the_c_table_is_the_csv_table(tmp_path: Path, capsys: pytest.CaptureFixt
     provenance = {"discovery": "1", "rig": {"name": "*/ int x; /*\n\\", "sha256": "0" * 64}, "data": []}
     fitted = FittedModel(MODEL, VALUES, ("xi",), np.array([[1e-4]]), provenance=provenance)
     (tmp_path / "loop.json").write_text(json.dumps({"models": {"after": fitted.to_dict()}}))
-    said = call(capsys, "feed-forward", tmp_path, "--out", tmp_path / "out", "--rate", 2, "--position", 1)
+    said = call(capsys, "feed-forward", tmp_path, "--out", tmp_path / "out", "--rate", 2, "--position", 1, "--json")
     assert said.status == 0, said.err
     found = feed_forward(fitted, **ENDS)
+    printed = json.loads(said.out)
+    assert printed["friction"] == found.friction.tolist()
+    assert printed["files"] == [str(tmp_path / "out" / f"feed_forward.{end}") for end in ("csv", "h")]
     assert (tmp_path / "out" / "feed_forward.csv").read_text() == feed_forward_csv(found)
     assert (tmp_path / "out" / "feed_forward.h").read_text() == feed_forward_c(found, fitted)
     rows = [r.split(",") for r in feed_forward_csv(found).splitlines()[1:]]

@@ -176,7 +176,7 @@ def test_a_folder_is_linearised_into_files(tmp_path: Path, capsys: pytest.Captur
     assert said.status == 0, said.err
     assert "warning: At rest the slope of coulomb_friction" in said.err
     asked = ("--amplitude", 0.1, "--frequency", 3.0, "--sample-time", 0.01)
-    said = call(capsys, "linearise", tmp_path, "--out", tmp_path / "b", *asked)
+    said = call(capsys, "linearise", tmp_path, "--out", tmp_path / "b", *asked, "--json")
     assert said.status == 0, said.err
     assert said.err == ""
     space = module((tmp_path / "a" / "linear.py").read_text())
@@ -184,6 +184,8 @@ def test_a_folder_is_linearised_into_files(tmp_path: Path, capsys: pytest.Captur
     assert space["A_SD"][1, 0] == pytest.approx(0.2)
     assert space["DELAY"] == 0.02
     content = json.loads((tmp_path / "b" / "linear.json").read_text())
+    files = [str(tmp_path / "b" / name) for name in ("linear.py", "linear.json")]
+    assert json.loads(said.out) == {**content, "files": files}
     expected = discretise(linearise(found, amplitude=0.1, frequency=3.0), 0.01)
     np.testing.assert_array_equal(content["A"], expected.a)
     assert content["states"] == [*linearise(found).states, "output_1_late", "output_2_late"]

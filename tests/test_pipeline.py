@@ -2,8 +2,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-import re
 import shutil
 import time
 from dataclasses import replace
@@ -20,7 +18,6 @@ from scipy.integrate import solve_ivp
 from discovery.estimation.predict import predict
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.time_limit import TimeIsUp
-from discovery.posterior.sampling import Progress
 from discovery.recordings.dataset import Dataset, load_dataset
 from discovery.report import build_report
 from discovery.results.provenance import plain
@@ -364,20 +361,6 @@ def test_a_posterior_that_fails_leaves_the_answer(
     with pytest.raises(ComputationError, match="did not converge"):
         add_posterior(copied(begun, tmp_path), progress=silent)
     assert "The ensembles did not converge in" in page_of(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "said"),
-    [(300.0, r", about 5 min left, until \d\d:\d\d:\d\d"), (42.4, ", about 42 s left.*"), (math.nan, "")],
-)
-def test_it_is_told_how_long_sampling_takes(seconds: float, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def sample(*_: Any, progress: Any, **__: Any) -> None:
-        progress(Progress(120, 20_000, 400.0, 4000.0, 1.02, 5.0, seconds))
-
-    monkeypatch.setattr("discovery.posterior.sampling.sample", sample)
-    told: list[str] = []
-    stages.sampled(None, seed=1, progress=told.append)  # type: ignore[arg-type]
-    assert re.fullmatch(r"sampling the posterior: 400 of 4000 effective samples, R-hat 1\.020" + said, told[-1])
 
 
 def test_another_answer_is_not_kept(begun: Answer, tmp_path: Path) -> None:

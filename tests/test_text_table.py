@@ -117,3 +117,68 @@ def test_messages_count_rows_of_the_file(drops):
         read_recording(drops, RIG, where=(("ball", "Tennis Ball"), ("drop", 2)))
     with pytest.raises(InputError, match=r"has 60 samples of this kind, so \[0, 61\] is not"):
         read_recording(drops, RIG, (0, 61), where=(("ball", "Golf"), ("drop", 1)))
+
+
+ENCODED = {
+    "UTF-8 with mark": ("utf-8-sig", ""),
+    "UTF-16": ("utf-16", ""),
+    "UTF-16 without mark": ("utf-16-le", "UTF-16"),
+    "UTF-16, the other order": ("utf-16-be", "UTF-16"),
+    "Latin-1": ("latin-1", "Windows-1252"),
+    "Windows-1252": ("cp1252", "Windows-1252"),
+}
+
+
+@pytest.mark.parametrize("name", ENCODED)
+@pytest.mark.parametrize("named", [True, False])
+def test_texts_of_other_encodings_are_read(tmp_path, name, named):
+    encoding, guessed = ENCODED[name]
+    rows = "".join(f"{0.01 * i:.2f};{np.sin(0.3 * i):.6f}\n" for i in range(200))
+    path = tmp_path / "swing.csv"
+    path.write_bytes((("t;winkel_°\n" if named else "# aufgenommen für µm und °\n") + rows).encode(encoding))
+    header = None if named else ("t", "winkel_°")
+    table = read_table(path, header)
+    assert list(table.columns) == ["t", "winkel_°"]
+    assert table.guessed == guessed
+    assert unnamed_columns(path) == (() if named else ("c1", "c2"))
+    np.testing.assert_allclose(table.numbers("winkel_°"), np.sin(0.3 * np.arange(200)), atol=1e-6)
+    rig = Rig("o", kind="oscillator", columns=Columns(TimeColumn("t"), None, OutputColumn("winkel_°", "m"), header))
+    notes = [f for f in read_recording(path, rig).flags if f.code == "encoding_guessed"]
+    assert [f.numbers["encoding"] for f in notes] == [guessed] * bool(guessed)
+    assert all(f"read as {guessed}" in f.sentence for f in notes)
+
+
+@pytest.mark.parametrize("content", [b"t,x\n0,1\n1,\x002\n", bytes(500), b"\x7fELF" + bytes(range(256)) * 20])
+def test_what_is_no_text_is_refused(tmp_path, content):
+    path = tmp_path / "r.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="binary file"):
+        read_table(path)
+
+
+@pytest.mark.parametrize(
+    ("comment", "separator", "names"),
+    [
+        ("# t, x, v", ",", ["t", "x", "v"]),
+        ("# of Monday\n%t;x;v", ";", ["t", "x", "v"]),
+        ("# t  x  v", " ", ["t", "x", "v"]),
+        ("# t, x\n# made by a logger, of the old kind", ",", None),
+        ("# t, x", ",", None),
+        ("# t, x, v\n# 3, 2, 1", ",", None),
+    ],
+)
+def test_a_comment_above_numbers_names_the_columns(tmp_path, comment, separator, names):
+    path = tmp_path / "r.txt"
+    rows = "\n".join(separator.join(map(str, row)) for row in VALUES)
+    path.write_text(f"{comment}\n{rows}\n")
+    if names is None:
+        assert unnamed_columns(path) == ("c1", "c2", "c3")
+        with pytest.raises(InputError, match="holds numbers, not column names"):
+            read_table(path)
+        return
+    table = read_table(path)
+    assert list(table.columns) == names
+    assert unnamed_columns(path) == ()
+    np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in names]), VALUES)
+    # Names that the rig file gives stand above those of a comment.
+    assert list(read_table(path, list("abc")).columns) == list("abc")

@@ -24,6 +24,7 @@ from discovery_datasets.quick import readings
 from benchmarks.blind.generate import ANGLE_NOISE, rig_file, rounded
 from benchmarks.blind.memory import limit_memory
 from benchmarks.blind.score import proportion, root_mean_square
+from discovery.cli.options import progress
 from discovery.results.provenance import write_json
 from discovery.runs.campaign import campaign, rows, unfinished, watched
 
@@ -83,9 +84,10 @@ def study(out: Path, seed: int, cases: int, workers: int) -> list[dict[str, Any]
     jobs = {f"clean_{seed:03d}_{i:04d}": (seed, i) for i in range(cases)}
     left = sum(1 for _ in unfinished(jobs.items(), folder))
     outcomes = campaign(attempt, jobs.items(), folder, workers=workers, limit=LIMIT)
-    for i, outcome in enumerate(watched(outcomes, left, "clean arms"), 1):
-        said = line(outcome.result) if outcome.result else f"missed: {outcome.error}"
-        print(f"{i}/{left} {outcome.name}: {said}", flush=True)
+    with progress(quiet=False) as tell:
+        for i, outcome in enumerate(watched(outcomes, left, "clean arms", tell), 1):
+            said = line(outcome.result) if outcome.result else f"missed: {outcome.error}"
+            print(f"{i}/{left} {outcome.name}: {said}", flush=True)
     return list(rows(folder, jobs))
 
 

@@ -19,9 +19,10 @@ from benchmarks.calibration import figures, manoeuvre_table, ranks
 from benchmarks.calibration.manoeuvres import GROUP, MODELS, group, noise_free
 from benchmarks.calibration.replicate import RANKED, replication
 from benchmarks.calibration.studies import KINDS, study
+from discovery.cli.options import progress
 from discovery.foundation.errors import ComputationError
 from discovery.results.provenance import surroundings, write_json
-from discovery.runs.campaign import campaign, collect, rows, watched
+from discovery.runs.campaign import campaign, collect, rows, unfinished, watched
 
 BLOCK = 20  # replications of one case
 
@@ -50,9 +51,11 @@ def targeted(case: tuple[str, list[list[float]]], _seed: SeedSequence) -> dict[s
 def done(folder: Path, work: Any, cases: list[tuple[str, Any]], title: str, options: argparse.Namespace) -> Path:
     """Do what is not done yet of a campaign, and say what failed."""
     spread = {"seed": options.seed, "workers": options.workers, "scheduler": options.scheduler}
-    for outcome in watched(campaign(work, cases, folder, **spread), None, title):
-        if outcome.error:
-            print(f"{outcome.name}: {outcome.error}", flush=True)
+    left = sum(1 for _ in unfinished(cases, folder))
+    with progress(quiet=False) as tell:
+        for outcome in watched(campaign(work, cases, folder, **spread), left, title, tell):
+            if outcome.error:
+                print(f"{outcome.name}: {outcome.error}", flush=True)
     return collect(folder)
 
 

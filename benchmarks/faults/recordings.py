@@ -63,9 +63,6 @@ REFUSED_BYTES: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda _: b"",
     "zeros": lambda b: bytes(len(b)),
     "a zero byte": lambda b: b[:500] + b"\0" + b[500:],
-    "UTF-16": lambda b: b.decode().encode("utf-16"),
-    "UTF-16 without mark": lambda b: b.decode().encode("utf-16-le"),
-    "Latin-1": lambda b: b.replace(b"angle_deg", b"angle_\xb0"),
     "gzip": gzip.compress,
     "executable": lambda _: b"\x7fELF" + bytes(range(256)) * 20,
     "a page": lambda _: b"<!DOCTYPE html><html><body>404 not found</body></html>\n" * 60,
@@ -83,6 +80,10 @@ SOUND_BYTES: dict[str, Callable[[bytes], bytes]] = {
     "commas in numbers": lambda b: b.replace(b",", b";").replace(b".", b","),
     "spaces in the header": lambda b: b.replace(b"t_s,angle_deg", b" t_s , angle_deg "),
     "a comment": lambda b: b"# the film of Monday\n" + b,
+    "a comment in Latin-1": lambda b: b"# der Film, Winkel in \xb0\n" + b,
+    "UTF-16": lambda b: b.decode().encode("utf-16"),
+    "UTF-16 without mark": lambda b: b.decode().encode("utf-16-le"),
+    "the header a comment": lambda b: b"# " + b,
 }
 REFUSED_LINES: dict[str, Callable[[list[str]], list[str]]] = {
     "no header": lambda x: x[1:],

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+import math
+import time
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 import discovery
 from benchmarks import paper
+from discovery.foundation.progress import Progress, Tell
 from discovery.results.curves import save_groups
 from discovery.results.provenance import read_json, surroundings, write_json
 
@@ -53,7 +56,7 @@ def written_by() -> str:
     return digest.hexdigest()
 
 
-def run_studies(folder: Path, tell: Callable[[str], None]) -> None:
+def run_studies(folder: Path, tell: Tell) -> None:
     """Run every study that is not there yet and write ``studies.json``.
 
     Parameters
@@ -61,26 +64,36 @@ def run_studies(folder: Path, tell: Callable[[str], None]) -> None:
     folder : Path
         Receives ``studies/NAME.json``, ``studies/NAME.nc`` and, last, ``studies.json``.
     tell : callable
-        Receives a sentence before each study.
+        Receives a sentence before each study; where all that are left were run before, with how long they took then.
     """
     code = written_by()
     results: dict[str, Any] = {}
+    kept = {name: _kept(folder, name) for name in STUDIES}
     for number, (name, about) in enumerate(STUDIES.items(), 1):
-        path = folder / "studies" / f"{name}.json"
-        done = read_json(path) if path.exists() else {}
+        path, done = folder / "studies" / f"{name}.json", kept[name]
         if done.get("code") != code:
-            tell(f"{number} of {len(STUDIES)}: {about}")
+            left = sum(
+                kept[n].get("seconds", math.nan) for n in list(STUDIES)[number - 1 :] if kept[n].get("code") != code
+            )
+            tell(Progress.counting(about, number, len(STUDIES), "studies", seconds_left=left))
+            began = time.monotonic()
             numbers, curves = _run(name)
             path.parent.mkdir(parents=True, exist_ok=True)
             if curves:
                 save_groups(path.with_suffix(".nc"), {k: _dataset(v) for k, v in curves.items()})
-            write_json(path, {"code": code, "numbers": numbers})
+            write_json(path, {"code": code, "numbers": numbers, "seconds": time.monotonic() - began})
             done = read_json(path)
         results[name] = done["numbers"]
     write_json(
         folder / "studies.json",
         {"provenance": surroundings(["python", "-m", "benchmarks.paper", str(folder)]), **results},
     )
+
+
+def _kept(folder: Path, name: str) -> dict[str, Any]:
+    """Return what an earlier call found in a study."""
+    path = folder / "studies" / f"{name}.json"
+    return read_json(path) if path.exists() else {}
 
 
 def _run(name: str) -> tuple[Mapping[str, Any], Mapping[str, Mapping[str, FloatArray]]]:

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
     from discovery.diagnosis.missing_force import MissingForce
     from discovery.foundation.errors import ComputationError
+    from discovery.foundation.progress import Tell
     from discovery.recordings.dataset import Dataset
     from discovery.recordings.experiment import Experiment
     from discovery.runs.answer import Answer
     from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
-    from discovery.runs.stages import Tell
 
 __all__ = ["COMMANDS"]
 

@@ -9,7 +9,7 @@ import click
 
 from discovery.cli.campaign_cases import Case, beside, found_cases, listed, origins, rig_files
 from discovery.cli.loop_page import write_page
-from discovery.cli.options import PATH, note, options, print_json, results_folder
+from discovery.cli.options import PATH, note, options, print_json, progress, results_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -224,8 +224,8 @@ def campaign(
     if not quiet:
         _say_found(where, rigs, skipped, cases)
         _say_left(left, cases)
-    done = watched(outcomes, len(left), "cases") if left and not quiet else outcomes
-    failed = _count_failed(done, quiet=as_json)
+    with progress(quiet) as tell:
+        failed = _count_failed(watched(outcomes, len(left), "cases", tell), quiet=as_json)
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
     page = _page(folder, [name for name, _ in cases], *dashboards)
     if as_json:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
-from discovery.cli.options import PATH, options, results_folder
+from discovery.cli.options import PATH, note, options, print_files, results_folder
 
 __all__ = ["COMMANDS"]
 
@@ -27,15 +29,16 @@ _WHAT = click.option(
 @click.option(
     "--format", "formats", default="sympy,latex,numpy,json,c,fmu", show_default=True, help="Which files to write."
 )
-def export(folder: Path, out: Path, what: str, formats: str) -> None:
+@options("json")
+def export(folder: Path, out: Path, what: str, formats: str, as_json: bool) -> None:
     """Write the model of a finished run or loop as sympy, LaTeX, a numpy file, JSON, C and an FMU."""
     from discovery.export import FORMATS, export_model, read_fitted
 
     found = read_fitted(folder, what)
     chosen = [f.strip() for f in formats.split(",") if f.strip()]
     files = (file for name in chosen if name in FORMATS for file in FORMATS[name].files)
-    for path in export_model(found, results_folder(out, *files), chosen):
-        click.echo(f"{path}")
+    written = export_model(found, results_folder(out, *files), chosen)
+    print_files(written, as_json, found.to_dict())
 
 
 @click.command()
@@ -48,9 +51,12 @@ def export(folder: Path, out: Path, what: str, formats: str) -> None:
 @click.option("--amplitude", type=float, help="Of a swing [q]: forces become their describing functions.")
 @click.option("--frequency", type=float, help="Of that swing [rad/s].")
 @click.option("--sample-time", type=float, help="For discrete time, the input held between samples [s].")
-def linearise(folder: Path, out: Path, what: str, sample_time: float | None, **point: Any) -> None:
+@options("json")
+def linearise(
+    folder: Path, out: Path, what: str, sample_time: float | None, as_json: bool, **point: Any
+) -> None:  # fmt: skip
     """Write the model of a run near an operating point as state-space matrices, with standard deviations."""
-    from discovery.export import discretise, export_linear, read_draws, read_fitted
+    from discovery.export import discretise, export_linear, linear_to_json, read_draws, read_fitted
     from discovery.export import linearise as tangent
 
     found = read_fitted(folder, what)
@@ -58,9 +64,9 @@ def linearise(folder: Path, out: Path, what: str, sample_time: float | None, **p
     if sample_time is not None:
         linear = discretise(linear, sample_time)
     for warning in linear.warnings:
-        click.echo(f"warning: {warning}", err=True)
-    for path in export_linear(linear, found, results_folder(out, "linear.py", "linear.json")):
-        click.echo(f"{path}")
+        note(f"warning: {warning}")
+    written = export_linear(linear, found, results_folder(out, "linear.py", "linear.json"))
+    print_files(written, as_json, json.loads(linear_to_json(linear)))
 
 
 @click.command("feed-forward")
@@ -69,7 +75,10 @@ def linearise(folder: Path, out: Path, what: str, sample_time: float | None, **p
 @_WHAT
 @click.option("--rate", "largest_rate", type=float, required=True, help="Largest rate of the table [q/s].")
 @click.option("--position", "largest_position", type=float, required=True, help="Largest position of the table [q].")
-def feed_forward(folder: Path, out: Path, what: str, largest_rate: float, largest_position: float) -> None:
+@options("json")
+def feed_forward(
+    folder: Path, out: Path, what: str, largest_rate: float, largest_position: float, as_json: bool
+) -> None:
     """Write what a drive must be told for a wanted motion, friction included, as CSV and C tables."""
     from discovery.export import export_feed_forward, read_fitted
     from discovery.export import feed_forward as tables
@@ -77,9 +86,9 @@ def feed_forward(folder: Path, out: Path, what: str, largest_rate: float, larges
     source = read_fitted(folder, what)
     found = tables(source, largest_rate=largest_rate, largest_position=largest_position)
     for warning in found.warnings:
-        click.echo(f"warning: {warning}", err=True)
-    for path in export_feed_forward(found, source, results_folder(out, "feed_forward.csv", "feed_forward.h")):
-        click.echo(f"{path}")
+        note(f"warning: {warning}")
+    written = export_feed_forward(found, source, results_folder(out, "feed_forward.csv", "feed_forward.h"))
+    print_files(written, as_json, asdict(found))
 
 
 COMMANDS: tuple[click.Command, ...] = (export, linearise, feed_forward)

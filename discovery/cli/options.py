@@ -6,12 +6,14 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from discovery.foundation.progress import Progress, Tell, silent
 
 if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
@@ -26,6 +28,7 @@ __all__ = [
     "note",
     "once",
     "options",
+    "print_files",
     "print_json",
     "progress",
     "results_folder",
@@ -112,6 +115,15 @@ def print_json(content: Mapping[str, Any] | Sequence[Any]) -> None:
     click.echo(json_text(content))
 
 
+def print_files(files: Sequence[Path], as_json: bool, content: Mapping[str, Any]) -> None:
+    """Print where files were written, or, as one JSON document, what is in them and where they are."""
+    if as_json:
+        print_json({**content, "files": files})
+        return
+    for path in files:
+        click.echo(f"{path}")
+
+
 def once(_: click.Context, parameter: click.Parameter, values: tuple[Any, ...]) -> Any:
     """Return the value of an option that may be given once, and refuse it given again: the last would win unseen."""
     if len(values) > 1:
@@ -126,10 +138,10 @@ def estimate_text(value: float, sd: float | None, unit: str) -> str:
 
 
 @contextmanager
-def progress(quiet: bool):
+def progress(quiet: bool) -> Iterator[Tell]:
     """Yield a function that shows on standard error what is being done, and when a kernel is compiled for it."""
     if quiet:
-        yield lambda _: None
+        yield silent
         return
     from discovery.simulation.kernel.compile import heard_compiling
 
@@ -139,7 +151,8 @@ def progress(quiet: bool):
         def tell(message: str) -> None:
             nonlocal last, said
             kind = message.partition(":")[0]
-            if kind != last or time.monotonic() - said > _AGAIN:
+            ended = isinstance(message, Progress) and message.done >= message.total
+            if kind != last or ended or time.monotonic() - said > _AGAIN:
                 note(message)
                 said = time.monotonic()
             last = kind
@@ -147,17 +160,26 @@ def progress(quiet: bool):
         with heard_compiling(lambda: note(_COMPILING)):
             yield tell
         return
+    from rich import progress as shown
     from rich.console import Console
+    from rich.table import Column
 
-    with Console(stderr=True).status("starting") as status:
-        doing = "starting"
+    text = shown.TextColumn("{task.description}", markup=False, table_column=Column(overflow="fold"))
+    columns = (shown.SpinnerColumn(), text, shown.TimeElapsedColumn())
+    # Standard output that goes to a file stays there.
+    to_screen = sys.stdout.isatty()
+    with shown.Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=to_screen) as bar:
+        doing, task = "starting", bar.add_task("starting", total=None)
 
         def show(message: str) -> None:
             nonlocal doing
             doing = message
-            status.update(message)
+            bar.update(task, description=message)
 
-        with heard_compiling(lambda: status.update(f"{doing}: {_COMPILING}"), lambda: status.update(doing)):
+        def compiling(message: str) -> None:
+            bar.update(task, description=message)
+
+        with heard_compiling(lambda: compiling(f"{doing}: {_COMPILING}"), lambda: compiling(doing)):
             yield show
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.cli.options import PATH, SEED, options, print_json
+from discovery.cli.options import PATH, SEED, options, print_files, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -178,7 +178,8 @@ def _list_hidden(context: click.Context, _: click.Parameter, wanted: bool) -> No
 )
 @click.option("--out", required=True, type=PATH, help="CSV file to write.")
 @click.option("--seed", default=1, show_default=True, type=SEED, help="Seed of the noise.")
-def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) -> None:
+@options("json")
+def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int, as_json: bool) -> None:
     """Record the twin in one of its MANOEUVREs, with any of its hidden effects."""
     from discovery_datasets.recordings import MANOEUVRES, make_recording
     from discovery_datasets.twin import write_csv
@@ -189,12 +190,15 @@ def simulate(manoeuvre: str, effects_: tuple[str, ...], out: Path, seed: int) ->
         raise InputError(f"The twin knows no manoeuvre {manoeuvre!r}; it knows {', '.join(MANOEUVRES)}.")
     if out.is_dir():
         raise InputError(f"{out} is a folder; name the file to write with --out, as {out / f'{manoeuvre}.csv'}.")
-    made = make_recording(manoeuvre, seed, disturbances=tuple(_hidden(text) for text in effects_))
+    hidden = tuple(_hidden(text) for text in effects_)
+    made = make_recording(manoeuvre, seed, disturbances=hidden)
     try:
         write_csv(made, out)
     except OSError as error:
         raise InputError(f"{out} cannot be written: {error.strerror}. Give another file with --out.") from None
-    click.echo(f"{out}")
+    told = {"manoeuvre": manoeuvre, "seed": seed, "columns": list(made), "samples": len(made)}
+    planted = [{"id": text.partition(":")[0], **asdict(effect)} for text, effect in zip(effects_, hidden, strict=True)]
+    print_files([out], as_json, {**told, "effects": planted})
 
 
 @click.group()
@@ -231,16 +235,18 @@ def data_list(name: str | None, as_json: bool) -> None:
 
 @data.command("fetch")
 @click.argument("name")
-def data_fetch(name: str) -> None:
+@options("json")
+def data_fetch(name: str, as_json: bool) -> None:
     """Fetch one file from its public origin."""
     from discovery_datasets import registry
 
     from discovery.foundation.errors import InputError
 
     try:
-        click.echo(f"{registry.fetch(name)}")
+        fetched = registry.fetch(name)
     except (registry.DataUnavailable, KeyError) as error:
         raise InputError(str(error.args[0])) from None
+    print_files([fetched], as_json, {"name": name, **asdict(registry.entry_of(name))})
 
 
 @data.command("check")

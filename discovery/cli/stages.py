@@ -9,7 +9,17 @@ from pathlib import Path
 import click
 
 from discovery.cli.loop_page import has_parts, rebuild_page
-from discovery.cli.options import PATH, estimate_text, held, load, options, print_json, progress, results_folder
+from discovery.cli.options import (
+    PATH,
+    estimate_text,
+    held,
+    load,
+    options,
+    print_files,
+    print_json,
+    progress,
+    results_folder,
+)
 
 __all__ = ["COMMANDS", "NOISES"]
 
@@ -173,11 +183,13 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
 
 @click.command()
 @click.argument("folder", type=PATH)
-def report(folder: Path) -> None:
+@options("json")
+def report(folder: Path, as_json: bool) -> None:
     """Write the page of a finished run or loop again from its result files."""
     from discovery.foundation.errors import InputError
     from discovery.foundation.io import shown
     from discovery.report import build_report
+    from discovery.results.provenance import read_json
 
     whole = os.path.exists(folder / "results.json")
     if not whole and not has_parts(folder):
@@ -185,7 +197,9 @@ def report(folder: Path) -> None:
             f"{shown(folder)} holds neither results.json nor the page of a loop; make them with `discovery run` or "
             "`discovery loop`."
         )
-    click.echo(f"{(build_report if whole else rebuild_page)(held(folder))}")
+    page = (build_report if whole else rebuild_page)(held(folder))
+    found = read_json(folder / "results.json")["loop"] if whole else read_json(folder / "loop.json")
+    print_files([page], as_json, {"verdict": found["verdict"]})
 
 
 COMMANDS: tuple[click.Command, ...] = (discover, fit, posterior, elastica, residual, report)

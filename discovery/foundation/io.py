@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.foundation.errors import ComputationError, InputError, suggestion
+from discovery.foundation.text_encoding import decoded
 from discovery.foundation.text_table import parse_text
 
 __all__ = ["DRAFT", "Table", "atomic_write", "read_table", "reason", "shown"]
@@ -47,6 +48,8 @@ class Table:
         Line of each row in a text file, from 1; empty for other formats.
     rows : array of int, shape (n,), or None
         Row of the file that each row was, from 0; None where all were taken.
+    guessed : str
+        Encoding of a text file where nothing says it; empty for UTF-8.
     """
 
     path: Path
@@ -54,6 +57,7 @@ class Table:
     sha256: str
     lines: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     rows: npt.NDArray[np.int64] | None = None
+    guessed: str = ""
 
     def where(self, row: int) -> str:
         """Name a row for people: data rows count from 1."""
@@ -171,8 +175,13 @@ def read_table(path: str | os.PathLike[str], header: Sequence[str] | None = None
         raise InputError(f"{path} is empty. Export the recording again.")
     sha256 = hashlib.sha256(content).hexdigest()
     if suffix in _CSV:
-        columns, lines = parse_text(path, content, header)
-        return Table(path, columns, sha256, lines)
+        found = decoded(content)
+        if found is None:
+            raise InputError(
+                f"{path} is a binary file, not text. Export the recording as CSV, or give it its true suffix."
+            )
+        columns, lines = parse_text(path, found[0], header)
+        return Table(path, columns, sha256, lines, guessed=found[1])
     readers = {".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
     try:
         columns = readers.get(suffix, _read_hdf5)(path)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.foundation.errors import InputError
+from discovery.foundation.text_encoding import decoded
 
 __all__ = ["parse_text", "unnamed_columns"]
 
@@ -27,7 +28,7 @@ _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
 def parse_text(
-    path: Path, content: bytes, header: Sequence[str] | None = None
+    path: Path, text: str, header: Sequence[str] | None = None
 ) -> tuple[dict[str, npt.NDArray[Any]], npt.NDArray[np.int64]]:
     """Read the columns of a text file.
 
@@ -35,9 +36,10 @@ def parse_text(
     ----------
     path : Path
         For the messages.
-    content : bytes
-        The file. Commas, semicolons, tabs or runs of blanks separate its columns; lines that begin with ``#`` or ``%``
-        are comments. Where no comma separates columns, numbers may have a decimal comma.
+    text : str
+        What the file holds. Commas, semicolons, tabs or runs of blanks separate its columns; lines that begin with
+        ``#`` or ``%`` are comments. Where no comma separates columns, numbers may have a decimal comma. Where the first
+        row holds numbers, the comment above it may name the columns.
     header : sequence of str, optional
         Names of the columns, from left to right, where the file has no line of names.
 
@@ -50,15 +52,9 @@ def parse_text(
     Raises
     ------
     InputError
-        If the file is no table of text: binary, empty, without names or with names given twice, or with rows that do
-        not have the cells that the names ask for.
+        If the file is no table: empty, without names or with names given twice, or with rows that do not have the
+        cells that the names ask for.
     """
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text:
-        raise InputError(f"{path} is a binary file, not text. Export the recording as CSV, or give it its true suffix.")
     every = text.splitlines()
     stripped = (line.strip() for line in every)
     lines = np.array([number for number, line in enumerate(stripped, 1) if line and line[0] not in "#%"], np.int64)
@@ -66,9 +62,11 @@ def parse_text(
         raise InputError(f"{path} is empty but for comments. Export the recording again.")
     rows = [every[number - 1] for number in lines]
     separator = _separator(rows, header)
-    names = list(header) if header is not None else _cells(rows[0], separator)
-    _check_names(path, int(lines[0]), names, _cells(rows[0], separator), header is not None)
-    if header is None:
+    first = _cells(rows[0], separator)
+    told = _commented_names(every[: int(lines[0]) - 1], separator, first) if header is None else []
+    names = list(header) if header is not None else told or first
+    _check_names(path, int(lines[0]), names, first, header is not None)
+    if header is None and not told:
         rows, lines = rows[1:], lines[1:]
     if not rows:
         raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
@@ -85,13 +83,17 @@ def unnamed_columns(path: Path) -> tuple[str, ...]:
         A file of any kind; one that is no text has its own names.
     """
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        found = decoded(path.read_bytes())
     except (OSError, ValueError):  # told where the file is read
         return ()
-    rows = (line for line in map(str.strip, text.splitlines()) if line and line[0] not in "#%")
-    first = next(rows, "")
-    cells = _cells(first, _separator([first, next(rows, first)], None)) if first else []
-    named = not all(map(_is_either_number, cells))
+    every = [] if found is None else [line.strip() for line in found[0].splitlines()]
+    rows = [number for number, line in enumerate(every) if line and line[0] not in "#%"][:2]
+    if not rows:
+        return ()
+    first = every[rows[0]]
+    separator = _separator([first, every[rows[-1]]], None)
+    cells = _cells(first, separator)
+    named = not all(map(_is_either_number, cells)) or _commented_names(every[: rows[0]], separator, cells)
     return () if named else tuple(f"c{number}" for number in range(1, len(cells) + 1))
 
 
@@ -114,6 +116,15 @@ def _cells(row: str, separator: str) -> list[str]:
     if separator == _BLANKS:
         return row.split()
     return [cell.strip() for cell in next(csv.reader([row], delimiter=separator))]
+
+
+def _commented_names(above: Sequence[str], separator: str, first: Sequence[str]) -> list[str]:
+    """Return the names of columns in the comment right above a first row of numbers; none where it names other ones."""
+    comment = above[-1].strip() if above else ""
+    if not comment or comment[0] not in "#%" or not all(map(_is_either_number, first)):
+        return []
+    names = _cells(comment.lstrip("#% \t"), separator)
+    return names if len(names) == len(first) and not any(map(_is_either_number, names)) else []
 
 
 def _decimal(rows: Sequence[str], separator: str) -> str:

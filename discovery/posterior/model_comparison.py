@@ -12,6 +12,7 @@ from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN
@@ -85,6 +86,7 @@ def compare_models(
     noise: str = GAUSSIAN,
     held_out: Mapping[str, float] | None = None,
     draws: int = 4000,
+    progress: Tell | None = None,
 ) -> Comparison:
     """Compare fitted candidates by evidence, all under one noise model.
 
@@ -100,6 +102,8 @@ def compare_models(
         Error or chi-square of each candidate on recordings that were held out.
     draws : int
         Draws for each evidence.
+    progress : callable, optional
+        Receives one sentence before each candidate.
 
     Returns
     -------
@@ -117,16 +121,17 @@ def compare_models(
         if not hasattr(candidate, "problem"):
             expect(candidate, Fit, f"fits[{name!r}]", "Make one with fit_model(model, dataset).")
     check_seed(seed)
+    tell = teller(progress)
     data = {tuple((e.recording.sha256, e.fitted_samples) for e in f.problem.bench.experiments) for f in fits.values()}
     if len(data) != 1:
         raise InputError("Evidences compare only on the same readings: fit all candidates on the same recordings.")
     if held_out is not None and (missing := fits.keys() - held_out.keys()):
         raise InputError(f"There is no held-out error of {', '.join(sorted(missing))}.")
     streams = np.random.default_rng(seed).spawn(len(fits))
-    evidences = {
-        name: log_evidence(log_posterior(_fit_of(fit), noise), rng, draws)
-        for (name, fit), rng in zip(fits.items(), streams, strict=True)
-    }
+    weighed = counted(
+        list(zip(fits.items(), streams, strict=True)), tell, "weighing models by their evidence", "models"
+    )
+    evidences = {name: log_evidence(log_posterior(_fit_of(fit), noise), rng, draws) for (name, fit), rng in weighed}
     return Comparison(evidences, {name: held_out[name] for name in fits} if held_out is not None else {})
 
 

@@ -10,12 +10,15 @@ import numpy as np
 
 from discovery.estimation.fit import Fit
 from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN, applicable
 
 __all__ = ["NoiseChoice", "choose_noise"]
+
+_DOING = "weighing noise models by their evidence"
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,14 @@ class NoiseChoice:
         }
 
 
-def choose_noise(fit: Fit, *, seed: int = 1, models: Sequence[str] | None = None, draws: int = 4000) -> NoiseChoice:
+def choose_noise(
+    fit: Fit,
+    *,
+    seed: int = 1,
+    models: Sequence[str] | None = None,
+    draws: int = 4000,
+    progress: Tell | None = None,
+) -> NoiseChoice:
     """Weigh noise models by their evidence on the recordings of a fit.
 
     Parameters
@@ -73,6 +83,8 @@ def choose_noise(fit: Fit, *, seed: int = 1, models: Sequence[str] | None = None
         input where there is an input.
     draws : int
         Draws for each evidence.
+    progress : callable, optional
+        Receives one sentence before each model.
 
     Returns
     -------
@@ -87,9 +99,9 @@ def choose_noise(fit: Fit, *, seed: int = 1, models: Sequence[str] | None = None
     """
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
     check_seed(seed)
+    tell = teller(progress)
     parts = instruments(fit.problem.bench.experiments)
     names = applicable(fit.problem, parts) if models is None else (GAUSSIAN, *(m for m in models if m != GAUSSIAN))
     streams = np.random.default_rng(seed).spawn(len(names))
-    return NoiseChoice(
-        tuple(log_evidence(log_posterior(fit, name), rng, draws) for name, rng in zip(names, streams, strict=True))
-    )
+    weighed = counted(list(zip(names, streams, strict=True)), tell, _DOING, "models")
+    return NoiseChoice(tuple(log_evidence(log_posterior(fit, name), rng, draws) for name, rng in weighed))

@@ -6,16 +6,16 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.metadata import version
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from discovery.estimation.fit import Fit
-from discovery.foundation.arguments import check_callable, check_seed, expect
+from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError, NotConverged
+from discovery.foundation.progress import Progress, Tell, teller
 from discovery.posterior.checkpoint import fingerprint, restore, save
 from discovery.posterior.diagnostics import LENGTH_IN_TAU, Convergence, convergence, tail_effective
 from discovery.posterior.draws import Posterior
@@ -24,7 +24,7 @@ from discovery.posterior.likelihood import LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN
 from discovery.posterior.prior_draws import prior_draws
 
-__all__ = ["Progress", "sample"]
+__all__ = ["sample"]
 
 FEWEST_ENSEMBLES = 4
 _FEWEST_WALKERS, _WALKERS_A_DIMENSION, _MOST_WALKERS, _LANES = 64, 4, 2048, 32
@@ -38,31 +38,6 @@ _PRIOR_DRAWS = 2000
 _PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")
 
 
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is: steps done, and the worst diagnostics of any quantity so far.
-
-    Parameters
-    ----------
-    steps, max_steps : int
-        Steps of every ensemble, done and at most.
-    effective, wanted : float
-        Effective samples, so far and wanted.
-    r_hat, tau : float
-        R-hat between the ensembles, autocorrelation time [steps].
-    seconds_left : float
-        How long it takes at this pace until the effective samples are there.
-    """
-
-    steps: int
-    max_steps: int
-    effective: float
-    wanted: float
-    r_hat: float
-    tau: float
-    seconds_left: float = math.nan
-
-
 def sample(
     fit: Fit,
     *,
@@ -73,7 +48,7 @@ def sample(
     min_effective: float = 4000,
     r_hat_max: float = 1.01,
     max_steps: int = 20_000,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Tell | None = None,
     backend_path: str | os.PathLike[str] | None = None,
 ) -> Posterior:
     """Sample the posterior of a fitted model until independent ensembles agree.
@@ -98,7 +73,8 @@ def sample(
     max_steps : int
         Steps of every ensemble after which the run is given up.
     progress : callable, optional
-        Called with a `Progress` after every block.
+        Receives one sentence after every block, a `discovery.foundation.progress.Progress`: its ``done`` of ``total``
+        effective samples are there, and ``seconds_left`` is how long the others take.
     backend_path : path, optional
         HDF5 checkpoint: written every few seconds, and continued from if it is there, to the very same draws.
 
@@ -122,7 +98,8 @@ def sample(
     The errors of the readings are taken as the noise model has them, the Gaussian one as independent. Where the model
     leaves a systematic residual, the noise absorbs it, and `Posterior.status` says so.
     """
-    _refuse(fit, seed, progress, ensembles, max_steps)
+    tell = teller(progress)
+    _refuse(fit, seed, ensembles, max_steps)
     target = log_posterior(fit, noise=noise)
     if walkers is None:
         walkers = _walkers(target.dimension, min_effective / ensembles)
@@ -145,18 +122,16 @@ def sample(
         # Given up while the moves still adapt, a run is refused with what its second half says.
         draws = target.values(np.stack([ensemble.chain[steps // 2 if short else burn_in :] for ensemble in group]))
         found = convergence(draws)
-        if progress is not None:
-            pace = (time.perf_counter() - began) / (steps - before) if steps > before else math.nan
-            progress(_progress(found, steps, max_steps, min_effective, pace))
+        pace = (time.perf_counter() - began) / (steps - before) if steps > before else math.nan
+        tell(_progress(found, steps, min_effective, pace))
         if not short and found.meets(min_effective, r_hat_max):
             return _posterior(fit, target, group, found, draws, seed)
     raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
 
 
-def _refuse(fit: object, seed: object, progress: object, ensembles: int, max_steps: int) -> None:
+def _refuse(fit: object, seed: object, ensembles: int, max_steps: int) -> None:
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
     check_seed(seed)
-    check_callable(progress, "progress")
     if ensembles < FEWEST_ENSEMBLES:
         raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
     if max_steps < _SHORTEST_RUN:
@@ -169,16 +144,15 @@ def _walkers(dimension: int, effective: float) -> int:
     return math.ceil(wanted / _LANES) * _LANES
 
 
-def _progress(found: Convergence, steps: int, max_steps: int, wanted: float, pace: float) -> Progress:
+def _progress(found: Convergence, steps: int, wanted: float, pace: float) -> Progress:
     """Return how far a run is, at a pace [s] of its steps."""
     effective, tau = float(found.ess.min()), float(found.tau.max())
-    return Progress(
-        steps,
-        max_steps,
-        effective=effective,
-        wanted=wanted,
-        r_hat=float(found.r_hat.max()),
-        tau=tau,
+    return Progress.counting(
+        "sampling the posterior",
+        effective,
+        wanted,
+        "effective samples",
+        beside=f"R-hat {found.r_hat.max():.3f} after {steps} steps",
         seconds_left=pace * _steps_left(steps, effective / wanted, tau),
     )
 

@@ -33,6 +33,11 @@ _CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "note",
         "The sampling rate is not known: times count samples, and rates and frequencies are per sample.",
     ),
+    "encoding_guessed": (
+        "note",
+        "The file is not UTF-8: its text is read as {encoding}. Numbers do not depend on it; where a name or a unit "
+        "looks wrong, export the file as UTF-8.",
+    ),
     "samples_missing": (
         "note",
         "{missing:sample is|samples are} missing in {gaps:gap|gaps} of the times; the longest lasts {longest:.4g} s. "

@@ -134,7 +134,9 @@ def read_recording(
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
     checked = _checked(rig, found)
-    flags = [*time_flags(found.time, rig.columns.time.assumed), *checked]
+    guessed = found.table.guessed
+    flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
+    flags += [*time_flags(found.time, rig.columns.time.assumed), *checked]
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, more = _cleaned(rig, found, stated)

@@ -23,7 +23,7 @@ from discovery.runs.loop_result import LoopResult
 from discovery.runs.regression_stage import Discovered
 
 if TYPE_CHECKING:
-    from discovery.posterior.sampling import Progress
+    from discovery.foundation.progress import Progress
     from discovery.posterior.study import PosteriorStudy
 
 __all__ = ["Answer", "Sampled"]
@@ -140,5 +140,5 @@ class Sampled:
         if self.left_out:
             pending = {"left_out": list(self.left_out), "because": self.because}
             if self.reached is not None and posterior is None:
-                pending |= {"effective": self.reached.effective, "wanted": self.reached.wanted}
+                pending |= {"effective": self.reached.done, "wanted": self.reached.total}
         return {"posterior": found, "pending": pending, **self.weighed}

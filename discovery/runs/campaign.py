@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
+from discovery.foundation.progress import Counter, Tell
 from discovery.results.provenance import plain, read_json, write_json
 from discovery.runs.spread import Outcome, Work, spread
 
@@ -221,38 +221,22 @@ def _parts(found: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
         yield part
 
 
-def watched(outcomes: Iterable[Outcome], total: int | None, title: str) -> Iterator[Outcome]:
-    """Yield outcomes and show on standard error how many there are, how many failed and how long the rest will take.
+def watched(outcomes: Iterable[Outcome], total: int, title: str, tell: Tell) -> Iterator[Outcome]:
+    """Yield outcomes and tell how many there are, how many failed and how long the rest will take.
 
     Parameters
     ----------
     outcomes : iterable of Outcome
         From `campaign` or `spread`.
-    total : int or None
-        How many there will be, if that is known.
+    total : int
+        How many there will be.
     title : str
         One or two words.
+    tell : callable
+        Receives one sentence after each.
     """
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[failed]}"))
-    clock = (TimeElapsedColumn(), TimeRemainingColumn())
-    # Standard output that goes to a file stays there.
-    with Progress(*columns, *clock, console=Console(stderr=True), redirect_stdout=sys.stdout.isatty()) as bar:
-        task, failed = bar.add_task(title, total=total, failed=""), 0
-        try:
-            for outcome in outcomes:
-                failed += bool(outcome.error)
-                bar.update(task, advance=1, failed=f"{failed} failed" * bool(failed))
-                yield outcome
-        except InputError:  # no bar above a refusal
-            bar.live.transient = True
-            raise
+    counter, failed = Counter(tell, title, total, "done"), 0
+    for done, outcome in enumerate(outcomes, 1):
+        failed += bool(outcome.error)
+        counter.told(done, f"{failed} failed" if failed else "")
+        yield outcome

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,7 +19,8 @@ from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine
 from discovery.estimation.solver_error import error_unit
 from discovery.estimation.whole import fitted_to_all
-from discovery.foundation.arguments import check_callable, check_seed, expect
+from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.progress import Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
@@ -27,6 +28,7 @@ from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.search_part import searched_part
+from discovery.runs.course import Course
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
 from discovery.runs.model_error_report import ModelErrorReport
@@ -64,7 +66,7 @@ def close_loop(
     *,
     settings: LoopSettings | None = None,
     seed: int | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Tell | None = None,
 ) -> LoopResult:
     """Find what the declared model lacks.
 
@@ -105,7 +107,7 @@ def close_loop(
     settings = settings or LoopSettings()
     expect(settings, LoopSettings, "settings", "Make some with LoopSettings(name=value).")
     check_seed(settings.seed if seed is None else seed)
-    check_callable(progress, "progress")
+    course = Course(teller(progress))
     settings = settings if seed is None else replace(settings, seed=seed)
     least = min(float(e.recording.noise.min()) for e in (*train, *holdout)) / error_unit(train, units)
     rounding = _rounding([*train, *holdout])
@@ -116,13 +118,14 @@ def close_loop(
         error_scale=float(np.hypot(settings.error_scale, rounding)),
     )
     context, whole = (
-        Context(fitted, HoldOut(fitted, held, units, settings.tolerance), settings, units, progress or (lambda _: None))
+        Context(fitted, HoldOut(fitted, held, units, settings.tolerance), settings, units, course)
         for fitted, held in ((train, holdout), everything)
     )
     part, all_of_it = (*train, *holdout), (*everything[0], *everything[1])
     # Matrices are tall and narrow: a second thread of theirs would only wait in the way of the simulations.
     with single_algebra():
-        return _closed(context, whole if any(a is not b for a, b in zip(part, all_of_it, strict=True)) else context)
+        in_part = any(a is not b for a, b in zip(part, all_of_it, strict=True))
+        return _closed(context, whole if in_part else context, course)
 
 
 def _given(train: Recordings, holdout: Recordings | None) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...]]:
@@ -141,7 +144,7 @@ def _rounding(experiments: Sequence[Experiment]) -> float:
     )
 
 
-def _closed(context: Context, whole: Context) -> LoopResult:
+def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     """Return what the loop finds on the recordings of a context, its two models fitted to the whole of them."""
     train = context.train
     context.progress("refitting the declared model")
@@ -152,7 +155,8 @@ def _closed(context: Context, whole: Context) -> LoopResult:
         # What explains readings in another unit is none of the system's effects.
         search.decisions.append(Decision("stop", (), True, "impossible"))
     else:
-        search.run()
+        with course.searching(search.offers, context.settings.budget.offers):
+            search.run()
     found = {n.effect: n for n in named(search)}
     best, geometry, steps = _on_best_mechanics(before, search, context)
     after, last = finished(best, context)

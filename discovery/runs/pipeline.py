@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from discovery.estimation.fit import Fit
 from discovery.estimation.predict import held_out
-from discovery.foundation.arguments import as_path, check_callable, check_seed, expect
+from discovery.foundation.arguments import as_path, check_seed, expect
 from discovery.foundation.errors import ComputationError, InputError
+from discovery.foundation.progress import Progress, Tell, silent, teller
 from discovery.foundation.time_limit import TimeIsUp, time_limit
 from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
@@ -28,10 +29,6 @@ from discovery.runs.answer import _PARTS, Answer, Sampled
 from discovery.runs.failed_loop import FailedLoop, gather_failed_loop
 from discovery.runs.loop_files import loops_predictions, models_of, of_loop, save_curves, to_clean, write_loop
 from discovery.runs.regression_stage import can_discover, discover
-from discovery.runs.stage import Tell, silent
-
-if TYPE_CHECKING:
-    from discovery.posterior.sampling import Progress
 
 __all__ = ["add_posterior", "answer", "run", "save_failed"]
 
@@ -53,7 +50,7 @@ def run(
     out: str | os.PathLike[str],
     *,
     seed: int = 1,
-    progress: Tell = silent,
+    progress: Tell | None = None,
     command: Sequence[str] | None = None,
     note: str = "",
     with_posterior: bool = True,
@@ -68,7 +65,7 @@ def run(
         Folder for results.json, loop.json and the netCDF files; made if need be.
     seed : int
         Seed of everything random.
-    progress : callable
+    progress : callable, optional
         Receives one sentence before every longer piece of work.
     command : sequence of str, optional
         Recorded in the provenance; the process's own by default.
@@ -84,12 +81,10 @@ def run(
     """
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     check_seed(seed)
-    check_callable(progress, "progress")
+    tell = teller(progress)
     folder = as_path(out, "out", "Give the folder for the results.")
-    found = answer(
-        dataset, folder, seed=seed, progress=progress, command=command, note=note, with_posterior=with_posterior
-    )
-    return add_posterior(found, progress=progress) if with_posterior else dict(found.content)
+    found = answer(dataset, folder, seed=seed, progress=tell, command=command, note=note, with_posterior=with_posterior)
+    return add_posterior(found, progress=tell) if with_posterior else dict(found.content)
 
 
 def answer(
@@ -191,10 +186,11 @@ def _sample(found: Answer, done: Sampled, progress: Tell, checkpoint: Path) -> N
     """Do what follows an answer, a part after the other."""
     subject, seed = found.subject, found.seed
 
-    def heard(progress: Progress) -> None:
-        done.reached = progress
+    def heard(told: str) -> None:
+        done.reached = told if isinstance(told, Progress) else done.reached
+        progress(told)
 
-    posterior = _draws(subject, seed, progress, checkpoint, heard)
+    posterior = _draws(subject, seed, heard, checkpoint)
     study = stages.studied(posterior, subject, found.dataset, seed=seed, progress=progress)
     done.posterior, done.study, done.left_out = posterior, study, _PARTS[1:]
     if not _came_as_far(found.kept, done):
@@ -247,11 +243,11 @@ def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) 
     return content
 
 
-def _draws(subject: Fit, seed: int, progress: Tell, checkpoint: Path, heard: Callable[[Progress], None]) -> Posterior:
+def _draws(subject: Fit, seed: int, progress: Tell, checkpoint: Path) -> Posterior:
     """Return the posterior of a fit, continued from a checkpoint of the same run where one is there."""
     try:
-        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint, heard=heard)
+        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint)
     except InputError:
         # The checkpoint is of another run of this folder, interrupted and now overtaken.
         checkpoint.unlink(missing_ok=True)
-        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint, heard=heard)
+        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint)

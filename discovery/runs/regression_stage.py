@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from discovery.foundation.arguments import check_callable, check_seed, expect
+from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.progress import Tell, teller
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.rigs.rig import Rig
-from discovery.runs.stage import Tell, silent, stage_seed
+from discovery.runs.stage import stage_seed
 
 __all__ = ["Discovered", "can_discover", "discover"]
 
@@ -69,7 +70,7 @@ def can_discover(rig: Rig) -> bool:
     return rig.base in ("constant_radius", "oscillator")
 
 
-def discover(dataset: Dataset, *, seed: int = 1, progress: Tell = silent) -> Discovered:
+def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -> Discovered:
     """Find the equation of motion, and an arm's radius law, by sparse regression.
 
     Raises
@@ -79,7 +80,7 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell = silent) -> Dis
     """
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     check_seed(seed)
-    check_callable(progress, "progress")
+    tell = teller(progress)
     if not can_discover(dataset.rig):
         raise InputError(
             f"{dataset.rig.name}: sparse regression needs readings of the coordinate and of the force on it. Use "
@@ -89,23 +90,23 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell = silent) -> Dis
     from discovery.sindy.radius import discover_radius
     from discovery.sindy.sindy import discover as sparse
 
-    progress("smoothing the recordings")
+    tell("smoothing the recordings")
     motions = []
     for e in dataset.train:
         recording = _shortened(e)
         motions.append(motion_of(recording, dataset.rig, e.drive))
     rng = np.random.default_rng(stage_seed(seed, "discover"))
-    progress("searching the library for the equation of motion")
+    tell("searching the library for the equation of motion")
     equation = sparse(motions, rng=rng)
     radius = None
     if all(m.radius is not None for m in motions):
-        progress("searching for the radius law")
+        tell("searching for the radius law")
         radius = discover_radius(motions, rng=rng)
     multisine = None
     if not dataset.train[0].is_arm and dataset.train[0].recording.input is not None:
         from discovery.signals.distortion import analyse_multisine
 
-        progress("reading the multisine's own lines")
+        tell("reading the multisine's own lines")
         multisine = analyse_multisine(dataset.train[0].recording)
     return Discovered(equation, radius, multisine)
 

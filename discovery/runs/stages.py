@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +20,7 @@ from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
 from discovery.foundation.errors import ComputationError
+from discovery.foundation.progress import Tell, silent
 from discovery.posterior.noise import GAUSSIAN, words_of
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.dataset import Dataset
@@ -30,13 +29,12 @@ from discovery.rigs.kinds import KINDS, LINEAR_MODEL
 from discovery.runs.failed_loop import LoopFailure, failed_loop
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
-from discovery.runs.stage import Tell, silent, stage_seed
+from discovery.runs.stage import stage_seed
 from discovery.selection.settings import LoopSettings
 
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.posterior.noise_choice import NoiseChoice
-    from discovery.posterior.sampling import Progress
     from discovery.posterior.study import PosteriorStudy
 
 __all__ = [
@@ -126,38 +124,15 @@ def weighed(fitted: Fit, *, seed: int = 1, progress: Tell = silent) -> NoiseChoi
     """Weigh the noise models that apply to the recordings of a fit by their evidence."""
     from discovery.posterior.noise_choice import choose_noise
 
-    progress("weighing noise models by their evidence")
-    return choose_noise(fitted, seed=stage_seed(seed, "evidence"))
+    return choose_noise(fitted, seed=stage_seed(seed, "evidence"), progress=progress)
 
 
-def sampled(
-    fitted: Fit,
-    *,
-    seed: int,
-    progress: Tell,
-    backend=None,
-    noise: str = GAUSSIAN,
-    heard: Callable[[Progress], None] = lambda _: None,
-) -> Posterior:
-    """Sample the posterior of a fitted model under a noise model; `heard` is told how far it is."""
+def sampled(fitted: Fit, *, seed: int = 1, progress: Tell = silent, backend=None, noise: str = GAUSSIAN) -> Posterior:
+    """Sample the posterior of a fitted model under a noise model."""
     from discovery.posterior.sampling import sample
 
     progress(f"sampling the posterior, errors {words_of(noise)}")
-
-    def on_progress(p: Progress) -> None:
-        heard(p)
-        progress(
-            f"sampling the posterior: {p.effective:.0f} of {p.wanted:.0f} effective samples, R-hat {p.r_hat:.3f}"
-            + (f", {_until(p.seconds_left)}" if 1.0 < p.seconds_left < math.inf else "")
-        )
-
-    return sample(fitted, seed=stage_seed(seed, "posterior"), noise=noise, progress=on_progress, backend_path=backend)
-
-
-def _until(seconds: float) -> str:
-    """Return how long something still takes, and the time of day at which it is done."""
-    long = f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
-    return f"about {long} left, until {datetime.now() + timedelta(seconds=seconds):%H:%M:%S}"
+    return sample(fitted, seed=stage_seed(seed, "posterior"), noise=noise, progress=progress, backend_path=backend)
 
 
 def studied(

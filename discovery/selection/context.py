@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,17 +17,17 @@ from discovery.estimation.holdout import HoldOut
 from discovery.estimation.problem import NaturalUnits, conventions
 from discovery.estimation.step_control import affordable_bench
 from discovery.estimation.unequal_steps import unequal_bench
+from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import candidates
 from discovery.selection.settings import LoopSettings
 
-__all__ = ["Context", "Tell"]
+__all__ = ["Context"]
 
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.
 _CREDIBLE = 2.0
 
 FloatArray = NDArray[np.float64]
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
