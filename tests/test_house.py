@@ -20,7 +20,6 @@ LONG_FUNCTIONS = {
     "export/source.py:to_numpy",
     "screening/refits.py:_raced",
     "screening/stiff.py:unstiffened",
-    "simulation/kernel/fused.py:fused_reading",
     "simulation/kernel/source.py:kernel_source",
 }
 LONG_CALLS = {
