@@ -21,6 +21,7 @@ HOMES = {
     "numba": {
         "discovery.simulation.kernel.compile",  # hears of the compiler, once a kernel is loaded
         "discovery.foundation.compiled_function",
+        "discovery.simulation.kernel.lanes",
         "discovery.simulation.kernel.straight_line",
         "discovery.simulation.kernel.vectormath",
         "discovery.posterior.noise.filters",

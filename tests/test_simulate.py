@@ -213,12 +213,12 @@ def test_a_step_below_the_shortest_is_not_tried() -> None:
     experiment, model = arm_experiment("elastica_2", time, drive)
     # So strongly damped that the higher shape creeps back fast: it sets the step, whatever the tolerance.
     values = {**PAPER, "tau_r": 0.1, "delta_0_init[test]": 0.1, "rate_0_init[test]": 0.0}
-    units = NaturalUnits(1 / 3, 1.0, 1.0)
-    step = choose_step(model, [experiment], units, values, 1e-3)
+    asked = model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-3, every_effect("elastica_2")
+    step = choose_step(*asked)
     assert step < 0.01
-    assert 0.5 * step <= choose_step(model, [experiment], units, values, 1e-3, shortest=0.5 * step) < 0.01
+    assert 0.5 * step <= choose_step(*asked, shortest=0.5 * step) < 0.01
     with pytest.raises(ComputationError, match="No step"):
-        choose_step(model, [experiment], units, values, 1e-3, shortest=4 * step)
+        choose_step(*asked, shortest=4 * step)
 
 
 def test_a_step_is_not_far_shorter_than_its_error_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,7 +226,8 @@ def test_a_step_is_not_far_shorter_than_its_error_asks_for(monkeypatch: pytest.M
     experiment, model = arm_experiment("elastica_2", time, drive)
     # The error falls from what rings unresolved to nothing at once, and so the first step that passes is very short.
     values = {**PAPER, "tau_r": 0.1, "delta_0_init[test]": 0.1, "rate_0_init[test]": 0.0}
-    step = choose_step(model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-3)
+    asked = model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-3, every_effect("elastica_2")
+    step = choose_step(*asked)
 
     def error(h: float) -> float:
         paths = [run(simulator("elastica_2", time, drive, each), values) for each in (h, 0.5 * h)]
@@ -236,7 +237,7 @@ def test_a_step_is_not_far_shorter_than_its_error_asks_for(monkeypatch: pytest.M
     # Some of the way to the blow-up is left to candidates.
     assert error(1.2 * step) < 5e-3
     monkeypatch.setattr("discovery.estimation.step._LONGER", 0)
-    assert step > 1.5 * choose_step(model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-3)
+    assert step > 1.5 * choose_step(*asked)
 
 
 @pytest.mark.parametrize(("base", "first"), [("constant_radius", 0.1), ("elastica_2", 0.01)])
@@ -435,13 +436,7 @@ def test_a_delay_shifts_the_trajectory(delay: float) -> None:
     drive, values = trapezoid(1.0, 1.25), {"xi": 0.05, "alpha": 9.0, "length": 1.0}
     ends = np.array([0.0, 3.0])
     late = simulator("constant_radius", np.concatenate([ends[:1], time, ends[1:]]), drive, 0.01)
-    plain = Simulator(
-        "constant_radius",
-        ("viscous_damping", "linear_stiffness"),
-        np.concatenate([ends[:1], time - delay, ends[1:]]),
-        drive,
-        step=0.01,
-    )
+    plain = simulator("constant_radius", np.concatenate([ends[:1], time - delay, ends[1:]]), drive, 0.01)
     got, expected = run(late, {**values, "tau": delay}), run(plain, values)
     np.testing.assert_allclose(got[1:-1], expected[1:-1], atol=1e-12)
 
@@ -452,13 +447,10 @@ def test_each_lane_reads_at_its_own_age(base: str, gap: float) -> None:
     """Delays, drifts and sawtooths side by side, several samples in a step and several steps between samples."""
     time = np.arange(0.5, 2.5, gap)
     drive, values, ends = trapezoid(1.0, 1.25), {"xi": 0.05, "alpha": 9.0, "length": 1.0, "mu": 0.3}, np.array([0, 3.0])
-    late = Simulator(
-        base,
-        ("viscous_damping", "linear_stiffness", "sensor_delay", "time_base_error"),
-        np.concatenate([ends[:1], time, ends[1:]]),
-        drive,
-        step=0.01,
-    )
+    few = ("viscous_damping", "linear_stiffness", "sensor_delay", "time_base_error")
+    # Read in one loop where there is little to read, else in several.
+    effects = few if base == "constant_radius" else every_effect(base)
+    late = Simulator(base, effects, np.concatenate([ends[:1], time, ends[1:]]), drive, step=0.01)
     clocks = [
         *({"tau": tau} for tau in (-0.25, -0.011, 0.0, 0.004, 0.3)),
         *({"d_t": d_t} for d_t in (-0.05, 0.02)),
@@ -473,13 +465,7 @@ def test_each_lane_reads_at_its_own_age(base: str, gap: float) -> None:
         fall = np.arctan(0.99 * np.sin(angle) / (1 - 0.99 * np.cos(angle))) / np.pi
         age = clock.get("tau", 0.0) + clock.get("d_t", 0.0) * time + clock.get("j_t", 0.0) * (0.5 - 1.0274391 * fall)
         read, place = np.unique(time - age, return_inverse=True)
-        plain = Simulator(
-            base,
-            ("viscous_damping", "linear_stiffness"),
-            np.concatenate([ends[:1], read, ends[1:]]),
-            drive,
-            step=0.01,
-        )
+        plain = simulator(base, np.concatenate([ends[:1], read, ends[1:]]), drive, 0.01)
         expected = run(plain, values, deflection=0.2)[1:-1]
         np.testing.assert_allclose(got[:, :, k], expected[place].reshape(got.shape[:2]), rtol=0, atol=1e-12)
 

@@ -30,6 +30,12 @@ ROD_SHARE = 33 / 140
 _TRAJECTORY_ERROR = 1e-5
 #: Singular value of the Jacobian, relative to the largest, below which round-off of its differences decides.
 _ROUND_OFF = 1e-6
+#: Effects of the studies: one simulator of a base serves all fits on it, and an absent effect costs next to nothing.
+_SIMULATED = (
+    *("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"),
+    *("centrifugal_stiffening", "coriolis_coupling", "radial_inertia", "distributed_mass"),
+    *("coulomb_friction", "quadratic_drag", "amplitude_dependent_damping"),
+)
 #: Starts and typical sizes of what the rig file does not say.
 _START = {"xi": 0.05}
 _SIZE = {"xi": 0.05, "beta": 1.0, "gamma": 0.1}
@@ -56,12 +62,19 @@ class RestFit:
 
     def tip(self, stand: Stand) -> FloatArray:
         """Return the predicted tip [m], shape (n, 2), for any manoeuvre from rest."""
-        bench = Bench(self.model.base, self.model.effects, [stand.experiment], self.step)
-        return _predict(bench, self.model, {**known_values(stand.experiment), **self.model.known, **self.values})
+        bench = Bench(self.model.base, _simulated(self.model), [stand.experiment], self.step)
+        return _predict(bench, {**known_values(stand.experiment), **self.model.known, **self.values})
 
 
-def _predict(bench: Bench, model: Model, values: Mapping[str, float]) -> FloatArray:
-    column = np.array([[values.get(n, model.parameters[n].default)] for n in bench.names])
+def _simulated(model: Model) -> tuple[str, ...]:
+    """Return the effects of the simulator of a model: those of the studies that its base has not, and its own."""
+    others = (e for e in _SIMULATED if e not in model.mechanics.provides and e not in model.effects)
+    return tuple(sorted({*model.effects, *others}))
+
+
+def _predict(bench: Bench, values: Mapping[str, float]) -> FloatArray:
+    known = Model(bench.base, bench.effects).parameters
+    column = np.array([[values.get(n, known[n].default)] for n in bench.names])
     return bench.predict(column, np.zeros((1, 2, 1)))[0][:, :, 0]
 
 
@@ -112,11 +125,11 @@ def fit_from_rest(
     names = model.free
     start = {n: {**rig, **_START}.get(n, 0.0) for n in names}
     step = _step(model, stand, start)
-    bench = Bench(base, effects, [experiment], step)
+    bench = Bench(base, _simulated(model), [experiment], step)
     measured, noise = experiment.recording.output, experiment.recording.noise
 
     def residual(x: FloatArray, stop: int) -> FloatArray:
-        predicted = _predict(bench, model, {**held, **dict(zip(names, x, strict=True))})
+        predicted = _predict(bench, {**held, **dict(zip(names, x, strict=True))})
         return ((predicted - measured) / noise)[:stop].ravel()
 
     x = np.array([start[n] for n in names])
@@ -142,4 +155,4 @@ def _step(model: Model, stand: Stand, start: Mapping[str, float]) -> float:
 
     still = {f"{n}[{stand.experiment.recording.name}]": 0.0 for n in ("delta_0_init", "rate_0_init")}
     units = natural_units([stand.experiment])
-    return choose_step(model, [stand.experiment], units, {**start, **still}, _TRAJECTORY_ERROR)
+    return choose_step(model, [stand.experiment], units, {**start, **still}, _TRAJECTORY_ERROR, _simulated(model))

@@ -182,7 +182,7 @@ def _zero(found: Signals, guess: Guess) -> str:
     values = found.output.values[np.isfinite(found.output.values)]
     rest = float(np.median(values[values.size // 2 :]))
     half = float(np.ptp(values)) / 2.0
-    swings = guess.kind == "oscillator" and si_symbol(found.output.unit) != "s"
+    swings = KINDS[guess.kind].rests_anywhere and si_symbol(found.output.unit) != "s"
     return f", zero = {rest:.6g}" if swings and found.input is None and abs(rest) > _BESIDE * half else ""
 
 

@@ -61,6 +61,16 @@ class Kind:
         """Whether a rod bends between a hub that turns and the tip that is read."""
         return System.of(self.name).has_rod
 
+    @property
+    def has_own_equations(self) -> bool:
+        """Whether the rig file states the equations."""
+        return not self.base
+
+    @property
+    def rests_anywhere(self) -> bool:
+        """Whether it may rest at any reading: neither gravity nor a base tells where zero is."""
+        return self.returns and not (self.hangs or self.shaken)
+
 
 PAPER_MODEL = ("viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law")
 LINEAR_MODEL = ("viscous_damping", "linear_stiffness")

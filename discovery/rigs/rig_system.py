@@ -19,6 +19,7 @@ from discovery.declarations.unit_words import named_unit
 from discovery.declarations.units import dimension, homogeneous, si_factor, si_symbol
 from discovery.foundation.errors import InputError, suggestion
 from discovery.mechanics.systems import system_base
+from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import Columns
 from discovery.rigs.rig_schema import RigTable, line_of
 from discovery.rigs.rig_signals import columns_of
@@ -59,7 +60,7 @@ def system_of(path: Path, text: str, table: RigTable) -> SystemDeclaration | Non
         Naming file, line, key and remedy: for what is missing, a text that cannot be read, or units that do not fit.
     """
     given = table.system
-    if (given is None) != (table.kind != "system"):
+    if (given is not None) != KINDS[table.kind].has_own_equations:
         raise InputError(
             f"The rig file {path}: kind = 'system' and the table [system] belong together, and no other kind has one. "
             "Remove the key kind, or the table."

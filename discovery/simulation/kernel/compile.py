@@ -85,9 +85,9 @@ def _switches(effect_ids: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 def _load(source: str) -> ModuleType:
     """Return the module of generated source, whose compiled code is kept on disk; its text itself is not."""
-    from discovery.simulation.kernel import straight_line, vectormath
+    from discovery.simulation.kernel import lanes, straight_line, vectormath
 
-    used = (getsource(module) for module in (straight_line, vectormath))
+    used = (getsource(module) for module in (lanes, straight_line, vectormath))
     stamp = f"{source}{''.join(used)}{compiler_versions()}"
     key = hashlib.sha256(stamp.encode()).hexdigest()
     name = f"{_GENERATED}{key[:20]}"

@@ -1,4 +1,4 @@
-"""Text of a step, and of a reading, as one loop over the lanes that keeps its numbers in registers.
+"""Text of a step as one loop over the lanes that keeps its numbers in registers.
 
 It serves where everything always runs; the general text goes through memory between the stages of a step.
 """
@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from discovery.simulation.runge_kutta import Method
 
-__all__ = ["fused_reading", "fused_step"]
+__all__ = ["fused_step"]
 
 _HEAD = "@_inner\n"
 
@@ -45,8 +45,8 @@ def fused_step(
         Rows of the states Y, S, F, K.
     """
     at = [method.times.index(c) for c in (*method.nodes, 1.0)]
-    lines = [f"_r_{k}_{n} = drive[{n}, {k}]" for n in sorted({*at[1:]}) for k in range(3)]
-    lines += [f"_t_{n} = t + {method.times[n]!r} * h" for n in sorted({*at[1:]})]
+    lines = [f"_r_{k}_{m} = drive[n, {m}, {k}]" for m in sorted({*at[1:]}) for k in range(3)]
+    lines += [f"_t_{m} = t + {method.times[m]!r} * h" for m in sorted({*at[1:]})]
     inner = [f"{name} = w[{row} + i]" for name, row in loads.items()]
     for k, state in enumerate(states):
         y, slope = (rows[label][state] for label in "SK")
@@ -61,79 +61,12 @@ def fused_step(
         inner += [f"w[{rows['S'][state]} + i] = {state}", f"w[{rows['K'][state]} + i] = slope_{k}"]
     lines += over_lanes(inner)
     return (
-        f"{_HEAD}def _advance(w, on, t, h, restart, drive):\n"
+        f"{_HEAD}def _advance(w, on, t, h, n, restart, drive):\n"
         f'    """Take one step of order {method.order}, from states S with slopes K, kept as Y and F, to the next."""\n'
         "    _rolled()\n"
         # A loop, for after a branch here the compiler keeps the lanes of the step apart.
-        "    for _ in range(1 if restart else 0):\n"
-        "        _derivative(w, on, t, drive[0, 0], drive[0, 1], drive[0, 2])\n"
+        "    for _ in range(1 if restart[n] else 0):\n"
+        "        _derivative(w, on, t, drive[n, 0, 0], drive[n, 0, 1], drive[n, 0, 2])\n"
         + "".join(f"    {line}\n" for line in lines)
         + "    _barrier()\n"
-    )
-
-
-def fused_reading(
-    over_lanes: Callable[[Sequence[str]], Sequence[str]],
-    loads: Mapping[str, int],
-    coordinates: Sequence[tuple[str, str]],
-    sampled: Sequence[str],
-    body: Sequence[str],
-    rows: Mapping[str, Mapping[str, int]],
-) -> str:
-    """Return functions that read at a fraction of a step: one gives readings, one what they miss, and adds it up.
-
-    Parameters
-    ----------
-    over_lanes : callable
-        Returns the lines of a loop over the lanes, of its body.
-    loads : mapping of str to int
-        Row of every number that does not change.
-    coordinates : sequence of (str, str)
-        Names of the coordinates in `body`, each with that of its rate.
-    sampled : sequence of str
-        Names of other states that the reading needs.
-    body : sequence of str
-        Lines that compute the readings.
-    rows : mapping
-        Rows of the states Y, S, F, K, of the readings R, of the sums of squares C and the largest miss M.
-    """
-    inner = [f"{name} = w[{row} + i]" for name, row in loads.items()]
-    for q, rate in coordinates:
-        terms = [f"b{k} * w[{rows[label][q]} + i]" for k, label in enumerate("YSFK")]
-        terms += [f"b{k} * w[{rows[label][rate]} + i]" for k, label in enumerate("FK", start=4)]
-        inner.append(f"{q} = {' + '.join(terms)}")
-    for state in sampled:
-        inner.append(
-            f"{state} = " + " + ".join(f"g{k} * w[{rows[label][state]} + i]" for k, label in enumerate("YSFK"))
-        )
-    inner += body
-    kept = [f"w[{row} + i] = {name}" for name, row in rows["R"].items()]
-    (largest,) = rows["M"].values()
-    scored = [f"_top = w[{largest} + i]"]
-    for k, (name, row) in enumerate(zip(rows["R"], rows["C"].values(), strict=True)):
-        scored += [f"_miss = _share_{k} * ({name} - _goal_{k})", f"w[{row} + i] += _miss * _miss"]
-        scored.append(f"w[{rows['R'][name]} + i] = _miss")
-        scored += ["_size = abs(_miss)", "_top = _size if _size > _top else _top"]
-    scored.append(f"w[{largest} + i] = _top")
-    aims = [f"_goal_{k}, _share_{k} = target[{k}], weight[{k}]" for k in range(len(rows["R"]))]
-    weights = ["b0, b1, b2, b3, b4, b5 = _hermite(f, h)", "g0, g1, g2, g3 = _cubic(f, h)"]
-
-    def function(head: str, said: str, before: Sequence[str], lines: Sequence[str]) -> str:
-        text = [f'"""{said}"""', "_rolled()", *before, *over_lanes(lines), "_barrier()"]
-        return f"{_HEAD}def {head}:\n" + "".join(f"    {line}\n" for line in text)
-
-    return (
-        function(
-            "_read(w, on, f, h, t, r_0, r_1, r_2)",
-            "Readings R at fraction f of a step h, in every lane.",
-            weights,
-            [*inner, *kept],
-        )
-        + "\n\n"
-        + function(
-            "_score(w, f, h, t, r_0, r_1, r_2, target, weight)",
-            "Put what the readings miss in their place, add its squares to the sums C, its size to the largest miss M.",
-            [*aims, *weights],
-            [*inner, *scored],
-        )
     )

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 from itertools import groupby
 from pathlib import Path
 
 import sympy as sp
 
 from discovery.equations.program import RECORDED, Program
-from discovery.simulation.kernel.fused import fused_reading, fused_step
+from discovery.simulation.kernel.fused import fused_step
 from discovery.simulation.kernel.islands import Loop, Plan, plan
+from discovery.simulation.kernel.lanes import PLACES
 from discovery.simulation.kernel.owned_terms import NOBODY, Effects, Piece, Splitter, cost
+from discovery.simulation.kernel.reading import fused_reading, late_interpolation, misses, reading
 from discovery.simulation.kernel.straight_line import received
 from discovery.simulation.kernel.text import computed
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
 __all__ = ["kernel_source"]
 
-_TEMPLATE, _STAGES, _READING = (Path(__file__).with_name(f"{name}.txt") for name in ("template", "stages", "reading"))
+_TEMPLATE, _STAGES = (Path(__file__).with_name(f"{name}.txt") for name in ("template", "stages"))
 #: Operations below which an effect is evaluated always: loops of its own would cost as much.
 _LEAST = 20
 #: Operations of a slope up to which a step is one loop: with more, its stages are too long a chain for one set alone.
@@ -35,7 +38,7 @@ class _Writer:
         self.lanes = lanes
         self.size = 0
         self.guards: dict[Effects, int] = {frozenset({e}): k for k, e in enumerate(effects)}
-        self.bodies: list[str] = []
+        self.bodies: dict[str, str] = {}
 
     def rows(self, names: Sequence[str]) -> dict[str, int]:
         """Reserve a row for each name and return where it begins."""
@@ -50,11 +53,18 @@ class _Writer:
         return f"on[{self.guards.setdefault(effects, len(self.guards))}]"
 
     def over_lanes(self, body: Sequence[str]) -> list[str]:
-        """Return the lines of a loop over the lanes; its body is translated apart, see `straight_line`."""
-        name, given = f"_body_{len(self.bodies)}", "".join(f"{name}, " for name in received(body))
+        """Return the lines of a loop over the lanes."""
+        return self.over(f"range({self.lanes})", body)
+
+    def over(self, places: str, body: Sequence[str]) -> list[str]:
+        """Return the lines of a loop; its body is translated apart, see `straight_line`."""
         text = "\n".join(body)
-        self.bodies.append(f'{name} = _straight_line("""\n{text}\n""", globals())\n')
-        return [f"for i in range({self.lanes}):", f"    {name}(w, i, ({given}))"]
+        name = self.bodies.setdefault(text, f"_body_{len(self.bodies)}")
+        return [f"for i in {places}:", f"    {name}(w, i, ({''.join(f'{x}, ' for x in received(body))}))"]
+
+    def written(self) -> str:
+        """Return the text of the bodies of all loops."""
+        return "\n".join(f'{n} = _straight_line("""\n{t}\n""", globals())\n' for t, n in self.bodies.items())
 
     def loops(self, loops: Sequence[Loop], places: Mapping[str, int]) -> list[str]:
         """Return the text of loops; `places` holds the rows of what comes in and goes out."""
@@ -119,6 +129,15 @@ def _plans(
         switches = {effect: names for effect, names in switches.items() if effect not in cheap}
 
 
+def _filled(text: str, values: Mapping[str, object]) -> str:
+    """Return a text with what stands between two @ replaced."""
+    return reduce(lambda filled, key: filled.replace(f"@{key}@", str(values[key])), values, text)
+
+
+def _indented(lines: Sequence[str], depth: int) -> str:
+    return "\n".join(f"{' ' * 4 * depth}{line}" for line in lines)
+
+
 def kernel_source(
     program: Program, lanes: int, switches: Mapping[str, Sequence[str]], method: Method = CLASSICAL
 ) -> str:
@@ -151,8 +170,6 @@ def kernel_source(
         ("R", [f"reading_{k}" for k in range(len(program.reading))]),
         ("T", ["t"]),
         ("L", ["age"]),
-        ("B", [f"hermite_{k}" for k in range(6)]),
-        ("G", [f"cubic_{k}" for k in range(4)]),
         ("C", [f"sum_{k}" for k in range(len(program.reading))]),
         ("M", ["largest"]),
     ):
@@ -188,14 +205,11 @@ def kernel_source(
         indent, body = found.groups()
         text = ""
         for condition, own in moving:
-            loop = f"for i in range({own[0] * lanes}, {(own[-1] + 1) * lanes}):\n{body}"
-            text += f"{indent}if {condition}:\n" + re.sub("^(?=.)", "    ", indent + loop, flags=re.MULTILINE)
+            loop = write.over(
+                f"range({own[0] * lanes}, {(own[-1] + 1) * lanes})", [x.strip() for x in body.splitlines()]
+            )
+            text += f"{indent}if {condition}:\n" + "".join(f"{indent}    {line}\n" for line in loop)
         return text
-
-    def each(found: re.Match[str]) -> str:
-        """Repeat the body of a loop over the channels: row numbers that the compiler knows."""
-        body = re.sub("^    ", "", found.group(2), flags=re.MULTILINE)
-        return "".join(re.sub(r"\bk\b", str(k), body) for k in range(len(program.reading)))
 
     lagging = Splitter(owners, real).owner(program.lateness)
     late = "False" if program.lateness == 0 else write.condition(lagging)
@@ -208,42 +222,45 @@ def kernel_source(
         method = CLASSICAL
     if set(awake) != {"True"} or (method is CLASSICAL and work > _SHORT):
         step = None
-    advance, reading = _STAGES.read_text(encoding="utf-8"), _READING.read_text(encoding="utf-8")
+    q = list(zip(states[:n_q], states[n_q:], strict=False))
+    others = [states[k] for k in sampled]
     if step is not None:
         loads, body, _ = computed(step)
         advance = fused_step(method, write.over_lanes, {n: rows[n] for n in loads if n in rows}, states, body, places)
+    else:
+        advance = _filled(_STAGES.read_text(encoding="utf-8"), offset)
+        advance = re.sub(r"( +)for i in @MOVING@:\n((?:\1    .*\n)+)", sweep, advance)
     if read is not None:
         loads, body, _ = computed(read)
-        q = list(zip(states[:n_q], states[n_q:], strict=False))
         own = {n: rows[n] for n in loads if n in rows}
-        reading = fused_reading(write.over_lanes, own, q, [states[k] for k in sampled], body, places)
-    text = (
-        _TEMPLATE.read_text(encoding="utf-8")
-        .replace("@BODIES@\n", "\n".join(write.bodies))
-        .replace("@ADVANCE@\n", advance)
-        .replace("@READ@\n", reading)
-    )
-    text = re.sub(r"( +)for i in @MOVING@:\n((?:\1    .*\n)+)", sweep, text)
-    text = re.sub(r"( +)for k in @CHANNELS@:\n((?:\1    .*\n)+)", each, text)
-    for key, value in {
+        readings = fused_reading(write.over_lanes, own, q, others, body, places)
+    else:
+        readings = reading(write.over_lanes, q, others, places)
+    channels = range(len(program.reading))
+    missed = [line for k in channels for line in misses(write.over_lanes, k, places, late)]
+    between = late_interpolation(write.over_lanes, q, others, places, len(method.times) - 1)
+    # The angle of the tip and its distance from the axis are made of two coordinates.
+    planar = len(channels) == 2
+    text = _TEMPLATE.read_text(encoding="utf-8")
+    values: dict[str, object] = {
+        "ADVANCE": advance,
+        "READ": readings,
+        "INTERPOLATE": _indented(between, 2),
+        "MISSES": _indented(missed, 5),
+        "BODIES": write.written(),
         "LANES": lanes,
         "N_PARAMETERS": len(real),
         "N_STATES": len(states),
-        "N_Q": n_q,
-        "N_V": len(sampled),
-        "SAMPLED": sampled or [0],
-        "N_READING": len(program.reading),
         "SIZE": write.size,
-        "SUMS": (len(program.reading) + 1) * lanes,
+        "SUMS": len(channels) + 1,
         "ORDER": method.order,
         "SCORES": read is not None,
-        "LAST": len(method.times) - 1,
+        "DIRECT": "not channel" if late == "False" else f"not (channel or {late})",
+        "READS": read is None or planar or late != "False",
+        "PLANAR": planar,
         "N_GUARDS": len(write.guards) + 1,
         "LATE": late,
-        "LAGGING": " or ".join(
-            f"w[{row} + i] != 0.0" for row, k in amplitudes if k in {single[e] for e in lagging or ()}
-        )
-        or "True",
+        "LAGS": [row for row, k in amplitudes if k in {single[e] for e in lagging or ()}],
         "AMPLITUDES": amplitudes,
         "MEMBERS": members,
         "ONCE": "\n".join(once),
@@ -251,6 +268,5 @@ def kernel_source(
         "OBSERVE": "\n".join(texts[1]),
         "AGE": "\n".join(texts[2]),
         **offset,
-    }.items():
-        text = text.replace(f"@{key}@", str(value))
-    return text
+    }
+    return _filled(text, values | {"AT": [values[name] for name in PLACES]})

@@ -40,9 +40,10 @@ def received(lines: Sequence[str]) -> list[str]:
     known = {"w", "i"}
     found: dict[str, None] = {}
     for statement in ast.parse("\n".join(lines)).body:
-        called = {id(n.func) for n in ast.walk(statement) if isinstance(n, ast.Call)}
-        called |= {id(n.value) for n in ast.walk(statement) if isinstance(n, ast.Attribute)}
-        names = [n for n in ast.walk(statement) if isinstance(n, ast.Name) and id(n) not in called]
+        nodes = list(ast.walk(statement))
+        called = {id(n.func) for n in nodes if isinstance(n, ast.Call)}
+        called |= {id(n.value) for n in nodes if isinstance(n, ast.Attribute)}
+        names = [n for n in nodes if isinstance(n, ast.Name) and id(n) not in called]
         found.update(dict.fromkeys(n.id for n in names if isinstance(n.ctx, ast.Load) and n.id not in known))
         known |= {n.id for n in names if isinstance(n.ctx, ast.Store)}
     return list(found)

@@ -57,24 +57,24 @@ def rolled(context):
 
 
 @intrinsic
-def put(context, out, j, k, place, w, row, count):
-    """Copy `count` numbers of an array from `row` on to out[j, k], from `place` on.
+def put(context, out, where, w, row, count):
+    """Copy `count` numbers of an array from `row` on to out[j, k], from `place` on, where `where` is (j, k, place).
 
     A loop would take them one by one, for the compiler cannot know that the arrays do not overlap.
     """
 
     def build(context, builder, signature, arguments):
-        array, one, two, three, source, first, length = arguments
+        array, indices, source, first, length = arguments
         kind = signature.args[0]
         target = context.make_array(kind)(context, builder, array)
-        there = cgutils.get_item_pointer(context, builder, kind, target, [one, two, three])
-        here = builder.gep(context.make_array(signature.args[4])(context, builder, source).data, [first], inbounds=True)
+        place = [builder.extract_value(indices, k) for k in range(3)]
+        there = cgutils.get_item_pointer(context, builder, kind, target, place)
+        here = builder.gep(context.make_array(signature.args[2])(context, builder, source).data, [first], inbounds=True)
         cgutils.raw_memcpy(builder, there, here, length, 8)
         return context.get_dummy_value()
 
     whole = types.int64
-    taken = (out, whole, whole, whole, w, whole, whole)
-    return types.none(*taken), build
+    return types.none(out, types.UniTuple(whole, 3), w, whole, whole), build
 
 
 @intrinsic
