@@ -25,6 +25,8 @@ def draw(run: Run) -> Picture | None:
         return None
     lags = np.array(found["lags"])
     thin = lags[1] - lags[0]
+    single = run.sampling.get("method") == "independence"
+    what = "chain" if single else "ensemble"
     figure = new_figure(1.05 * len(shown) + 0.9)
     axes = figure.subplots(len(shown), 2, sharex="col", squeeze=False, width_ratios=(3, 2))
     for (trace, memory), r in zip(axes, shown, strict=True):
@@ -32,11 +34,12 @@ def draw(run: Run) -> Picture | None:
         draws = run.draws[name]
         keep = slice(None, None, max(1, draws.shape[1] // _STEPS))
         steps = thin * np.arange(draws.shape[1])[keep]
-        low, high = np.quantile(draws[:, keep], (0.05, 0.95), axis=(0, 2))
-        trace.fill_between(steps, low, high, color=_BAND, linewidth=0, label="90 % of all walkers")
+        low, high = np.quantile(draws if single else draws[:, keep], (0.05, 0.95), axis=(0, 1, 2) if single else (0, 2))
+        label = "90 % of all draws" if single else "90 % of all walkers"
+        trace.fill_between(steps, low, high, color=_BAND, linewidth=0, label=label)
         for e, chain in enumerate(draws[:, keep]):
             colour = _COLOURS[e % len(_COLOURS)]
-            trace.plot(steps, np.median(chain, axis=1), color=colour, linewidth=0.8, label=f"ensemble {e + 1}")
+            trace.plot(steps, np.median(chain, axis=1), color=colour, linewidth=0.8, label=f"{what} {e + 1}")
         for e, function in enumerate(found["functions"][name]):
             memory.plot(lags, function, ".-", color=_COLOURS[e % len(_COLOURS)], linewidth=0.8, markersize=3)
         tau = found["tau"][name]
@@ -53,8 +56,9 @@ def draw(run: Run) -> Picture | None:
     return Picture(
         "chains",
         figure,
-        "Left: median over the walkers of every ensemble, step by step; ensembles that agree lie on each other. "
-        "Right: autocorrelation [–] of every ensemble, with the autocorrelation time τ (dashed).",
-        "Traces and autocorrelation functions of the sampled quantities, one line for each ensemble.",
+        f"Left: {'every chain' if single else 'median over the walkers of every ensemble'}, step by step; {what}s "
+        f"that agree lie on each other. Right: autocorrelation [–] of every {what}, with the autocorrelation time τ "
+        "(dashed).",
+        f"Traces and autocorrelation functions of the sampled quantities, one line for each {what}.",
         raster=True,
     )
