@@ -84,12 +84,10 @@ def _assembled(
         natural=problem.units,
         gaussian=dict(problem.gaussian),
         step=problem.bench.shortest,
-        provenance=_origin(target)
-        | dict(told)
-        | {
-            "steps": draws.shape[1] + told["burn_in"],
-            "thin": thin,
-            "walkers": z.shape[2],
+        provenance={
+            **_origin(target),
+            **told,
+            **{"steps": draws.shape[1] + told["burn_in"], "thin": thin, "walkers": z.shape[2]},
             "solver_shift_sd": fit.solver_shift,
         },
     )
