@@ -18,12 +18,14 @@ from scipy import stats
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.foundation.errors import ComputationError, InputError, NotConverged, NotIdentifiable
-from discovery.posterior import ensembles
+from discovery.posterior import ensembles, sampling
+from discovery.posterior.checkpoint import densities
 from discovery.posterior.draws import Posterior
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import NOISE_PRIOR, log_posterior
 from discovery.posterior.predictive import predictive
-from discovery.posterior.sampling import sample
+from discovery.posterior.remembered import Remembered
+from discovery.posterior.sampling import METHODS, sample
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
@@ -50,9 +52,14 @@ def linear():
     return fit(linear_model(), [experiment(np.random.default_rng(5))])
 
 
+@pytest.fixture(scope="module", params=METHODS)
+def drawn(request, linear):
+    return sample(linear, seed=11, method=request.param)
+
+
 @pytest.fixture(scope="module")
-def drawn(linear):
-    return sample(linear, seed=11)
+def walked(linear):
+    return sample(linear, seed=11, method="emcee")
 
 
 def analytic(linear, stated=NOISE):
@@ -157,8 +164,9 @@ def test_what_was_sampled_is_said(tmp_path):
 
 def test_same_seed_same_draws_and_other_seed_other_draws(linear, drawn):
     np.random.seed(0)  # noqa: NPY002 - the global generator must not matter
-    again = sample(linear, seed=11)
-    other = sample(linear, seed=12)
+    method = "emcee" if drawn.provenance["method"] == "emcee" else "quickest"
+    again = sample(linear, seed=11, method=method)
+    other = sample(linear, seed=12, method=method)
     assert np.array_equal(again.draws, drawn.draws)
     assert not np.isin(other.draws[..., 0], drawn.draws[..., 0]).any()
 
@@ -173,7 +181,7 @@ def test_ensembles_are_independent(drawn):
     assert np.abs(correlation).max() < 5 / np.sqrt(steps)
 
 
-def test_interrupted_run_continues_to_the_same_draws(linear, drawn, tmp_path, monkeypatch):
+def test_interrupted_run_continues_to_the_same_draws(linear, walked, tmp_path, monkeypatch):
     path = tmp_path / "chain.h5"
     advance, calls = ensembles.Ensemble.advance, []
 
@@ -187,13 +195,58 @@ def test_interrupted_run_continues_to_the_same_draws(linear, drawn, tmp_path, mo
     with monkeypatch.context() as patch:
         patch.setattr(ensembles.Ensemble, "advance", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            sample(linear, seed=11, backend_path=path)
+            sample(linear, seed=11, method="emcee", backend_path=path)
     assert path.exists()
-    resumed = sample(linear, seed=11, backend_path=path)
-    assert np.array_equal(resumed.draws, drawn.draws)
-    assert np.array_equal(resumed.log_probability, drawn.log_probability)
-    assert resumed.acceptance == drawn.acceptance
+    resumed = sample(linear, seed=11, method="emcee", backend_path=path)
+    assert np.array_equal(resumed.draws, walked.draws)
+    assert np.array_equal(resumed.log_probability, walked.log_probability)
+    assert resumed.acceptance == walked.acceptance
     assert [p.name for p in tmp_path.iterdir()] == ["chain.h5"]
+
+
+def test_where_proposals_are_refuted_walkers_go_on(linear, walked, tmp_path, monkeypatch):
+    monkeypatch.setattr(sampling, "independence_chains", lambda *_, **__: None)
+    found = sample(linear, seed=11, backend_path=tmp_path / "chain.h5")
+    assert found.provenance == walked.provenance
+    assert np.array_equal(found.draws, walked.draws)
+
+
+def test_interrupted_proposals_go_on_to_the_same_draws(linear, tmp_path, monkeypatch):
+    path, blocks = tmp_path / "chain.h5", []
+    whole = sample(linear, seed=11)
+
+    class Interrupted(Remembered):
+        def __call__(self, points):
+            blocks.append(len(points))
+            if len(blocks) == 3:
+                raise KeyboardInterrupt
+            return super().__call__(points)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("discovery.posterior.remembered._KEPT_AFTER", 0.0)
+        patch.setattr(sampling, "Remembered", Interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            sample(linear, seed=11, backend_path=path)
+    assert len(densities(path)) >= 1024
+    resumed = sample(linear, seed=11, backend_path=path)
+    assert np.array_equal(resumed.draws, whole.draws)
+    assert np.array_equal(resumed.log_probability, whole.log_probability)
+    # And another number of draws, from the same file.
+    more, alone = (sample(linear, seed=11, min_effective=6000, backend_path=p) for p in (path, None))
+    assert np.array_equal(more.draws, alone.draws)
+
+
+def test_both_ways_give_one_posterior_where_the_motion_is_not_linear():
+    """Damping and stiffness from a noisy recording."""
+    noisy = experiment(np.random.default_rng(3), noise=8 * NOISE, stated=8 * NOISE)
+    fitted = fit(Model("oscillator", EFFECTS), [noisy])
+    quick, walked = (sample(fitted, seed=2, method=method) for method in METHODS)
+    assert [p.provenance["method"] for p in (quick, walked)] == ["independence", "emcee"]
+    for name in quick.names:
+        a, b = quick.flat()[name], walked.flat()[name]
+        few = min(quick.ess_tail[name], walked.ess_tail[name])
+        apart = np.quantile(a, [0.05, 0.5, 0.95]) - np.quantile(b, [0.05, 0.5, 0.95])
+        assert np.abs(apart).max() < 10 * b.std() / np.sqrt(few)
 
 
 _KILLED = """
@@ -206,7 +259,8 @@ def kill_in_the_next_block(progress):
     threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGKILL)).start()
 
 fitted = fit(linear_model(), [experiment(np.random.default_rng(5))])
-sample(fitted, seed=11, walkers=96, min_effective=1e9, progress=kill_in_the_next_block, backend_path={path!r})
+settings = {{"walkers": 96, "min_effective": 1e9, "method": "emcee"}}
+sample(fitted, seed=11, **settings, progress=kill_in_the_next_block, backend_path={path!r})
 """
 
 
@@ -215,7 +269,7 @@ def test_killed_process_continues_to_the_same_draws(linear, tmp_path):
     code = _KILLED.format(folder=str(Path(__file__).parent), path=str(path))
     killed = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
     assert killed.returncode == -signal.SIGKILL, killed.stderr
-    settings = {"seed": 11, "walkers": 96, "min_effective": 60_000}
+    settings = {"seed": 11, "walkers": 96, "min_effective": 60_000, "method": "emcee"}
     resumed = sample(linear, **settings, backend_path=path)
     whole = sample(linear, **settings)
     assert resumed.provenance["steps"] > 120
@@ -226,7 +280,7 @@ def test_killed_process_continues_to_the_same_draws(linear, tmp_path):
 def test_checkpoint_of_another_run_is_refused(linear, tmp_path):
     path = tmp_path / "chain.h5"
     with pytest.raises(NotConverged):
-        sample(linear, seed=1, max_steps=250, walkers=64, min_effective=1e9, backend_path=path)
+        sample(linear, seed=1, max_steps=250, walkers=64, min_effective=1e9, method="emcee", backend_path=path)
     with pytest.raises(InputError, match="another model, recording or seed"):
         sample(linear, seed=2, backend_path=path)
     path.write_text("no checkpoint")
@@ -236,8 +290,9 @@ def test_checkpoint_of_another_run_is_refused(linear, tmp_path):
 
 def test_refusal_carries_the_numbers_and_progress_is_told(linear):
     seen = []
+    settings = {"max_steps": 250, "walkers": 64, "min_effective": 1e6, "method": "emcee"}
     with pytest.raises(NotConverged, match="250 steps") as caught:
-        sample(linear, seed=1, max_steps=250, walkers=64, min_effective=1e6, progress=seen.append)
+        sample(linear, seed=1, **settings, progress=seen.append)
     for numbers in (caught.value.tau, caught.value.ess, caught.value.r_hat):
         assert set(numbers) == {"g", "delta_0_init[sine]", "rate_0_init[sine]", "sigma"}
         assert all(np.isfinite(list(numbers.values())))
@@ -311,7 +366,7 @@ def test_netcdf_is_inference_data(drawn, linear, tmp_path):
         assert gain.sizes["chain"] == len(drawn.draws)
         assert gain.attrs["units"] == "V s^-2"
         assert '"seed": 11' in tree["posterior"].attrs["provenance"]
-        ensemble, step, walker = 1, 3, 5
+        ensemble, step, walker = 1, 3, drawn.draws.shape[2] - 1
         one = gain.sel(chain=ensemble).where((gain.walker == walker) & (gain.step == step), drop=True)
         assert float(one[0]) == drawn.draws[ensemble, step, walker, 0]
         rate = tree["posterior"]["rate_0_init"]

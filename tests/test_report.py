@@ -562,6 +562,12 @@ def test_whether_the_sampler_converged_is_told(arm: Made) -> None:
         "effective samples are 5120 (ξ); 120 steps after burn-in are 60 times the longest autocorrelation time, 2.00 "
         "steps (limit 50 times); accepted proposals by move: independence 88 % and snooker 46 %."
     ) in plain
+    quick = Run(folder, results)
+    quick.__dict__["sampling"] = {**quick.sampling, "method": "independence", "pareto_k": 0.1234}
+    assert convergence_sentence(quick).startswith(
+        "Yes: 4 independent chains by Metropolis’s rule from draws around the fit, Pareto k of their weights 0.12 "
+        "(limit 0.5); the worst R-hat is 1.0012"
+    )
     rows = [{**results["posterior"]["rows"][0], "r_hat": 1.02}]
     apart = Run(folder, {**results, "posterior": {"rows": rows}})
     assert convergence_sentence(apart).startswith("Not yet: ")

@@ -12,8 +12,7 @@ import numpy as np
 from discovery_datasets.manoeuvres import trapezoid
 from discovery_datasets.twin import PAPER_RIG, record, simulate, write_csv
 
-from benchmarks.systems import laws, machines
-from benchmarks.systems.record import record as record_machine
+from benchmarks.growth.stick_slip import stick_slip
 
 __all__ = ["CASES", "Recorded"]
 
@@ -58,11 +57,28 @@ def _arm(folder: Path) -> None:
 
 
 def _spring_bench(folder: Path) -> None:
-    """Write 20 s of a body on a spring with dry friction, at 1 kHz, by LSODA."""
-    machine = machines.spring_bench()
-    (folder / "rig.toml").write_text(machine.rig, encoding="utf-8")
+    """Write 20 s of a body on a spring that sticks and slips, at 1 kHz, from event to event."""
+    time = np.arange(20_000) / 1000.0
     for seed, name in enumerate(("train", "holdout")):
-        record_machine(machine, "", laws.dry(0.6, 1e-3), folder / f"{name}.csv", seed)
+        rng = np.random.default_rng(seed)
+        frequency, phase = 2 * np.pi * rng.uniform(0.3, 6.0, 9), rng.uniform(0.0, 2 * np.pi, 9)
+        size = 6.0 * rng.uniform(0.3, 1.0, 9) * np.sqrt(2 / 9)
+        force = partial(_swelling, size=size, frequency=frequency, phase=phase)
+        moved = stick_slip(force, time, mass=1.7, stiffness=410.0, loss=0.35, dry=0.6)
+        read = 1e3 * moved + rng.normal(0.0, 0.05, time.size)
+        table = np.column_stack([time, force(time), read])
+        np.savetxt(folder / f"{name}.csv", table, "%.7g", ",", header="t,u,y", comments="")
+    (folder / "rig.toml").write_text(
+        'name = "spring bench"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        'input = { name = "u", unit = "N" }\noutput = { name = "y", unit = "mm", noise = 0.05 }\n'
+        '[model]\neffects = ["viscous_damping", "linear_stiffness"]\n',
+        encoding="utf-8",
+    )
+
+
+def _swelling(time: np.ndarray, size: np.ndarray, frequency: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """Return a sum of sines that swells from zero in half a second."""
+    return np.sin(np.multiply.outer(time, frequency) + phase) @ size * np.minimum(1.0, (time / 0.5) ** 2)
 
 
 def _driven(folder: Path, rows: int) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import cos, sin
 from textwrap import dedent
 
-__all__ = ["Machine", "cart_pendulum", "furuta_pendulum", "motor", "quarter_car", "servo", "spring_bench", "two_masses"]
+__all__ = ["Machine", "cart_pendulum", "furuta_pendulum", "motor", "quarter_car", "servo", "two_masses"]
 
 #: Force at a joint, from its name, displacement and rate.
 Joints = Callable[[str, float, float], float]
@@ -250,31 +250,6 @@ def quarter_car() -> Machine:
         rate=250.0,
         input_factor=1e3,
     )
-
-
-def spring_bench() -> Machine:
-    """A body on a spring is pulled aside and released: a long recording, read fast."""
-    mass, stiffness, loss = 1.7, 410.0, 0.35
-
-    def accelerations(u, q, v, at):
-        return [(u - stiffness * q[0] - loss * v[0] + at("", q[0], v[0])) / mass]
-
-    rig = """
-        name = "spring bench"
-        kind = "oscillator"
-
-        [columns]
-        time = { name = "t", unit = "s" }
-        input = { name = "u", unit = "N" }
-        output = { name = "y", unit = "mm", noise = 0.05 }
-
-        [model]
-        effects = ["viscous_damping", "linear_stiffness"]
-        """
-    return Machine(
-        _text(rig), 1, accelerations, {"": (1.0,)}, lambda q, v, a: 1e3 * q[0], (6.0, 0.3, 6.0), 0.05,
-        rate=1000.0, seconds=20.0,
-    )  # fmt: skip
 
 
 def motor(kind: str = "system") -> Machine:

@@ -1,8 +1,8 @@
 """Integrals of densities that are roughly normal, by importance sampling, with the diagnostic of their draws.
 
-The proposal is a Student t, adapted to its own weighted draws, with a wider one mixed in as a defence (T. Hesterberg,
-Technometrics 37 (1995) 185). The largest weights are smoothed by a Pareto distribution, whose shape k says whether the
-answer can be trusted (A. Vehtari et al., Journal of Machine Learning Research 25 (2024) 72).
+The proposal is a Student t, adapted to its own weighted draws, with a wider one mixed in as a defence, see
+`discovery.estimation.proposal`. The largest weights are smoothed by a Pareto distribution, whose shape k says whether
+the answer can be trusted (A. Vehtari et al., Journal of Machine Learning Research 25 (2024) 72).
 """
 
 from __future__ import annotations
@@ -15,19 +15,18 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from discovery.estimation.proposal import Proposal
 from discovery.foundation.errors import ComputationError
 
-__all__ = ["LARGEST_K", "LEAST_EFFECTIVE", "Weighted", "importance_sample"]
+__all__ = ["LARGEST_K", "LEAST_EFFECTIVE", "Weighted", "importance_sample", "smoothed", "weighed"]
 
 FloatArray = NDArray[np.float64]
+LogDensity = Callable[[FloatArray], FloatArray]
 
 #: Pareto k above which the mean of the weights converges too slowly for any use.
 LARGEST_K = 0.7
 #: Part of the draws that must count.
 LEAST_EFFECTIVE = 0.15
-_DOF = 8.0
-# Part of the draws that the defence makes, and how much wider it is.
-_DEFENCE, _WIDER = 0.1, 2.5
 # A round is good, or not worth another, by its error.
 _WELL, _GAIN = 0.8, 0.9
 _QUANTILES = (0.05, 0.5, 0.95)
@@ -82,12 +81,13 @@ class Weighted:
 
 
 def importance_sample(
-    log_density: Callable[[FloatArray], FloatArray],
+    log_density: LogDensity,
     dimension: int,
     rng: Generator,
     draws: int = 4000,
     pilot: int = 1024,
     *,
+    frame: FloatArray | None = None,
     rounds: int = 6,
     repairs: int = 3,
 ) -> Weighted:
@@ -103,6 +103,8 @@ def importance_sample(
         Source of the draws.
     draws, pilot : int
         Draws of the last round, and of one that adapts the proposal.
+    frame : ndarray, shape (d, d), optional
+        Matrix to coordinates in which valleys may bend, see `discovery.estimation.proposal.Proposal`.
     rounds, repairs : int
         How many rounds adapt at most, and how many times the last one is repeated, adapted to itself.
 
@@ -111,62 +113,64 @@ def importance_sample(
     ComputationError
         If no draw has a finite density.
     """
-    centre, factor = np.zeros(dimension), np.eye(dimension)
+    proposal = Proposal.standard(dimension, frame)
     last = math.inf
     for _ in range(rounds):
-        first = _round(log_density, centre, factor, rng, pilot)
+        first = weighed(log_density, proposal, rng, pilot)
         if first.effective > _WELL * pilot or (first.reliable and not first.error < _GAIN * last):
             break
         last = first.error
-        centre, factor = _moments(first, centre, factor)
-    drawn = _round(log_density, centre, factor, rng, draws)
+        proposal = proposal.adapted(first.points, first.weights)
+    drawn = weighed(log_density, proposal, rng, draws)
     for _ in range(repairs):
         if drawn.reliable:
             break
         # A tail that the fewer draws had not shown.
-        centre, factor = _moments(drawn, centre, factor)
-        drawn = _round(log_density, centre, factor, rng, draws)
+        proposal = proposal.adapted(drawn.points, drawn.weights)
+        drawn = weighed(log_density, proposal, rng, draws)
     return drawn
 
 
-def _round(
-    log_density: Callable[[FloatArray], FloatArray], centre: FloatArray, factor: FloatArray, rng: Generator, n: int
-) -> Weighted:
-    """Draw from the proposal and weigh."""
-    from arviz_stats.base import array_stats
-    from scipy.special import gammaln
+def weighed(log_density: LogDensity, proposal: Proposal, rng: Generator, count: int) -> Weighted:
+    """Draw from a proposal and weigh.
 
-    d = centre.size
-    t = rng.standard_normal((n, d)) / np.sqrt(rng.chisquare(_DOF, n) / _DOF)[:, None]
-    wide = np.where(rng.random(n) < _DEFENCE, _WIDER, 1.0)
-    t *= wide[:, None]
-    square = np.einsum("nd,nd->n", t, t)
-    constant = gammaln(0.5 * (_DOF + d)) - gammaln(0.5 * _DOF) - 0.5 * d * math.log(_DOF * math.pi)
-    narrow = math.log(1 - _DEFENCE) - 0.5 * (_DOF + d) * np.log1p(square / _DOF)
-    broad = math.log(_DEFENCE) - d * math.log(_WIDER) - 0.5 * (_DOF + d) * np.log1p(square / (_DOF * _WIDER**2))
-    log_proposal = constant + np.logaddexp(narrow, broad) - float(np.log(np.diag(factor)).sum())
-    points = centre + np.einsum("nj,ij->ni", t, factor)
+    Parameters
+    ----------
+    log_density : callable
+        Log density at points (k, d).
+    proposal : Proposal
+        What to draw from.
+    rng : Generator
+        Source of the draws.
+    count : int
+        How many.
+
+    Raises
+    ------
+    ComputationError
+        If hardly a draw has a finite density.
+    """
+    points, log_proposal = proposal.draw(rng, count)
     raw = log_density(points) - log_proposal
     inside = np.isfinite(raw)
-    if inside.sum() < max(2 * d, _TAIL):
-        raise ComputationError(f"Of {n} draws around the fit only {int(inside.sum())} have a finite density.")
-    with np.errstate(all="ignore"):
-        # It wants what it calls log likelihoods, whose negative is the log weight.
-        smooth, k = array_stats.psislw(-raw[inside])
+    if inside.sum() < max(2 * points.shape[1], _TAIL):
+        raise ComputationError(f"Of {count} draws around the fit only {int(inside.sum())} have a finite density.")
+    smooth, k = smoothed(raw[inside])
     # The smallest weight is never smoothed: it tells by what all were divided.
     least = int(np.argmin(raw[inside]))
     log_sum = float(raw[inside][least] - smooth[least])
-    weights = np.zeros(n)
+    weights = np.zeros(count)
     weights[inside] = np.exp(smooth)
     weights /= weights.sum()
-    error = math.sqrt(max(float(np.sum(weights**2)) - 1.0 / n, 0.0))
-    return Weighted(points, weights, log_sum - math.log(n), error, float(k) if math.isfinite(k) else math.inf)
+    error = math.sqrt(max(float(np.sum(weights**2)) - 1.0 / count, 0.0))
+    return Weighted(points, weights, log_sum - math.log(count), error, k)
 
 
-def _moments(drawn: Weighted, centre: FloatArray, factor: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and factor of the covariance of weighted draws, the latter drawn to the old one where few count."""
-    mean = np.einsum("n,nd->d", drawn.weights, drawn.points)
-    off = drawn.points - mean
-    covariance = np.einsum("n,ni,nj->ij", drawn.weights, off, off)
-    trust = drawn.effective / (drawn.effective + 2 * centre.size)
-    return mean, np.asarray(np.linalg.cholesky(trust * covariance + (1 - trust) * factor @ factor.T), np.float64)
+def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
+    """Return log weights, the largest of them smoothed by a Pareto distribution, up to a constant, and its shape k."""
+    from arviz_stats.base import array_stats
+
+    with np.errstate(all="ignore"):
+        # It wants what it calls log likelihoods, whose negative is the log weight.
+        smooth, k = array_stats.psislw(-log_weights)
+    return np.asarray(smooth), float(k) if math.isfinite(k) else math.inf

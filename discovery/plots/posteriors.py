@@ -26,7 +26,8 @@ class PosteriorViews:
         """Return how many draws there are of what, and how well they converged."""
         ensembles, steps, walkers, d = self.draws.shape
         worst = f"R-hat at most {max(self.r_hat.values()):.3f}, at least {min(self.ess.values()):.0f} effective"
-        return f"<Posterior of {d} quantities: {ensembles} ensembles, {ensembles * steps * walkers} draws; {worst}>"
+        made = f"{ensembles} {'chains' if walkers == 1 else 'ensembles'}"
+        return f"<Posterior of {d} quantities: {made}, {ensembles * steps * walkers} draws; {worst}>"
 
     def _repr_html_(self: Any) -> str:
         rows = [(row["name"], *(row[key] for key in _COLUMNS)) for row in self.summary() if not is_start(row["name"])]

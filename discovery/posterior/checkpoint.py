@@ -15,14 +15,17 @@ from typing import Any
 
 import emcee
 import h5py
+import numpy as np
+from numpy.typing import NDArray
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.posterior.ensembles import Ensemble
 from discovery.posterior.student_mixture import StudentMixture
 
-__all__ = ["fingerprint", "restore", "save"]
+__all__ = ["densities", "fingerprint", "restore", "save"]
 
+FloatArray = NDArray[np.float64]
 _PROPOSAL = tuple(field.name for field in fields(StudentMixture))
 
 
@@ -35,12 +38,26 @@ def fingerprint(*parts: bytes | str) -> str:
     return digest.hexdigest()
 
 
-def save(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> None:
-    """Write a checkpoint (HDF5), beside its place first: there is never half a file."""
+def save(
+    path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str, asked: FloatArray | None = None
+) -> None:
+    """Write a checkpoint (HDF5), beside its place first: there is never half a file.
+
+    Parameters
+    ----------
+    path : path
+    ensembles : sequence of Ensemble
+        As they are.
+    run : str
+        Fingerprint of the run.
+    asked : ndarray, shape (n, 2), optional
+        Log densities that the run asked for beside them, see `discovery.posterior.remembered`.
+    """
     # In memory: on a full disk the library of the format ends the process.
     made = BytesIO()
     with h5py.File(made, "w") as file:
         file.attrs["run"] = run
+        file["densities"] = np.empty((0, 2)) if asked is None else asked
         for i, ensemble in enumerate(ensembles):
             group = file.create_group(f"ensemble_{i}")
             name, key, position, has_gauss, gauss = ensemble.state.random_state
@@ -90,6 +107,12 @@ def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: st
     except (OSError, KeyError) as error:
         raise InputError(f"{path} is not a checkpoint of a posterior. {cure}") from error
     return True
+
+
+def densities(path: str | os.PathLike[str]) -> FloatArray:
+    """Return the log densities (n, 2) that the run of a checkpoint asked for beside its ensembles."""
+    with h5py.File(path) as file:
+        return np.asarray(file["densities"][:], np.float64)
 
 
 def _restore(ensemble: Ensemble, group: Any) -> None:

@@ -22,7 +22,7 @@ from discovery.foundation.workers import single_algebra
 from discovery.posterior.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch
 from discovery.posterior.student_mixture import StudentMixture
 
-__all__ = ["Ensemble", "check_walkers", "grow", "start_ensembles"]
+__all__ = ["TEMPERED", "Ensemble", "check_walkers", "grow", "start_ensembles"]
 
 FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
@@ -31,8 +31,8 @@ _LARGEST_CONDITION = 1e8
 # Steps after which the proposal may adapt to the walkers, and blocks end; then blocks grow by a part of the run.
 _ADAPTATIONS, _STOPS = (40, 80, 160, 320), (20, 40, 80, 120, 160, 320)
 _GROWTH = 0.4
-# The first block sees the density's 16th root: walkers spread over all peaks within some ten standard deviations.
-_TEMPERED, _TEMPERATURE = 20, 16.0
+#: The first block sees the density's 16th root: walkers spread over all peaks within some ten standard deviations.
+TEMPERED, _TEMPERATURE = 20, 16.0
 # Proposals accepted less often than this, or a walker that rejects so many of them in a row, ask for a better proposal.
 _WELL_ACCEPTED, _STICKING = 0.75, 10.0
 # How often each move is made, while it is unknown whether the proposal resembles the posterior, and where it does.
@@ -84,7 +84,7 @@ class Ensemble:
 
     def advance(self, steps: int) -> None:
         """Continue by some steps, which must not go beyond the next stop."""
-        temperature = _TEMPERATURE if len(self.chain) < _TEMPERED else 1.0
+        temperature = _TEMPERATURE if len(self.chain) < TEMPERED else 1.0
         self.state.log_prob = self.state.log_prob / temperature
         chances = _INFORMED if self.informed else _EXPLORING
         sampler = emcee.EnsembleSampler(
@@ -101,7 +101,7 @@ class Ensemble:
     def adapt(self) -> None:
         """Fit the proposal to the walkers where it is hardly accepted; make it often where it is well accepted."""
         done = len(self.chain)
-        if done == _TEMPERED:
+        if done == TEMPERED:
             self._propose(StudentMixture.standard(self.chain.shape[2]))
         elif done in _ADAPTATIONS:
             recent = slice(3 * done // 4, None)
@@ -202,7 +202,7 @@ def grow(ensembles: Sequence[Ensemble], max_steps: int, keep: Callable[[], None]
     after every block, and every few seconds within one.
     """
     began = done = len(ensembles[0].chain)
-    ahead = _TEMPERED
+    ahead = TEMPERED
     for stop in _stops(max(max_steps, began)):
         while done < stop:
             steps, start = min(ahead, stop - done), time.perf_counter()

@@ -101,7 +101,7 @@ def log_evidence(target: LogPosterior, rng: Generator, draws: int = 4000) -> Evi
     InputError
         If a prior is no density, so that there is no evidence.
     """
-    drawn = importance_sample(target, target.dimension, rng, draws)
+    drawn = importance_sample(target, target.dimension, rng, draws, frame=target.factor)
     scale = float(np.log(np.diag(target.factor)).sum())
     return Evidence(target, drawn, drawn.log_integral + scale - log_prior_mass(target))
 

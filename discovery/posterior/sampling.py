@@ -6,7 +6,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 import numpy as np
@@ -16,13 +16,15 @@ from discovery.estimation.fit import Fit
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError, NotConverged
 from discovery.foundation.progress import Progress, Tell, teller
-from discovery.posterior.checkpoint import fingerprint, restore, save
-from discovery.posterior.diagnostics import LENGTH_IN_TAU, Convergence, convergence, tail_effective
+from discovery.posterior.assembled import PACKAGES, of_chains, of_ensembles
+from discovery.posterior.checkpoint import densities, fingerprint, restore, save
+from discovery.posterior.diagnostics import LENGTH_IN_TAU, Convergence, convergence
 from discovery.posterior.draws import Posterior
-from discovery.posterior.ensembles import Ensemble, grow, start_ensembles
+from discovery.posterior.ensembles import TEMPERED, Ensemble, grow, start_ensembles
+from discovery.posterior.independence import Chains, independence_chains
 from discovery.posterior.likelihood import LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN
-from discovery.posterior.prior_draws import prior_draws
+from discovery.posterior.remembered import Remembered
 
 __all__ = ["sample"]
 
@@ -34,8 +36,8 @@ _YIELD = 40
 _BURN_IN = 0.25
 # Steps after burn-in with which no chain can have converged, and steps that leave more in any case.
 _FEWEST_STEPS, _SHORTEST_RUN = LENGTH_IN_TAU, 250
-_PRIOR_DRAWS = 2000
-_PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")
+#: Methods by name: see `sample`.
+QUICKEST, EMCEE = METHODS = ("quickest", "emcee")
 
 
 def sample(
@@ -48,10 +50,14 @@ def sample(
     min_effective: float = 4000,
     r_hat_max: float = 1.01,
     max_steps: int = 20_000,
+    method: str = QUICKEST,
     progress: Tell | None = None,
     backend_path: str | os.PathLike[str] | None = None,
 ) -> Posterior:
-    """Sample the posterior of a fitted model until independent ensembles agree.
+    """Sample the posterior of a fitted model until independent chains agree.
+
+    Independent proposals around the fit are tried first, with Metropolis's rule. Where their weights, or what the first
+    few steps of walkers saw, refute them, ensembles of walkers go on from these steps.
 
     Parameters
     ----------
@@ -72,6 +78,8 @@ def sample(
         Largest R-hat between the ensembles.
     max_steps : int
         Steps of every ensemble after which the run is given up.
+    method : str
+        ``"quickest"``, or ``"emcee"``: walkers in any case.
     progress : callable, optional
         Receives one sentence after every block, a `discovery.foundation.progress.Progress`: its ``done`` of ``total``
         effective samples are there, and ``seconds_left`` is how long the others take.
@@ -100,20 +108,72 @@ def sample(
     """
     tell = teller(progress)
     _refuse(fit, seed, ensembles, max_steps)
+    if method not in METHODS:
+        raise InputError(f"There is no method {method!r} of sampling; there are {', '.join(METHODS)}.")
     target = log_posterior(fit, noise=noise)
     if walkers is None:
         walkers = _walkers(target.dimension, min_effective / ensembles)
     seeds = SeedSequence(seed).spawn(ensembles)
     group = start_ensembles(target, target.dimension, walkers=walkers, seeds=seeds)
     run = _run_of(target, [ensemble.state.coords for ensemble in group])
-    if backend_path is not None:
-        restore(backend_path, group, run)
-    began, before = time.perf_counter(), len(group[0].chain)
+    asked = Remembered(target, keep=lambda: keep())
+    if backend_path is not None and restore(backend_path, group, run):
+        asked.values = densities(backend_path)
 
     def keep() -> None:
         if backend_path is not None:
-            save(backend_path, group, run)
+            save(backend_path, group, run, asked.values)
 
+    wanted = (min_effective, r_hat_max)
+    if method == QUICKEST:
+        for _ in grow(group, TEMPERED, keep):
+            pass
+        chains = _by_proposals(target, asked, group, seed, wanted, tell)
+        keep()
+        if chains is not None:
+            return of_chains(fit, target, chains, seed)
+    return _by_walkers(fit, target, group, keep, seed=seed, max_steps=max_steps, wanted=wanted, tell=tell)
+
+
+def _by_proposals(
+    target: LogPosterior,
+    asked: Remembered,
+    group: Sequence[Ensemble],
+    seed: int,
+    wanted: tuple[float, float],
+    tell: Tell,
+) -> Chains | None:
+    """Return chains of independent proposals, told by what the walkers saw of the flattened density; None for none."""
+    seen = [np.concatenate([getattr(e, name)[:TEMPERED] for e in group]) for name in ("chain", "log_prob")]
+
+    def told(found: Convergence, _steps: int, seconds_left: float) -> None:
+        tell(_progress(found, found.steps, wanted[0], seconds_left))
+
+    return independence_chains(
+        asked,
+        target.factor,
+        (seen[0].reshape(-1, target.dimension), seen[1].ravel()),
+        # The walkers have the streams before.
+        seeds=SeedSequence(seed).spawn(2 * len(group) + 1)[len(group) :],
+        values=target.values,
+        wanted=wanted,
+        tell=told,
+    )
+
+
+def _by_walkers(
+    fit: Fit,
+    target: LogPosterior,
+    group: Sequence[Ensemble],
+    keep: Callable[[], None],
+    *,
+    seed: int,
+    max_steps: int,
+    wanted: tuple[float, float],
+    tell: Tell,
+) -> Posterior:
+    """Grow ensembles of walkers until they agree."""
+    began, before = time.perf_counter(), len(group[0].chain)
     for steps in grow(group, max_steps, keep):
         burn_in = max(int(_BURN_IN * steps), *(ensemble.adapted for ensemble in group))
         short = steps - burn_in < _FEWEST_STEPS
@@ -123,10 +183,10 @@ def sample(
         draws = target.values(np.stack([ensemble.chain[steps // 2 if short else burn_in :] for ensemble in group]))
         found = convergence(draws)
         pace = (time.perf_counter() - began) / (steps - before) if steps > before else math.nan
-        tell(_progress(found, steps, min_effective, pace))
-        if not short and found.meets(min_effective, r_hat_max):
-            return _posterior(fit, target, group, found, draws, seed)
-    raise _refusal(target.names, found, max_steps, min_effective, r_hat_max)
+        tell(_progress(found, steps, wanted[0], pace * _steps_left(steps, found, wanted[0])))
+        if not short and found.meets(*wanted):
+            return of_ensembles(fit, target, group, found, draws, seed)
+    raise _refusal(target.names, found, max_steps, *wanted)
 
 
 def _refuse(fit: object, seed: object, ensembles: int, max_steps: int) -> None:
@@ -144,23 +204,23 @@ def _walkers(dimension: int, effective: float) -> int:
     return math.ceil(wanted / _LANES) * _LANES
 
 
-def _progress(found: Convergence, steps: int, wanted: float, pace: float) -> Progress:
-    """Return how far a run is, at a pace [s] of its steps."""
-    effective, tau = float(found.ess.min()), float(found.tau.max())
+def _progress(found: Convergence, steps: int, wanted: float, seconds_left: float) -> Progress:
+    """Return how far a run is."""
     return Progress.counting(
         "sampling the posterior",
-        effective,
+        float(found.ess.min()),
         wanted,
         "effective samples",
         beside=f"R-hat {found.r_hat.max():.3f} after {steps} steps",
-        seconds_left=pace * _steps_left(steps, effective / wanted, tau),
+        seconds_left=seconds_left,
     )
 
 
-def _steps_left(steps: int, share: float, tau: float) -> float:
-    """Return the steps to go where a share of the effective samples is there, which grow with the steps."""
-    wanted = max(steps / share if share > 0 else math.inf, LENGTH_IN_TAU * tau / (1 - _BURN_IN))
-    return max(wanted - steps, 0.0)
+def _steps_left(steps: int, found: Convergence, wanted: float) -> float:
+    """Return the steps to go; effective samples grow with the steps."""
+    share = float(found.ess.min()) / wanted
+    least = max(steps / share if share > 0 else math.inf, LENGTH_IN_TAU * float(found.tau.max()) / (1 - _BURN_IN))
+    return max(least - steps, 0.0)
 
 
 def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:
@@ -174,7 +234,7 @@ def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:
         "leap": problem.bench.leap,
         "data": [e.recording.sha256 for e in problem.bench.experiments],
         "fitted": [e.fitted_samples for e in problem.bench.experiments],
-        "packages": {name: version(name) for name in _PACKAGES},
+        "packages": {name: version(name) for name in PACKAGES},
     }
     paces = [None if e.pace is None else e.pace.clock.tolist() for e in problem.bench.experiments]
     if any(paces):
@@ -193,66 +253,3 @@ def _refusal(
     )
     tau, ess, r_hat = (dict(zip(names, a.tolist(), strict=True)) for a in (found.tau, found.ess, found.r_hat))
     return NotConverged(message, tau=tau, ess=ess, r_hat=r_hat)
-
-
-def _posterior(
-    fit: Fit, target: LogPosterior, group: Sequence[Ensemble], found: Convergence, draws: np.ndarray, seed: int
-) -> Posterior:
-    # Half an autocorrelation time apart, draws carry all there is to know.
-    thin = max(1, int(found.tau.min() / 2))
-    steps = len(group[0].chain)
-    kept = slice(steps - draws.shape[1], None, thin)
-    z = np.stack([ensemble.chain[kept] for ensemble in group])
-    log_probability = np.stack([ensemble.log_prob[kept] for ensemble in group])
-    log_prior = target.log_prior(target.vectors(z).reshape(-1, target.dimension)).reshape(log_probability.shape)
-    problem, names = target.problem, target.names
-
-    def by_name(values: np.ndarray) -> dict[str, float]:
-        return dict(zip(names, values.tolist(), strict=True))
-
-    return Posterior(
-        names=names,
-        units=dict(zip(names, target.units, strict=True)),
-        draws=draws[:, ::thin],
-        log_probability=log_probability,
-        log_likelihood=log_probability - log_prior,
-        r_hat=by_name(found.r_hat),
-        tau=by_name(found.tau),
-        ess=by_name(found.ess),
-        ess_tail=by_name(tail_effective(draws)),
-        prior=prior_draws(target, _PRIOR_DRAWS, np.random.default_rng(seed)),
-        acceptance=_acceptance(group),
-        reference={name: (fit.values[name], fit.sd[name]) for name in problem.names} | target.noise_reference,
-        stated_noise={part.name: part.noise for part in target.instruments},
-        meanings=target.meanings,
-        model=problem.model,
-        natural=problem.units,
-        gaussian=dict(problem.gaussian),
-        step=problem.bench.shortest,
-        provenance={
-            **_origin(target, seed),
-            "steps": steps,
-            "burn_in": steps - draws.shape[1],
-            "thin": thin,
-            "walkers": z.shape[2],
-            "solver_shift_sd": fit.solver_shift,
-        },
-    )
-
-
-def _acceptance(group: Sequence[Ensemble]) -> dict[str, float]:
-    """Return the share of the proposals that was accepted, by move."""
-    moves = {name: [e.moves[name] for e in group if e.moves[name].proposed] for name in group[0].moves}
-    return {n: sum(m.accepted for m in ms) / sum(m.proposed for m in ms) for n, ms in moves.items() if ms}
-
-
-def _origin(target: LogPosterior, seed: int) -> dict[str, object]:
-    bench = target.problem.bench
-    return {
-        "seed": seed,
-        "noise": target.noise,
-        "versions": {name: version(name) for name in _PACKAGES},
-        "rig": bench.experiments[0].rig.sha256,
-        "recordings": {e.recording.name: e.recording.sha256 for e in bench.experiments},
-        "n_data": bench.n_data,
-    }

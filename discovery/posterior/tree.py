@@ -112,8 +112,8 @@ def _attributes(posterior: Sample) -> dict[str, Any]:
         "solver_step_s": posterior.step,
         "acceptance": json.dumps(dict(posterior.acceptance)),
         "provenance": json.dumps(dict(posterior.provenance)),
-        "inference_library": "emcee",
-        "inference_library_version": str(posterior.provenance["versions"]["emcee"]),
+        "inference_library": (library := "emcee" if posterior.provenance["method"] == "emcee" else "discovery"),
+        "inference_library_version": str(posterior.provenance["versions"][library]),
     }
 
 

@@ -24,6 +24,7 @@ _AGREE = 1.01
 def convergence_sentence(run: Run) -> str:
     """Return whether the sampler converged and by what numbers; empty without a posterior."""
     from discovery.posterior.diagnostics import LENGTH_IN_TAU
+    from discovery.posterior.independence import LARGEST_K
 
     rows = (run.results.get("posterior") or {}).get("rows")
     if not rows:
@@ -39,7 +40,11 @@ def convergence_sentence(run: Run) -> str:
         tau, steps = max(sampling["tau"].values()), sampling["steps"] - sampling["burn_in"]
         good = good and steps >= LENGTH_IN_TAU * tau
         ensembles = len(next(iter(run.draws.values())))
-        told.insert(0, f"{ensembles} independent ensembles of {sampling['walkers']} walkers each")
+        made = f"{ensembles} independent ensembles of {sampling['walkers']} walkers each"
+        if sampling.get("method") == "independence":
+            k = f"Pareto k of their weights {significant(sampling['pareto_k'], 2)} (limit {LARGEST_K:g})"
+            made = f"{ensembles} independent chains by Metropolis’s rule from draws around the fit, {k}"
+        told.insert(0, made)
         told.append(
             f"{steps} steps after burn-in are {significant(steps / tau, 2)} times the longest autocorrelation time, "
             f"{significant(tau)} steps (limit {LENGTH_IN_TAU} times)"

@@ -134,6 +134,7 @@ class Sampled:
                 "subject": subject,
                 "rows": posterior.summary(),
                 "status": posterior.status,
+                "method": posterior.provenance["method"],
                 **study.summary(),
             }
         pending: dict[str, Any] | None = None

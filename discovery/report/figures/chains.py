@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from discovery.report.numbers import significant, unit_text
 from discovery.report.results import Run
@@ -10,6 +13,10 @@ from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, Picture, n
 
 __all__ = ["draw"]
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FloatArray = NDArray[np.float64]
 _BAND = "#E3E3E3"
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 _MOST = 8
@@ -25,18 +32,14 @@ def draw(run: Run) -> Picture | None:
         return None
     lags = np.array(found["lags"])
     thin = lags[1] - lags[0]
+    single = run.sampling.get("method") == "independence"
+    what = "chain" if single else "ensemble"
     figure = new_figure(1.05 * len(shown) + 0.9)
     axes = figure.subplots(len(shown), 2, sharex="col", squeeze=False, width_ratios=(3, 2))
     for (trace, memory), r in zip(axes, shown, strict=True):
         name = r["name"]
         draws = run.draws[name]
-        keep = slice(None, None, max(1, draws.shape[1] // _STEPS))
-        steps = thin * np.arange(draws.shape[1])[keep]
-        low, high = np.quantile(draws[:, keep], (0.05, 0.95), axis=(0, 2))
-        trace.fill_between(steps, low, high, color=_BAND, linewidth=0, label="90 % of all walkers")
-        for e, chain in enumerate(draws[:, keep]):
-            colour = _COLOURS[e % len(_COLOURS)]
-            trace.plot(steps, np.median(chain, axis=1), color=colour, linewidth=0.8, label=f"ensemble {e + 1}")
+        _trace(trace, draws, thin, single=single)
         for e, function in enumerate(found["functions"][name]):
             memory.plot(lags, function, ".-", color=_COLOURS[e % len(_COLOURS)], linewidth=0.8, markersize=3)
         tau = found["tau"][name]
@@ -53,8 +56,24 @@ def draw(run: Run) -> Picture | None:
     return Picture(
         "chains",
         figure,
-        "Left: median over the walkers of every ensemble, step by step; ensembles that agree lie on each other. "
-        "Right: autocorrelation [–] of every ensemble, with the autocorrelation time τ (dashed).",
-        "Traces and autocorrelation functions of the sampled quantities, one line for each ensemble.",
+        f"Left: {'every chain' if single else 'median over the walkers of every ensemble'}, step by step; {what}s "
+        f"that agree lie on each other. Right: autocorrelation [–] of every {what}, with the autocorrelation time τ "
+        "(dashed).",
+        f"Traces and autocorrelation functions of the sampled quantities, one line for each {what}.",
         raster=True,
     )
+
+
+def _trace(axis: Axes, draws: FloatArray, thin: float, *, single: bool) -> None:
+    """Draw the walkers' median of each ensemble (ensembles, draws, walkers), or single chains, over 90 % of all."""
+    keep = slice(None, None, max(1, draws.shape[1] // _STEPS))
+    steps = thin * np.arange(draws.shape[1])[keep]
+    if single:
+        low, high = (np.full(steps.size, q) for q in np.quantile(draws, (0.05, 0.95)))
+    else:
+        low, high = np.quantile(draws[:, keep], (0.05, 0.95), axis=(0, 2))
+    what, all_of = ("chain", "draws") if single else ("ensemble", "walkers")
+    axis.fill_between(steps, low, high, color=_BAND, linewidth=0, label=f"90 % of all {all_of}")
+    for e, chain in enumerate(draws[:, keep]):
+        colour = _COLOURS[e % len(_COLOURS)]
+        axis.plot(steps, np.median(chain, axis=1), color=colour, linewidth=0.8, label=f"{what} {e + 1}")
