@@ -74,7 +74,7 @@ class Offers:
         def whole() -> list[Refit]:
             starts = finite_starts(minimum, problem, names) if node.is_far else []
             quick = refit(problem.model, minimum, problem, scored, finite=starts)
-            if node.is_far and problem.bench.experiments[0].rig.system is not None:
+            if node.is_far and not starts:
                 crossed = crossed_starts(problem, names, [r.values for r in quick[:_CROSSED]])
                 quick = best_of([*quick, *refit(problem.model, minimum, problem, [], finite=crossed)])
             quick = resolved(minimum, problem, scored, quick)
