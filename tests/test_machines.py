@@ -12,7 +12,7 @@ from benchmarks.systems import laws, machines
 from benchmarks.systems.__main__ import table
 from benchmarks.systems.cases import CASES, Case
 from benchmarks.systems.record import record
-from benchmarks.systems.run import judged
+from benchmarks.systems.run import judged, run
 from discovery.rigs.rig_file import read_rig
 
 
@@ -55,3 +55,10 @@ def test_an_answer_needs_place_size_and_prediction() -> None:
     assert not judged(case, answer("coulomb_friction_at_load", 0.015, 1.02), 1.0, 2.0).right
     assert not judged(case, answer("coulomb_friction_at_load", 0.0121, 1.5), 1.0, 2.0).right
     assert "| yes | explained `coulomb_friction_at_load` | f_c +0.8 % | 9.00 → 1.020 |" in table({"case": right})
+
+
+@pytest.mark.slow
+def test_friction_is_found_although_without_it_the_system_fits_at_absurd_values(tmp_path: Path) -> None:
+    """A loss on the track that the model lacks: it fits with a pendulum of no length, and a dead zone explains more."""
+    outcome = run(CASES["cart pendulum: dry friction on the track"], tmp_path, 1)
+    assert outcome.right, outcome

@@ -27,11 +27,6 @@ def table(outcomes: dict[str, Outcome]) -> str:
             f"| {name} | {'yes' if o.right else '**no**'} | {o.verdict} {added} | {errors} | {held} "
             f"| {o.seconds:.1f}, {o.cpu:.1f} ({o.load:.1f}) |"
         )
-    lines.append("")
-    for name, o in outcomes.items():
-        if o.posterior is not None:
-            seconds, cpu, effective = o.posterior
-            lines.append(f"{name}: `run` took {seconds:.0f} s ({cpu:.0f} CPU s) for {effective:.0f} effective samples.")
     return "\n".join(lines) + "\n"
 
 

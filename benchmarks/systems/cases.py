@@ -25,15 +25,12 @@ class Case:
         The effect.
     within : float
         Relative error that its parameters may have.
-    posterior : int
-        Effective samples of a posterior that follows; none where zero.
     """
 
     machine: Machine
     joint: str
     law: Law
     within: float = 0.05
-    posterior: int = 0
 
 
 CASES = {
@@ -63,5 +60,4 @@ CASES = {
     "motor, speed: cogging": Case(machines.motor(), "shaft", laws.cogging(0.015, 18.0)),
     "motor, position: nothing": Case(machines.motor("drive"), "shaft", laws.NOTHING),
     "motor, position: dry friction": Case(machines.motor("drive"), "shaft", laws.dry(8e-3, 0.01)),
-    "spring bench: dry friction": Case(machines.spring_bench(), "", laws.dry(0.6, 1e-3), posterior=4000),
 }

@@ -42,8 +42,6 @@ class Outcome:
         Held-out residual of the declared and of the final model, over the noise.
     seconds, cpu, load : float
         What the loop took [s], of the clock and of processors, and the machine's load beside it.
-    posterior : (float, float, float) or None
-        Seconds and processor seconds of the whole run, and its effective samples.
     """
 
     right: bool
@@ -55,7 +53,6 @@ class Outcome:
     seconds: float = 0.0
     cpu: float = 0.0
     load: float = 0.0
-    posterior: tuple[float, float, float] | None = None
 
 
 def run(case: Case, folder: Path, seed: int) -> Outcome:
@@ -71,12 +68,7 @@ def run(case: Case, folder: Path, seed: int) -> Outcome:
         return Outcome(
             False, f"exit {status}: {said.strip()[-300:]}", seconds=seconds, cpu=cpu, load=os.getloadavg()[0]
         )
-    outcome = judged(case, json.loads(file.read_text(encoding="utf-8")), seconds, cpu)
-    if not case.posterior:
-        return outcome
-    status, said, seconds, cpu = _command(["run", *given, "--out", "run"], folder)
-    found = json.loads((folder / "run" / "results.json").read_text(encoding="utf-8"))
-    return Outcome(**{**vars(outcome), "posterior": (seconds, cpu, _effective(found))})
+    return judged(case, json.loads(file.read_text(encoding="utf-8")), seconds, cpu)
 
 
 def judged(case: Case, found: dict[str, Any], seconds: float, cpu: float) -> Outcome:
@@ -116,8 +108,3 @@ def _command(arguments: Sequence[str], folder: Path) -> tuple[int, str, float, f
     (folder / f"{arguments[0]}.txt").write_text(done.stdout + done.stderr, encoding="utf-8")
     cpu = after.children_user + after.children_system - before.children_user - before.children_system
     return done.returncode, done.stderr, time.perf_counter() - begin, cpu
-
-
-def _effective(results: dict[str, Any]) -> float:
-    """Return the effective samples of a run's posterior."""
-    return float(results["posterior"]["effective_samples"])

@@ -17,7 +17,7 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.screening.attribution import grid_of
 
-__all__ = ["MOST_SHAPES", "FarStart", "crossed_starts", "declared_starts", "finite_starts"]
+__all__ = ["MOST_SHAPES", "FarStart", "declared_starts", "finite_starts"]
 
 FloatArray = NDArray[np.float64]
 #: A start of a refit: effect, its free values, and values of other free parameters that go with them.
@@ -65,29 +65,6 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
         (points[i][0], _vector(*points[i], system), {"alpha": float(stiffness[i])})
         for i in _best(points, table.min(axis=1), _KEPT)
     ]
-
-
-def crossed_starts(problem: Problem, names: Sequence[str], found: Sequence[Mapping[str, float]]) -> list[FarStart]:
-    """Return starts at finite sizes of effects, each beside where refits with other effects took the parameters.
-
-    Without the effect it lacks, a system may fit at absurd values, where no small change leads back.
-
-    Parameters
-    ----------
-    problem : Problem
-        Without the effects.
-    names : sequence of str
-        Effects.
-    found : sequence of mapping of str to float
-        Values by name where the refits ended.
-    """
-    points, system = _points(problem, names), problem.model.mechanics.system
-    starts: list[FarStart] = []
-    for values in found if points else ():
-        others = {n: values[n] for n in problem.names}
-        costs = _costs(problem, problem.expand(problem.start(others)[:, None]), points)[:, 0]
-        starts += [(points[i][0], _vector(*points[i], system), others) for i in _best(points, costs, 1)]
-    return starts
 
 
 def _points(problem: Problem, names: Sequence[str], kinds: Sequence[str] | None = None) -> list[_Point]:

@@ -2,8 +2,9 @@
 
 The phase of a swing whose frequency depends on its amplitude runs away with every error of a loss, and a free run over
 many swings has a minimum for every swing that is lost or gained; so has the ringing of a light rod. Over the first
-swings there is one. What a fit of a wrong model made of the initial state and of what the rig states must be forgotten
-for it: such a fit starts the rod ringing where it was at rest.
+swings there is one. What a fit of a wrong model made of the initial state, of what the rig states and of the constants
+of a declared system must be forgotten for it: such a fit starts the rod ringing where it was at rest, and shrinks a
+pendulum to nothing.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from discovery.screening.refits import Refit, refit, settled
 
 __all__ = ["grown"]
 
-#: Swings of the first parts: of a free decay, and of an arm once it moves. A fast ringing is caught within the shortest
-#: only, a slow loss shows in the longer.
-_SWINGS, _SWINGS_OF_AN_ARM = (5.0,), (0.5, 1.5)
+#: Swings of the first parts: of a free decay, of a declared system, and of an arm once it moves. A fast ringing is caught
+#: within the shortest only, a slow loss shows in the longer.
+_SWINGS, _SWINGS_OF_A_SYSTEM, _SWINGS_OF_AN_ARM = (5.0,), (2.5, 5.0), (0.5, 1.5)
 #: An arm moves where its deflection exceeds this share of the largest.
 _MOVES = 0.1
 _ITERATIONS = 15
@@ -50,17 +51,17 @@ def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refi
     -------
     list of Refit
         On the whole recordings, the best candidates of the first swings; none where an input holds the phase of an
-        oscillator, or where the recordings are short.
+        oscillator whose start was read off the recording, or where the recordings are short.
     """
     bench = problem.bench
-    arm = problem.model.mechanics.system != OSCILLATOR
-    if not arm and any(e.drive is not None for e in bench.experiments):
+    arm, declared = problem.model.mechanics.system != OSCILLATOR, bench.experiments[0].rig.system is not None
+    if not (arm or declared) and any(e.drive is not None for e in bench.experiments):
         return []
     period = 2 * np.pi * problem.units.time
-    lengths = _SWINGS_OF_AN_ARM if arm else _SWINGS
+    lengths = _SWINGS_OF_AN_ARM if arm else _SWINGS_OF_A_SYSTEM if declared else _SWINGS
     shares = [max(_share(e, n * period, still=arm) for e in bench.experiments) for n in lengths]
-    # Half of an arm's recording is no short part, but free of what a fit of the whole made of its beginning.
-    shares = [min(share, 0.5) for share in shares if arm or share <= 0.5]
+    # Half of a recording is no short part, but free of what a fit of the whole made of its beginning.
+    shares = [min(share, 0.5) for share in shares if arm or declared or share <= 0.5]
     followed = [f for share in dict.fromkeys(shares) for f in _followed(minimum, problem, names, share)]
     problems = [Problem(model, bench, problem.units, problem.gaussian) for model, _ in followed]
     return settled(problems, [p.start(v) for p, (_, v) in zip(problems, followed, strict=True)])
@@ -72,7 +73,9 @@ def _followed(
     """Return models with a candidate each and their values, from a first share of the recordings to half of them."""
     short = _beginning(problem, share)
     begun = {n: v for n, v in zip(problem.free, minimum.x, strict=False) if n not in problem.gaussian}
-    (first,) = fit_problems([short], [short.start(begun)], iterations=_ITERATIONS)
+    begins = [begun, {}] if problem.bench.experiments[0].rig.system is not None else [begun]
+    minima = fit_problems([short] * len(begins), [short.start(b) for b in begins], iterations=_ITERATIONS)
+    first = min(minima, key=lambda m: m.cost)
     if not np.isfinite(first.cost):
         return []
     scored = screen(short.model, first, short, names)

@@ -11,7 +11,7 @@ from discovery.declarations.registry import get_effect
 from discovery.estimation.race import SLOW, near_the_best
 from discovery.foundation.workers import at_once
 from discovery.screening.attribution import Candidate, screen
-from discovery.screening.finite import crossed_starts, finite_starts
+from discovery.screening.finite import finite_starts
 from discovery.screening.growing import grown
 from discovery.screening.likeness import likely_pairs
 from discovery.screening.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
@@ -24,8 +24,6 @@ from discovery.simulation.simulate import THREADS
 __all__ = ["Offers"]
 
 FloatArray = NDArray[np.float64]
-#: Of so many refits the parameters are tried with the other effects.
-_CROSSED = 6
 #: Effects and mechanics of a set.
 _Key = tuple[frozenset[str], str]
 
@@ -74,9 +72,6 @@ class Offers:
         def whole() -> list[Refit]:
             starts = finite_starts(minimum, problem, names) if node.is_far else []
             quick = refit(problem.model, minimum, problem, scored, finite=starts)
-            if node.is_far and not starts:
-                crossed = crossed_starts(problem, names, [r.values for r in quick[:_CROSSED]])
-                quick = best_of([*quick, *refit(problem.model, minimum, problem, [], finite=crossed)])
             quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
             leading = [quick[i] for i in near[: self.context.settings.budget.finished] if np.isfinite(quick[i].chi2)]
