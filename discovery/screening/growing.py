@@ -27,7 +27,7 @@ from discovery.screening.refits import Refit, refit, settled
 
 __all__ = ["grown"]
 
-#: Swings of the first parts: of a free decay, of a declared system, and of an arm once it moves. A fast ringing is caught
+#: Swings of the first parts: of a free decay, of a declared system, of an arm once it moves. A fast ringing is caught
 #: within the shortest only, a slow loss shows in the longer.
 _SWINGS, _SWINGS_OF_A_SYSTEM, _SWINGS_OF_AN_ARM = (5.0,), (2.5, 5.0), (0.5, 1.5)
 #: An arm moves where its deflection exceeds this share of the largest.
