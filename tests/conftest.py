@@ -12,8 +12,10 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
-#: What takes longest begins first: no worker is left waiting for another at the end.
-LONG = [f"test_{name}.py" for name in ("silverbox", "loop", "docs", "export", "cli", "reproduction_page", "twin")]
+#: What takes longest begins first: no worker is left waiting for another at the end. Of two that begin together, each
+#: compiles other simulators; what comes after them finds these.
+LONGEST = ("loop", "effects", "reproduction_page", "export", "cli", "simulate", "pipeline", "posterior", "report")
+LONG = [f"test_{name}.py" for name in LONGEST]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -404,7 +404,9 @@ def test_every_effect_has_a_column_or_a_reason_why_not(draws):
     assert excused == {n for n in inside if not peers.nameable(draw_hidden(n, draws[0].scene, rng).accepted)}
 
 
-def test_peers_name_a_strong_effect_that_has_a_column(tmp_path):
+def test_peers_name_a_strong_effect_that_has_a_column(tmp_path, monkeypatch):
+    # A quarter of the thresholds of the benchmark.
+    monkeypatch.setattr(peers, "TRIALS", 10)
     time = np.arange(0, 12, 0.01)
     gentle = sequence(trapezoid(0.8, 0.9), trapezoid(-0.4, 0.6, start=4.0))
     (tmp_path / "rig.toml").write_text(generate.rig_file("arm", DAMPED, 1e-4))

@@ -155,11 +155,11 @@ def test_what_is_not_explained_is_said_with_the_strongest_lead(capsys: pytest.Ca
 
 
 def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
-    case: Case, looped: tuple[Said, Path], tmp_path: Path
+    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("prediction.csv", "manoeuvre_3.csv", "report.html"):
         (tmp_path / name).write_text("old", encoding="utf-8")
-    said = shell("loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--out", tmp_path, "--quiet")
+    said = call(capsys, "loop", film.rig, "--train", film.train, "--out", tmp_path, "--quiet")
     assert said.status == 0, said.err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json", "page", "report.html"]
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")

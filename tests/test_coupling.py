@@ -125,6 +125,9 @@ def test_every_effect_reacts_on_the_motor_as_lagrange_says(base: str) -> None:
     kinds = Potential | Dissipation | Load | Memory | Kinetic
     ids = [e for e in every_effect(base) if isinstance(get_effect(e), kinds) and e not in SHORTENING_RADIUS]
     assert len(ids) > 8
+    if base == "reduced":
+        # One of each kind: the derivation there takes long.
+        ids = list({get_effect(e).kind: e for e in ids}.values())
     for effect in ids:
         effects = tuple(dict.fromkeys(("linear_stiffness", effect)))
         model = Model(base, effects)

@@ -38,9 +38,13 @@ def correlation() -> np.ndarray:
     return (1 + lag) * np.exp(-lag)
 
 
+#: Factor of the correlation, which is singular to round-off.
+FACTOR = np.linalg.cholesky(correlation() + 1e-9 * np.eye(TIME.size))
+
+
 def drawn(size: float, seed: int, noise: float = 1.0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return rng.multivariate_normal(np.zeros(TIME.size), noise**2 * np.eye(TIME.size) + size**2 * correlation())
+    white, smooth = np.random.default_rng(seed).normal(size=(2, TIME.size))
+    return noise * white + size * FACTOR @ smooth
 
 
 SLOPES = np.column_stack([np.sin(1.3 * TIME), np.cos(0.4 * TIME)])

@@ -348,6 +348,7 @@ def test_a_camera_that_is_knocked_about_stays_unexplained(tmp_path: Path) -> Non
     assert {*result.added} <= {*GEOMETRY}
 
 
+@pytest.mark.slow
 def test_what_a_law_holds_by_convention_is_free_in_the_answer(tmp_path: Path) -> None:
     """The twin's disc creeps by a tanh within 2 mm/s, a third of the convention; held, that would seem to be known."""
     rig = ArmRig(1.156, 0.0363, 0.00128, 1.123, disc_friction=3.5e-3, retardation=1.2e-4)

@@ -196,19 +196,6 @@ def test_distances_to_the_noise_free_tip_are_given_where_it_is_known(inputs: Pat
 # Again, and interrupted.
 
 
-def test_the_same_seed_gives_the_same_numbers(dataset: Dataset, results: dict[str, Any], tmp_path: Path) -> None:
-    again = run(dataset, tmp_path, seed=SEED, progress=silent)
-    assert json.loads(json.dumps(plain(numbers(again)))) == {**numbers(results), "data_note": ""}
-
-
-def test_recordings_too_long_for_predictive_bands_are_no_trouble(
-    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("discovery.posterior.study.LONGEST_BAND", 10)
-    run(dataset, tmp_path, seed=SEED, progress=silent)
-    assert {p.name for p in tmp_path.iterdir()} == FILES - {"predictive.nc"}
-
-
 def test_the_seeds_of_the_stages_differ() -> None:
     seeds = {stages.stage_seed(seed, stage) for seed in (1, 2) for stage in ("discover", "posterior", "elastica")}
     assert len(seeds) == 6
@@ -256,6 +243,7 @@ def test_an_interrupted_run_leaves_whole_files_only(
 
 
 def test_sampling_goes_on_where_it_was_interrupted(dataset: Dataset, results: dict[str, Any], tmp_path: Path) -> None:
+    """The same seed gives the same numbers, in one go or in two."""
     with pytest.raises(Interruption):
         run(dataset, tmp_path, seed=SEED, progress=interrupt_at("sampling the posterior: "))
     assert "posterior_chains.h5" in sound(tmp_path)
@@ -279,6 +267,14 @@ def copied(begun: Answer, folder: Path) -> Answer:
 
 def page_of(folder: Path) -> str:
     return build_report(folder).read_text(encoding="utf-8")
+
+
+def test_recordings_too_long_for_predictive_bands_are_no_trouble(
+    begun: Answer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("discovery.posterior.study.LONGEST_BAND", 10)
+    add_posterior(copied(begun, tmp_path), progress=silent)
+    assert {p.name for p in tmp_path.iterdir()} == {*FILES - {"predictive.nc"}, "report.html", "figures", "tables"}
 
 
 def test_the_answer_is_there_before_sampling_begins(

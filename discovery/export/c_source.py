@@ -18,7 +18,7 @@ from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import comment, origin
 from discovery.export.source import integration_step
 from discovery.export.source_text import ARM_WORDS, FREE_WORDS, MOVED_WORDS, OSCILLATOR_WORDS
-from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, needed, program_of
+from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, needed, program_of
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -128,6 +128,7 @@ def _functions(program: SymbolicModel) -> dict[str, str]:
     """Return the bodies of the functions that the model defines."""
     states = {"state_": program.states, "input_": program.recorded}
     received = needed(program.drive, program.reading)
+    parts, initial = in_parts(program.initial)
     return {
         "DERIVATIVE": _body(
             program, program.slopes, "slope_", arrays=states, unused=["t"],
@@ -138,7 +139,8 @@ def _functions(program: SymbolicModel) -> dict[str, str]:
         ),
         "LATENESS": _body(program, [program.lateness], "return", arrays={}, unused=["t"]),
         "INITIAL": _body(
-            program, program.initial, "state_", arrays={"input_": program.recorded}, unused=["deflection", "rate"]
+            program, initial, "state_", arrays={"input_": program.recorded}, assignments=parts,
+            unused=["deflection", "rate"],
         ),
     }  # fmt: skip
 

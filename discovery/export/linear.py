@@ -134,7 +134,7 @@ def _state_at(
     program, n = numbers.program, numbers.program.n_coordinates
     values = [found.values[p.name] for p in program.parameters]
     names = [sp.Symbol("deflection", real=True), sp.Symbol("rate", real=True), *RECORDED[:2], *program.parameters]
-    start = sp.lambdify(names, program.initial)(deflection or 0.0, rate, *recorded[:2], *values)
+    start = sp.lambdify(names, program.initial, cse=True)(deflection or 0.0, rate, *recorded[:2], *values)
     state = np.array([float(v) for v in start])
     if deflection is not None or rate != 0 or found.model.mechanics.prescribed:
         return state

@@ -31,7 +31,7 @@ from discovery.export.source_text import (
     READ,
     READ_LATE,
 )
-from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, program_of, substituted
+from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, program_of, substituted
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
@@ -61,17 +61,19 @@ def _body(
     results: Sequence[sp.Expr],
     *,
     drive: Assignments = (),
+    parts: Assignments = (),
     states: Sequence[sp.Symbol] = (),
     returns: str = _STACKED,
 ) -> str:
     """Return the indented body of a function that returns the results."""
     lines = []
-    names = _used([p.name for p in program.parameters], [*results, *dict(drive).values()])
+    names = _used([p.name for p in program.parameters], [*results, *dict(drive).values(), *dict(parts).values()])
     if names:
         lines.append(f"{', '.join(names)}{',' * (len(names) == 1)} = (parameters[n] for n in {tuple(names)!r})")
     if states:
         lines.append(f"{', '.join(y.name for y in states)}, *_ = state")
     lines += _received(printer, drive)
+    lines += [f"{a.name} = {printer.doprint(e)}" for a, e in parts]
     lines.append(f"return {returns.format(', '.join(printer.doprint(e) for e in results))}")
     return _indented(lines)
 
@@ -181,6 +183,7 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     printer = NumPyPrinter({"fully_qualified_modules": False})
     body = partial(_body, printer, program)
     names_of_slopes, slopes = _slopes(printer, program, drive, inputs)
+    parts, initial = in_parts([e.xreplace(names) for e in program.initial])
     n = program.n_coordinates
     seen = reported | needs
     memory = bool(seen & set(program.states[2 * n :]))
@@ -200,7 +203,7 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
             program.reading, drive=received, states=sampled, returns=_STACKED if base.reads_state else _SHAPED
         ),
         "LATENESS": body((program.lateness,), returns="{}"),
-        "INITIAL": body([e.xreplace(names) for e in program.initial]),
+        "INITIAL": body(initial, parts=parts),
         "DRIVE": MOTION_DRIVE if moves else INPUT_DRIVE,
         "READ": (READ if program.lateness == 0 else READ_LATE)
         .replace("@MOTOR@", MOTOR if arm else "")

@@ -108,6 +108,12 @@ def needed(assignments: Sequence[tuple[sp.Symbol, sp.Expr]], results: Iterable[s
     return tuple(reversed(kept))
 
 
+def in_parts(results: Sequence[sp.Expr]) -> tuple[Assignments, Sequence[sp.Expr]]:
+    """Return results with what recurs in them assigned before: written out, it would double at every level."""
+    parts, found = sp.cse(results, symbols=sp.numbered_symbols("part_", real=True))
+    return tuple(parts), found
+
+
 def _initial(model: Model, n_states: int) -> tuple[sp.Expr, ...]:
     """Return the initial state as expressions: the base's own arithmetic, carried out on symbols."""
 

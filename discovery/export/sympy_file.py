@@ -11,7 +11,7 @@ from sympy.printing.str import StrPrinter
 
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import docstring, origin
-from discovery.export.symbolic import SymbolicModel, to_sympy
+from discovery.export.symbolic import SymbolicModel, in_parts, to_sympy
 
 if TYPE_CHECKING:
     from discovery.equations.model import Model
@@ -64,6 +64,7 @@ def to_sympy_file(source: FittedModel | Fit | Model, values: Mapping[str, float]
     fitted = fitted_model(source, values)
     found = to_sympy(fitted)
     write = _Printer().doprint
+    parts, initial = in_parts(found.initial)
 
     def sequence(name: str, items) -> str:
         return "\n".join([f"{name} = [", *[f"    {item}," for item in items], "]"])
@@ -77,7 +78,8 @@ def to_sympy_file(source: FittedModel | Fit | Model, values: Mapping[str, float]
         sequence("slopes", map(write, found.slopes)),
         sequence("reading", map(write, found.reading)),
         f"lateness = {write(found.lateness)}",
-        sequence("initial", map(write, found.initial)),
+        *(f"{write(a)} = {write(e)}" for a, e in parts),
+        sequence("initial", map(write, initial)),
         f"equation = {'None' if found.equation is None else write(found.equation)}",
         sequence("memory", map(write, found.memory)),
         "PARAMETERS = {"
