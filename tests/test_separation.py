@@ -22,8 +22,9 @@ from twin_arm import fitted, recorded, rig_file
 
 from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
 from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits
+from discovery.diagnosis.move_search import MoveSearch
 from discovery.diagnosis.rival_distance import Distance, _absorbed
-from discovery.diagnosis.separation import Separation, _Search, separate, similarity_matrix
+from discovery.diagnosis.separation import Separation, separate, similarity_matrix
 from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
@@ -385,10 +386,10 @@ def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.Mo
         begun.append((settings["options"]["maxfev"], len(settings["options"]["initial_simplex"])))
         return minimize(loss, centre, **settings)
 
-    monkeypatch.setattr("discovery.diagnosis.separation.minimize", watched)
+    monkeypatch.setattr("discovery.diagnosis.move_search.minimize", watched)
     for evaluations in (1, 2, 5, 20, 50, 100):
         for seed in range(6):
-            search = _Search(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
+            search = MoveSearch(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
             search.run(evaluations, np.random.default_rng(seed))
             assert search.count == evaluations
             assert search.moves
@@ -402,16 +403,16 @@ def test_few_trials_find_more_than_chance_and_than_an_unfinished_simplex(monkeyp
     def missed() -> float:
         merits = []
         for seed in range(60):
-            search = _Search(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
+            search = MoveSearch(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
             search.run(20, np.random.default_rng(seed))
             merits.append(search.merit)
         return float(np.log(2) - np.mean(merits))
 
     found = missed()
     with monkeypatch.context() as changed:
-        changed.setattr("discovery.diagnosis.separation._RANDOM", 1.0)
+        changed.setattr("discovery.diagnosis.move_search._RANDOM", 1.0)
         assert found < 0.85 * missed()
-    monkeypatch.setattr(_Search, "_steps", lambda self, count, rng: self._simplex(count))
+    monkeypatch.setattr(MoveSearch, "_steps", lambda self, count, rng: self._simplex(count))
     assert found < 0.85 * missed()
 
 
@@ -432,7 +433,7 @@ def test_what_cannot_be_separated_is_refused() -> None:
     with pytest.raises(InputError, match="at least two fits"):
         separate(alone, np.random.default_rng(0))
     o = old(pair)
-    with pytest.raises(InputError, match="an arm with a motor"):
+    with pytest.raises(InputError, match="where an input is recorded"):
         demonstrated_limits([Experiment(o.recording, None, Rig("o", "oscillator"))])
 
 

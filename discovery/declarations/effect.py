@@ -54,6 +54,18 @@ class Effect(ABC):
 
     Subclass one of the kinds below, declare `Parameter` attributes and write the expression. The class docstring holds
     the formula and its meaning; `cite` names the source.
+
+    Examples
+    --------
+    >>> friction = get_effect("coulomb_friction")
+    >>> friction.id(), friction.kind, friction.title()
+    ('coulomb_friction', 'dissipation', 'Dry friction of constant size against the motion')
+    >>> [(p.name, p.unit) for p in friction.parameters()]  # q: unit of the coordinate
+    [('f_c', 's^-2 q'), ('v_c', 's^-1 q')]
+    >>> [p.name for p in friction.fitted("oscillator")]
+    ['f_c']
+    >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0)
+    False
     """
 
     kind: ClassVar[str]

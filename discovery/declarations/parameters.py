@@ -143,6 +143,12 @@ class Parameter:
         True for an amplitude at such a place: its value is that of a force, `unit` that of a force over an inertia.
     measured : str
         SI unit of its values where they are not in `unit`.
+
+    Examples
+    --------
+    >>> mass = Parameter("kg", "mass that moves", bounds=(0.0, 10.0))
+    >>> mass.unit, mass.bounds
+    ('kg', (0.0, 10.0))
     """
 
     unit: str

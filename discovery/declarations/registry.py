@@ -37,6 +37,11 @@ def catalogue() -> dict[str, Effect]:
     ------
     ValueError
         If two classes claim the same id.
+
+    Examples
+    --------
+    >>> len(catalogue()) > 40, catalogue()["coulomb_friction"].kind
+    (True, 'dissipation')
     """
     found: dict[str, Effect] = {}
     for module in _modules():
@@ -60,6 +65,11 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
     ------
     InputError
         For an unknown id, with the nearest known ones.
+
+    Examples
+    --------
+    >>> get_effect("quadratic_drag").title()
+    'Drag of a body in a still fluid, proportional to the square of its speed'
     """
     import difflib
 

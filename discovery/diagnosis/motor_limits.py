@@ -1,4 +1,7 @@
-"""The limits within which a manoeuvre is designed: what the rig file states, and what recordings show to be safe."""
+"""The limits within which a manoeuvre is designed: what the rig file states, and what recordings show to be safe.
+
+The input of any other system has the limits of a motor: it goes as far, as fast and as hard as it went in recordings.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +19,15 @@ __all__ = ["allowed_limits", "demonstrated_limits", "known_part"]
 
 
 def demonstrated_limits(experiments: Sequence[Experiment]) -> MotorLimits:
-    """Return what the motor and the arm have done in recordings: limits that are known to be safe.
+    """Return what the input and the system have done in recordings: limits that are known to be safe.
 
     Raises
     ------
     InputError
-        If the recordings are not those of an arm whose motor moves.
+        If the recordings have no input.
     """
-    if not all(e.is_arm and e.drive is not None for e in experiments):
-        raise InputError("A manoeuvre can only be designed for an arm with a motor.")
+    if not all(e.drive is not None for e in experiments):
+        raise InputError("A course of the input can only be designed where an input is recorded.")
     sizes = []
     for e in experiments:
         assert e.drive is not None
@@ -41,7 +44,7 @@ def allowed_limits(experiments: Sequence[Experiment]) -> MotorLimits:
     Raises
     ------
     InputError
-        If the recordings are not those of an arm whose motor moves.
+        If the recordings have no input.
     """
     shown, rig = demonstrated_limits(experiments), experiments[0].rig
     given: dict[str, Any] = {

@@ -12,7 +12,7 @@ hold about B's parameters. The initial state of the new recording is free.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import Any
@@ -24,6 +24,7 @@ from scipy.optimize import lsq_linear
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
 from discovery.estimation.fit import Fit
 from discovery.estimation.predict import equilibrium
+from discovery.foundation.errors import ComputationError
 from discovery.recordings.angles import within_half_a_turn
 from discovery.simulation.simulate import Simulator
 
@@ -71,6 +72,17 @@ def _room(fit: Fit) -> FloatArray:
     return np.stack([lower - fit.minimum.x - hair, upper - fit.minimum.x + hair])
 
 
+def _rest(fit: Fit, values: Mapping[str, float], angle: float) -> float:
+    """Return where a model rests; what no spring holds begins where the given recording did."""
+    first = fit.problem.bench.experiments[0]
+    try:
+        return equilibrium(fit.model, values, fit.problem.units, [angle])
+    except ComputationError:
+        if first.is_arm:
+            raise
+        return first.initial_guess[0]
+
+
 class _Rival:
     """One fitted model on trial manoeuvres: which parameter sets to simulate, and what the old recordings know."""
 
@@ -84,7 +96,7 @@ class _Rival:
         self.kernel = (problem.bench.base, problem.bench.effects, problem.bench.shortest)
         self.room = _room(fit)[:, [*range(m), -2, -1]]
         values = {n: v for n, v in fit.values.items() if n in problem.free}
-        rest = equilibrium(fit.model, values, problem.units, [angle])
+        self.rest = rest = _rest(fit, values, angle)
         size = np.linalg.norm(jacobian[:, :m], axis=0)
         step = np.clip(0.1 / np.maximum(size, 1e-300), 1e-9 * problem.scale[:m], 1e-3 * problem.scale[:m])
         inward = np.where(fit.minimum.x[:m] + step > problem.bounds[1][:m], -step, step)
@@ -107,16 +119,18 @@ class Trial:
     Parameters
     ----------
     fits : sequence of Fit
-        On the same recordings of an arm with a motor.
+        On the same recordings.
     duration : float
         Of a trial [s].
 
     Attributes
     ----------
     angle : float
-        Where the hub starts, as in the given recording [rad].
+        Where the input starts, as in the given recording: the hub [rad], or u; zero without one.
     gap, count : float, int
         Interval of the samples of the recording to be made, that of the given one [s], and their number.
+    time : ndarray
+        Times at which rivals are compared [s].
     """
 
     def __init__(self, fits: Sequence[Fit], duration: float) -> None:
@@ -127,38 +141,68 @@ class Trial:
         self.gap = float(np.median(np.diff(self.given.recording.time)))
         self.count = round(duration / self.gap) + 1
         # Fewer samples than will be recorded are enough: each stands for several.
-        self._time = np.linspace(0.0, duration, min(self.count, _SAMPLES))
+        self.time = np.linspace(0.0, duration, min(self.count, _SAMPLES))
 
-    def compare(self, moves: Sequence[Move]) -> tuple[Distance, float]:
-        """Return the distance of the nearest pair on a manoeuvre, and the largest deflection predicted [rad]."""
-        drive = hub_drive(moves, self.angle)
-        motor = drive.evaluate(self._time)[0]
+    def compare(self, moves: Sequence[Move], release: float = 0.0) -> tuple[Distance, float]:
+        """Return the distance of the nearest pair on a manoeuvre, and the largest deflection predicted [q].
+
+        Parameters
+        ----------
+        moves : sequence of Move
+            Of the input; none for a system without one.
+        release : float
+            How far from rest the system is let go [q].
+        """
+        found, deflection = self._found(moves, release)
+        if not np.isfinite(deflection):
+            return Distance(0.0, 0.0, 0.0), np.inf
+        weight = np.sqrt(self.count / self.time.size)
+        scaled = [(weight * value, weight * slope) for value, slope in found]
+        known = [(rival.root, rival.room) for rival in self.rivals]
+        return _nearest(scaled, known, self.count * len(self.given.recording.units)), deflection
+
+    def readings(self, moves: Sequence[Move], release: float) -> FloatArray:
+        """Return what each rival predicts of the first channel at `time`, shape (n, r) [SI]."""
+        found, _ = self._found(moves, release)
+        channels = len(self.given.recording.units)
+        return np.column_stack([value[::channels] * self.given.recording.noise[0] for value, _ in found])
+
+    def _found(self, moves: Sequence[Move], release: float) -> tuple[list[tuple[FloatArray, FloatArray]], float]:
+        """Return prediction and sensitivities of every rival, and the largest deflection; infinite where one blows up.
+
+        The noise is the unit of the predictions.
+        """
+        drive = hub_drive(moves, self.angle) if moves else None
+        motor = np.zeros(self.time.size) if drive is None else drive.evaluate(self.time)[0]
         old = self.given.recording
         blank = np.zeros((motor.size, len(old.units)))
+        recorded = None if drive is None else motor
         experiment = replace(
-            self.given, drive=drive, recording=replace(old, time=self._time, input=motor, output=blank)
+            self.given, drive=drive, recording=replace(old, time=self.time, input=recorded, output=blank)
         )
         found: dict[int, tuple[FloatArray, FloatArray]] = {}
         deflection = 0.0
         for kernel in dict.fromkeys(rival.kernel for rival in self.rivals):
             own = [i for i, rival in enumerate(self.rivals) if rival.kernel == kernel]
-            simulate = Simulator(kernel[0], kernel[1], self._time, drive, step=kernel[2])
+            simulate = Simulator(kernel[0], kernel[1], self.time, drive, step=kernel[2])
             parameters = np.concatenate([self.rivals[i].parameters for i in own], axis=1)
             initial = np.concatenate([self.rivals[i].initial for i in own], axis=1)
-            reading = simulate(parameters, initial[0], initial[1])
+            reading = simulate(parameters, initial[0] + release, initial[1])
             if not np.isfinite(reading).all():
-                return Distance(0.0, 0.0, 0.0), np.inf
-            turned = np.arctan2(reading[:, 1], reading[:, 0]) - motor[:, None]
-            deflection = max(deflection, float(np.abs(within_half_a_turn(turned)).max()))
+                return [], np.inf
+            deflection = max(deflection, float(np.abs(self._deflection(reading, motor)).max()))
             normal = experiment.channels(reading) / old.noise[:, None]
             edges = np.cumsum([0, *(self.rivals[i].parameters.shape[1] for i in own)])
             flat = normal.reshape(-1, edges[-1])
             for j, i in enumerate(own):
                 found[i] = self.rivals[i].derivatives(flat[:, edges[j] : edges[j + 1]])
-        weight = np.sqrt(self.count / self._time.size)
-        scaled = [(weight * found[i][0], weight * found[i][1]) for i in range(len(self.rivals))]
-        known = [(rival.root, rival.room) for rival in self.rivals]
-        return _nearest(scaled, known, self.count * len(old.units)), deflection
+        return [found[i] for i in range(len(self.rivals))], deflection
+
+    def _deflection(self, reading: FloatArray, motor: FloatArray) -> FloatArray:
+        """Return the deflection of an arm [rad], or what is read of the coordinate [q]."""
+        if not self.given.is_arm:
+            return reading[:, 0]
+        return within_half_a_turn(np.arctan2(reading[:, 1], reading[:, 0]) - motor[:, None])
 
 
 def _nearest(

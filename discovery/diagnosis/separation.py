@@ -1,4 +1,6 @@
-"""The manoeuvre that tells rival effects apart: the predicted tips made as different as the motor's limits allow.
+"""The manoeuvre that tells rival effects apart: the predicted readings made as different as the limits allow.
+
+It is a course of the input. What has no input is let go from another place.
 
 Rivals fit the same recordings equally well. The manoeuvre maximises the chi-square by which the right one will win,
 see `discovery.diagnosis.rival_distance`, the smallest over all ordered pairs: optimal design for discrimination (Hunter
@@ -8,31 +10,34 @@ and Reiner, Technometrics 7 (1965) 307).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from discovery.declarations.effect import ARM
-from discovery.diagnosis.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit
+from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive
 from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits, known_part
+from discovery.diagnosis.move_search import MoveSearch
 from discovery.diagnosis.rival_distance import Distance, Trial, distance_on_given
 from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
+from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.screening.likeness import similarity
 from discovery.selection.simplicity import simplicity
 
 __all__ = ["Separation", "separate", "similarity_matrix"]
 
 FloatArray = NDArray[np.float64]
-#: Share of the trials that are drawn at random; the others improve on the best of those.
-_RANDOM = 0.6
-#: Standard deviation of a random step from the best, in each direction of the unit cube.
-_STEP = 0.1
 #: Chi-square by which the right rival must be expected to win: less may be chance.
 _DECIDES = 10.0
+#: Places on either side from which a system without an input is let go.
+_PLACES = 12
+#: Swings of a designed recording.
+_SWINGS = 40.0
+#: What is let go swings no further than it was seen to, or hardly.
+_OVERSHOOT = 1.1
 
 
 @dataclass(frozen=True)
@@ -46,29 +51,39 @@ class Separation:
     similarities : ndarray, shape (r, r)
         See `similarity_matrix`, in the same order; NaN where a rival has no sensitivity of its own.
     limits : MotorLimits
-        What the motor was allowed.
+        What the input was allowed, in its unit.
     moves : tuple of Move
-        The manoeuvre.
+        The manoeuvre; empty where the system is let go.
+    columns : tuple of str
+        Of the table, with their units.
     table : ndarray, shape (n, 2)
-        Time [s] and motor angle [rad], at the rate of the given recordings.
+        Time [s] and motor angle [rad] or another input, at the rate of the given recordings. Of a release: time and
+        what each rival predicts.
     given, designed : Distance
         Of the nearest pair on the given recordings, where parameters are as free as they can be, and on the manoeuvre;
         zero there where every manoeuvre that was tried exceeds the deflection that is allowed.
     deflection : float
-        Largest deflection that a rival predicts [rad].
+        Largest deflection that a rival predicts [q], of an arm [rad].
     evaluations : int
         Manoeuvres tried.
+    release : float
+        How far from rest the system is let go, at no speed [q]; zero where its input moves it.
+    unit : str
+        SI unit of the coordinate q.
     """
 
     rivals: tuple[str, ...]
     similarities: FloatArray
     limits: MotorLimits
     moves: tuple[Move, ...]
+    columns: tuple[str, ...]
     table: FloatArray
     given: Distance
     designed: Distance
     deflection: float
     evaluations: int
+    release: float = 0.0
+    unit: str = "rad"
 
     @property
     def decides(self) -> bool:
@@ -76,16 +91,21 @@ class Separation:
         return self.designed.chi2 >= _DECIDES
 
     def csv(self) -> str:
-        """Return the motor's course as a CSV file with the columns ``time_s, motor_angle_rad``."""
-        return "".join(("time_s,motor_angle_rad\n", *(f"{t:.6f},{a:.9f}\n" for t, a in self.table.tolist())))
+        """Return the table as a CSV file, an arm's with the columns ``time_s, motor_angle_rad``."""
+        rows = (",".join((f"{t:.6f}", *(f"{v:.9g}" for v in values))) for t, *values in self.table.tolist())
+        return "\n".join((",".join(self.columns), *rows)) + "\n"
 
     def summary(self) -> dict[str, Any]:
-        """Return a JSON-ready description, the table left out."""
+        """Return a JSON-ready description; of the table, what rivals predict of a release."""
         return {
             "rivals": list(self.rivals),
             "similarity": [[v if np.isfinite(v) else None for v in row] for row in self.similarities.tolist()],
             "limits": asdict(self.limits),
             "moves": [asdict(m) for m in self.moves],
+            "columns": list(self.columns),
+            "release": self.release,
+            "unit": self.unit,
+            "predicted": [] if self.moves else [[float(f"{v:.6g}") for v in row] for row in self.table.tolist()],
             "given": asdict(self.given),
             "designed": asdict(self.designed),
             "deflection": self.deflection,
@@ -125,59 +145,6 @@ def similarity_matrix(fits: Sequence[Fit]) -> FloatArray:
     return matrix
 
 
-class _Search:
-    """The best of the manoeuvres tried within limits, as a point of the unit cube."""
-
-    def __init__(self, trial: Trial, limits: MotorLimits, tell: Callable[[], None]) -> None:
-        self._trial, self._limits, self._tell = trial, limits, tell
-        self._best: FloatArray = np.empty(0)
-        self.merit, self.count = -np.inf, 0
-
-    @property
-    def moves(self) -> tuple[Move, ...]:
-        """The best manoeuvre; where none keeps the deflection, that which exceeds it least."""
-        return moves_from_unit(self._best, self._limits)
-
-    def run(self, evaluations: int, rng: np.random.Generator) -> None:
-        """Try so many manoeuvres, the first of them at random, the others from the best of those."""
-        for i in range(max(1, int(_RANDOM * evaluations))):
-            self._loss(rng.random(NUMBERS * (1 + i % self._limits.moves)))
-        left = evaluations - self.count
-        # With fewer steps than corners a simplex finds less than single steps do.
-        if left >= 2 * (self._best.size + 1):
-            self._simplex(left)
-        else:
-            self._steps(left, rng)
-
-    def _loss(self, unit: FloatArray) -> float:
-        """Try a manoeuvre: return a number that is the smaller, the better it is."""
-        self.count += 1
-        moves, merit, most = moves_from_unit(unit, self._limits), -2.0, self._limits.deflection
-        if moves:
-            distance, deflection = self._trial.compare(moves)
-            # Beyond the allowed deflection, the less the better.
-            merit = float(np.log1p(distance.chi2)) if deflection <= most else most / deflection - 1
-        if merit > self.merit:
-            self.merit, self._best = merit, unit.copy()
-        self._tell()
-        return -merit
-
-    def _simplex(self, count: int) -> None:
-        centre = self._best
-        corners = np.concatenate([centre[None], np.where(np.eye(centre.size) > 0, (centre + 0.15) % 1.0, centre)])
-        minimize(
-            self._loss,
-            centre,
-            method="Nelder-Mead",
-            bounds=[(0.0, 1.0)] * centre.size,
-            options={"maxfev": count, "initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-3},
-        )
-
-    def _steps(self, count: int, rng: np.random.Generator) -> None:
-        for _ in range(count):
-            self._loss(np.clip(self._best + _STEP * rng.standard_normal(self._best.size), 0.0, 1.0))
-
-
 def separate(
     rivals: Mapping[str, Fit],
     rng: np.random.Generator,
@@ -186,7 +153,7 @@ def separate(
     evaluations: int = 400,
     on_progress: Callable[[int, float], None] | None = None,
 ) -> Separation:
-    """Design the hub manoeuvre that separates rival effects.
+    """Design the manoeuvre that separates rival effects.
 
     Parameters
     ----------
@@ -195,7 +162,7 @@ def separate(
     rng : numpy.random.Generator
         Source of the manoeuvres that are tried at random: the same state gives the same design.
     limits : MotorLimits, optional
-        What the motor allows; by default what the rig file states and the recordings show, see `allowed_limits`.
+        What the input allows; by default what the rig file states and the recordings show, see `allowed_limits`.
     evaluations : int
         Manoeuvres to try: the first ones at random, the others from the best of those, by the simplex of Nelder and
         Mead (Computer Journal 7 (1965) 308) or, where its corners would take most of them, by random steps. So many
@@ -206,19 +173,22 @@ def separate(
     Raises
     ------
     InputError
-        If there are fewer than two rivals, on different recordings or of another system than an arm with a motor.
+        If there are fewer than two rivals, on different recordings, or some of which have an input and others not.
     ComputationError
         If a model has no rest position where the hub starts.
     """
-    names = tuple(sorted(rivals, key=lambda n: simplicity(n, ARM)))
+    system = next(iter(rivals.values())).model.mechanics.system if rivals else ARM
+    names = tuple(sorted(rivals, key=lambda n: simplicity(n, system)))
     fits = [rivals[n] for n in names]
     if len(fits) < 2 or len({tuple(e.recording.name for e in f.problem.bench.experiments) for f in fits}) != 1:
         raise InputError("Rivals to be separated are at least two fits to the same recordings.")
     experiments = fits[0].problem.bench.experiments
+    if all(e.drive is None for e in experiments):
+        return _let_go(names, fits)
     shown = demonstrated_limits(experiments)
-    limits = limits or allowed_limits(experiments)
+    limits = limits or _short(allowed_limits(experiments), fits[0])
     trial = Trial(fits, limits.duration)
-    searches: list[_Search] = []
+    searches: list[MoveSearch] = []
 
     def tell() -> None:
         if on_progress is not None:
@@ -226,7 +196,7 @@ def separate(
 
     # Wider limits are no reason to find less than without them.
     for within in dict.fromkeys((known_part(limits, shown), limits)):
-        searches.append(_Search(trial, within, tell))
+        searches.append(MoveSearch(trial, within, tell))
         searches[-1].run(evaluations, rng)
     best = max(searches, key=lambda s: s.merit)
     distance, deflection = trial.compare(best.moves)
@@ -239,9 +209,55 @@ def separate(
         similarities=similarity_matrix(fits),
         limits=limits,
         moves=best.moves,
+        columns=("time_s", _input_column(experiments[0])),
         table=table,
         given=distance_on_given(fits),
         designed=distance,
         deflection=deflection,
         evaluations=sum(s.count for s in searches),
+        unit="rad" if experiments[0].is_arm else experiments[0].coordinate_unit,
+    )
+
+
+def _short(limits: MotorLimits, fit: Fit) -> MotorLimits:
+    """Return limits of a recording as long as some swings of what is no arm: a longer one says hardly more."""
+    if fit.problem.bench.experiments[0].is_arm:
+        return limits
+    return replace(limits, duration=min(limits.duration, _SWINGS * 2 * np.pi * fit.problem.units.time))
+
+
+def _input_column(experiment: Experiment) -> str:
+    """Return the name of the input with its SI unit, as recordings of an arm name their motor's angle."""
+    told = experiment.rig.columns.input
+    if experiment.is_arm or told is None:
+        return "motor_angle_rad"
+    return f"input_{experiment.input_unit}".replace(" ", "_")
+
+
+def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
+    """Return the place to let the system go from, at rest, within the deflections that it has been seen at."""
+    experiments = fits[0].problem.bench.experiments
+    most = largest_deflection(experiments)
+    longest = max(float(np.ptp(e.recording.time)) for e in experiments)
+    limits = _short(MotorLimits(most, 1.0, 1.0, longest, _OVERSHOOT * most), fits[0])
+    trial = Trial(fits, limits.duration)
+    places = [side * most * part for part in np.linspace(0.05, 1.0, _PLACES) for side in (1.0, -1.0)]
+    compared = [(trial.compare((), place), place) for place in places]
+    known = [found for found in compared if found[0][1] <= limits.deflection]
+    (distance, deflection), release = max(known or compared, key=lambda found: found[0][0].chi2)
+    unit = experiments[0].coordinate_unit
+    predicted = trial.readings((), release) if np.isfinite(deflection) else np.empty((0, len(names)))
+    return Separation(
+        rivals=names,
+        similarities=similarity_matrix(fits),
+        limits=limits,
+        moves=(),
+        columns=("time_s", *(f"{name}_{experiments[0].recording.units[0]}" for name in names)),
+        table=np.column_stack([trial.time[: len(predicted)], predicted]),
+        given=distance_on_given(fits),
+        designed=distance if known else Distance(0.0, 0.0, 0.0),
+        deflection=deflection,
+        evaluations=len(places),
+        release=release,
+        unit=unit,
     )

@@ -40,6 +40,13 @@ def overview(dataset: Dataset) -> dict[str, Any]:
         ``rig`` (name, kind, declared model) and ``recordings``, each with role, number of readings, duration [s], rate
         [Hz], missing readings, ``channels`` (unit, range, noise and where it is from, motion over noise), ``input``
         (unit, range, band [Hz], period [s]; null without one), own period [s] and ``flags``.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> content = overview(data)
+    >>> sorted(content)[:4]
+    ['recordings', 'rig']
     """
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     rig = dataset.rig

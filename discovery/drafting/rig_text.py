@@ -57,6 +57,12 @@ def draft(
     ------
     InputError
         For a file that cannot be read, or whose signals cannot be told apart.
+
+    Examples
+    --------
+    >>> text = draft_rig("datasets/spring_bench/train_high.csv")
+    >>> [line for line in text.splitlines() if line.startswith("output")][0].partition("  #")[0]
+    'output = { name = "position_mm", unit = "mm" } '
     """
     remedy = "Give the path of a recording, or a list of them."
     fitted, held = as_paths(files, "files", remedy), as_paths(holdout, "holdout", remedy)

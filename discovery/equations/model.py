@@ -40,6 +40,18 @@ class Model:
     ------
     InputError
         For an unknown base or effect, an effect twice, or one that has no meaning on this kind of system.
+
+    Examples
+    --------
+    >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"), known={"g": 0.0})
+    >>> model.equation()
+    Eq(alpha*q + q'*xi + q'', g*u)
+    >>> model.with_effect("coulomb_friction").without(["viscous_damping"]).effects
+    ('linear_stiffness', 'coulomb_friction')
+    >>> dict(model.free_parameter("g").known), Model.from_dict(model.to_dict()) == model
+    ({}, True)
+    >>> model.on_base("servo").base
+    'servo'
     """
 
     base: str

@@ -53,6 +53,12 @@ def declared_model(experiment: Experiment | Dataset) -> Model:
     InputError
         For anything else than an experiment, such as the rig alone: a recording says whether there is an input. If a
         law of an angle is declared for an output in another unit.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> declared_model(data).effects
+    ('viscous_damping', 'linear_stiffness')
     """
     if isinstance(experiment, Dataset):
         experiment = experiment.train[0]

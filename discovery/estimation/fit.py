@@ -56,6 +56,19 @@ class Fit(FitViews):
         Combinations of parameters that the data do not determine.
     solver_shift : float
         Largest shift of the minimum against a solve with half the step, in standard deviations.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> fit = fit_model(declared_model(data), data)
+    >>> fit.to_pandas()["value"].round(1).to_dict()  # s^-1, s^-2
+    {'xi': 0.5, 'alpha': 399.9}
+    >>> fit.initial_states()["deflection"].round(3).to_dict()  # m
+    {'train_high': 0.042, 'train_low': 0.011}
+    >>> [p.shape for p in fit.predict()], len(fit.plot_residuals())
+    ([(800, 1), (800, 1)], 2)
+    >>> fit.summary()["parameters"]["alpha"]["unit"], fit.specialised().values == fit.values
+    ('s^-2', True)
     """
 
     problem: Problem
@@ -206,6 +219,12 @@ def fit(
         If the model blows up at every start.
     ComputationError
         If no step reaches the tolerance.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> fit_model(declared_model(data), data).status
+    'Converged.'
     """
     expect(model, Model, "model", "Take declared_model(dataset), or make a Model(base, effects).")
     experiments = training_of(experiments)

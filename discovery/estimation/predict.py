@@ -218,6 +218,14 @@ def predict(
     -------
     ndarray, shape (n, c), and ndarray, shape (n, c)
         Channels and standard deviations (measurement noise not included).
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> fit = fit_model(declared_model(data), data)
+    >>> output, sd = predict_motion(fit, data.holdout[0], initial=(0.01, 0.0))  # from 10 mm at rest
+    >>> output.shape, sd.shape, round(float(output[0, 0]), 3)
+    ((800, 1), (800, 1), 0.01)
     """
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset).")
     expect(experiment, Experiment, "experiment", "Take one of dataset.train or dataset.holdout.")

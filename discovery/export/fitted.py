@@ -64,6 +64,16 @@ class FittedModel:
     ------
     InputError
         If a parameter has no finite value, or a value is not a number.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> fit = fit_model(declared_model(data), data)
+    >>> fitted = FittedModel.from_fit(fit)
+    >>> round(fitted.values["alpha"], 1), fitted.unit_of("alpha")
+    (399.9, 's^-2')
+    >>> FittedModel.from_dict(fitted.to_dict()).values == fitted.values
+    True
     """
 
     model: Model

@@ -36,6 +36,13 @@ def to_json(source: FittedModel | Fit | Model, values: Mapping[str, float] | Non
     ------
     InputError
         If a parameter has no value.
+
+    Examples
+    --------
+    >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
+    >>> values = {"xi": 0.16, "alpha": 400.0, "g": 0.0}  # s^-1, s^-2
+    >>> from_json(to_json(model, values)).model == model
+    True
     """
     found = fitted_model(source, values)
     content = {
@@ -58,6 +65,13 @@ def from_json(text: str) -> FittedModel:
     ------
     InputError
         If the text is not such JSON, such as a path, or of a newer layout.
+
+    Examples
+    --------
+    >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
+    >>> values = {"xi": 0.16, "alpha": 400.0, "g": 0.0}  # s^-1, s^-2
+    >>> from_json(to_json(model, values)).values["alpha"]
+    400.0
     """
     if not str(text).lstrip().startswith(("{", "[")):
         raise InputError(

@@ -194,7 +194,7 @@ def latex_lines(model: Model) -> tuple[LatexLine, ...]:
 
 
 def to_latex(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> str:
-    """Return a model as LaTeX that stands in a document with amsmath as it is.
+    r"""Return a model as LaTeX that stands in a document with amsmath as it is.
 
     Parameters
     ----------
@@ -208,6 +208,13 @@ def to_latex(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     str
         An align* environment (equation of motion, radius law, reading), then a table of the parameters: value with
         one standard deviation, unit, meaning.
+
+    Examples
+    --------
+    >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
+    >>> values = {"xi": 0.16, "alpha": 400.0, "g": 0.0}  # s^-1, s^-2
+    >>> to_latex(model, values).splitlines()[-2]
+    '$\\alpha$ & $400$ & $\\mathrm{s}^{-2}$ & linear stiffness, held \\\\'
     """
     model = model_of(source)
     bare = isinstance(source, Model) and not source.parameters.keys() <= {*source.known, *(values or {})}

@@ -164,6 +164,13 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     ------
     InputError
         If a parameter has no value.
+
+    Examples
+    --------
+    >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
+    >>> values = {"xi": 0.16, "alpha": 400.0, "g": 0.0}  # s^-1, s^-2
+    >>> "def simulate" in to_numpy(model, values)
+    True
     """
     found = fitted_model(source, values)
     base, program = found.model.mechanics, program_of(found.model)

@@ -194,6 +194,13 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     InputError
         If an effect needs the linear stiffness and nothing declares it, for a name that is not a parameter of the
         model, or a value that is not a finite number.
+
+    Examples
+    --------
+    >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
+    >>> values = {"xi": 0.16, "alpha": 400.0, "g": 0.0}  # s^-1, s^-2
+    >>> [str(slope) for slope in to_sympy(model, values).slopes]
+    ["q'", "F_U*q + 2*F_v2*q'"]
     """
     model = model_of(source)
     given = given_numbers(model, values)

@@ -27,6 +27,14 @@ class InputError(DiscoveryError):
     """A file or an argument cannot be used.
 
     The message is one paragraph that names the file, the column and the row where they are known, and the remedy.
+
+    Examples
+    --------
+    >>> try:
+    ...     read_rig("nowhere.toml")
+    ... except InputError as error:
+    ...     print(str(error).partition(":")[0])
+    The rig file nowhere.toml cannot be read
     """
 
 

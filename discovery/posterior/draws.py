@@ -26,7 +26,24 @@ _REPLICATED, _KEPT = 100, 2_000_000
 
 @dataclass(frozen=True, repr=False)
 class Posterior(Sample):
-    """The sampled posterior: a `discovery.posterior.sample.Sample`, taken along in files of other packages."""
+    """The sampled posterior: a `discovery.posterior.sample.Sample`, taken along in files of other packages.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> part = [data.train[0].first(100)]  # its first second
+    >>> fit = fit_model(declared_model(data), part)
+    >>> posterior = sample(fit, min_effective=500)
+    >>> posterior.to_pandas()["mean"].round(1).to_dict()  # s^-1, s^-2, m
+    {'xi': 0.4, 'alpha': 400.0, 'sigma': 0.0}
+    >>> round(float(posterior.flat()["alpha"].mean()), 1), posterior.summary()[1]["unit"]
+    (400.0, 's^-2')
+    >>> posterior.to_netcdf("posterior.nc")
+    >>> Posterior.from_netcdf("posterior.nc").initial_states().index.tolist()
+    ['train_high']
+    >>> sorted(posterior.to_tree().children), len(posterior.plot_marginals(["alpha"]))
+    (['posterior', 'prior', 'sample_stats'], 1)
+    """
 
     def to_arviz(self, data: Recordings, *, draws: int = 400, pointwise: bool = True) -> xr.DataTree:
         """Return some of the draws with everything that ArviZ asks for.
@@ -54,8 +71,13 @@ class Posterior(Sample):
 
         Examples
         --------
-        >>> tree = posterior.to_arviz(dataset)  # doctest: +SKIP
-        >>> arviz.loo(arviz.from_datatree(tree))  # doctest: +SKIP
+        >>> data = load_dataset("datasets/spring_bench/rig.toml")
+        >>> part = [data.train[0].first(100)]  # its first second
+        >>> fit = fit_model(declared_model(data), part)
+        >>> posterior = sample(fit, min_effective=500)
+        >>> tree = posterior.to_arviz(part, draws=100)
+        >>> sorted(tree.children)
+        ['log_likelihood', 'observed_data', 'posterior', 'posterior_predictive', 'prior', 'sample_stats']
         """
         if pointwise:
             check_pointwise(self.noise)

@@ -115,6 +115,16 @@ def compare_models(
         If the candidates were fitted on different readings, or a held-out error is missing.
     NotIdentifiable
         If the data leave a combination of parameters of a candidate undetermined.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> part = [data.train[0].first(100)]  # its first second
+    >>> declared = declared_model(data)
+    >>> models = {"declared": declared, "friction": declared.with_effect("coulomb_friction")}
+    >>> fits = {name: fit_model(model, part) for name, model in models.items()}
+    >>> list(compare_models(fits, draws=500).ranking)
+    ['declared', 'friction']
     """
     expect(fits, Mapping, "fits", 'Name the candidates: {"declared": fit, "with drag": other}.')
     for name, candidate in fits.items():

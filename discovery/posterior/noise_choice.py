@@ -96,6 +96,14 @@ def choose_noise(
         If the data leave a combination of parameters undetermined.
     InputError
         For a noise model that is not known, or does not apply.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> part = [data.train[0].first(100)]  # its first second
+    >>> fit = fit_model(declared_model(data), part)
+    >>> choose_noise(fit, models=["student_t"], draws=500).noise
+    'gaussian'
     """
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
     check_seed(seed)

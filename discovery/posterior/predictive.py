@@ -100,6 +100,16 @@ def predictive(
         If a recording has channels whose noise was not sampled.
     SimulationFailure
         If a draw's motion blows up.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> part = [data.train[0].first(100)]  # its first second
+    >>> fit = fit_model(declared_model(data), part)
+    >>> posterior = sample(fit, min_effective=500)
+    >>> band = predict_bands(posterior, part, 50)[0]
+    >>> band.units, band.reading.shape
+    (('m',), (3, 100, 1))
     """
     if not hasattr(posterior, "flat"):
         raise InputError(f"`posterior` is a Posterior, but {posterior!r:.60} is none. Draw one with sample(fit).")

@@ -105,6 +105,15 @@ def sample(
     -----
     The errors of the readings are taken as the noise model has them, the Gaussian one as independent. Where the model
     leaves a systematic residual, the noise absorbs it, and `Posterior.status` says so.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> part = [data.train[0].first(100)]  # its first second
+    >>> fit = fit_model(declared_model(data), part)
+    >>> posterior = sample(fit, min_effective=500)
+    >>> [(row["name"], round(row["mean"], 1)) for row in posterior.summary()[:2]]
+    [('xi', 0.4), ('alpha', 400.0)]
     """
     tell = teller(progress)
     _refuse(fit, seed, ensembles, max_steps)

@@ -47,6 +47,14 @@ class Dataset(DatasetViews):
         training recording is kept out of the fit.
     test : tuple of Experiment
         Recordings that neither a fit nor a decision sees, for the score alone.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> data
+    <Dataset 'spring bench' (oscillator): 2 to fit, 1 held out>
+    >>> [axes.get_ylabel() for axes in data.plot_recordings()]
+    ['output', 'output', 'output']
     """
 
     rig: Rig
@@ -101,6 +109,12 @@ def load_dataset(
     ------
     InputError
         For anything that cannot be used, naming file, column, row and remedy.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> [e.recording.name for e in data.train], [e.recording.name for e in data.holdout]
+    (['train_high', 'train_low'], ['holdout'])
     """
     rig = read_rig(as_path(rig_path, "rig_path", "Give the path of a rig file."))
     rig = rig.with_noise_estimated() if estimate_noise else rig

@@ -64,6 +64,20 @@ class Recording(RecordingViews):
         What is unusual: coarse readings, stuck or clipped ones (which are gaps of `output`), spikes, odd times.
     jitter : float
         Standard deviation of the error of a time stamp [s]: a reading that moves errs by slope times that, too.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> swing = data.train[0].recording
+    >>> swing.time.size, swing.units, swing.noise.tolist()  # m
+    (800, ('m',), [5e-05])
+    >>> swing.to_pandas().head(2)
+             output
+    time
+    0.000  0.040014
+    0.005  0.039765
+    >>> swing.to_xarray()["output"].attrs
+    {'units': 'm', 'noise': 5e-05}
     """
 
     name: str
@@ -129,6 +143,13 @@ def read_recording(
         For a file that cannot be read, columns that are missing, given twice or in the wrong unit, cells that are no
         numbers, times that do not increase, gaps in the input, a dead sensor, too short a record, or values that are
         physically impossible; the message names file, column, row and remedy.
+
+    Examples
+    --------
+    >>> rig = read_rig("datasets/spring_bench/rig.toml")
+    >>> swing = read_recording("datasets/spring_bench/holdout.csv", rig)
+    >>> swing.time[[0, -1]].tolist(), swing.units
+    ([0.0, 3.995], ('m',))
     """
     expect(rig, Rig, "rig", "Read one with read_rig(path).")
     found = Signals.read(path, rig, samples, with_output, where)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from discovery.report.estimates import symbol_of
 from discovery.report.follow_up_sentences import contradiction_sentences, stand_in_sentence
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
@@ -13,6 +16,7 @@ from discovery.report.words import effect_name, listed
 __all__ = [
     "contradictions",
     "contradictions_table",
+    "input_of",
     "moves_table",
     "reconciliations_table",
     "separation_table",
@@ -109,15 +113,23 @@ def separation_table(run: Run) -> Table | None:
         "Effects that these recordings cannot tell apart. Similarity: largest cosine between sensitivities of their "
         "fits. Apart: rms difference of their predictions that readjusted parameters cannot absorb [noise sds]. "
         "Expected: chi-square by which the right one will win once the designed manoeuvre is recorded; below 10 it may "
-        "be chance, and no manoeuvre within the limits decides; else the motor’s course is in manoeuvre_1.csv and so "
-        "on."
+        "be chance, and no manoeuvre within the limits decides; else its course, or what is "
+        "predicted after a release, is in manoeuvre_1.csv and so on."
     )
     return Table("separation", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
 
 
+def input_of(design: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the name and the unit of the input that a designed manoeuvre moves."""
+    column = design["columns"][1]
+    if column == "motor_angle_rad":
+        return "motor angle", "rad"
+    return "input", unit_text(column.removeprefix("input_").replace("_", " "), "q")
+
+
 def moves_table(run: Run) -> Table | None:
-    """Return the moves of the hub in every designed manoeuvre."""
-    designs = run.loop.get("separation")
+    """Return the moves of the input in every designed manoeuvre."""
+    designs = [d for d in run.loop.get("separation") or () if d["moves"]]
     if not designs:
         return None
     cells, raw = [], []
@@ -128,8 +140,10 @@ def moves_table(run: Run) -> Table | None:
             values = [m["start"], m["angle"], m["speed"], ramp]
             cells.append([f"{i + 1}", *(significant(v) for v in values)])
             raw.append([i + 1, *values])
-    head = ("manoeuvre", "start [s]", "turn [rad]", "speed [rad/s]", "each ramp [s]")
-    keys = ("manoeuvre", "start_s", "angle_rad", "speed_rad_per_s", "ramp_s")
+    name, unit = input_of(designs[0])
+    arm = name == "motor angle"
+    head = ("manoeuvre", "start [s]", f"{'turn' if arm else 'by'} [{unit}]", f"speed [{unit}/s]", "each ramp [s]")
+    keys = ("manoeuvre", "start_s", *(("angle_rad", "speed_rad_per_s") if arm else ("by", "speed")), "ramp_s")
     return Table("moves", "Moves of the designed manoeuvres, with a trapezoidal speed.", head, cells, keys, raw)
 
 

@@ -42,28 +42,54 @@ def separation_sentence(found: Record) -> str:
     """Return what a designed manoeuvre of loop.json promises."""
     rivals, designed, most = ", ".join(found["rivals"]), found["designed"], found["limits"]
     if found["decides"]:
-        turns = "; ".join(
-            f"at {m.start:.2f} s turn {m.angle:+.2f} rad at {m.speed:.2f} rad/s, ramps {m.ramp * m.duration:.2f} s"
-            for m in (Move(**move) for move in found["moves"])
-        )
         return (
-            f"To tell {rivals} apart: {turns}. With their parameters readjusted, the predictions then "
+            f"To tell {rivals} apart: {_what_to_do(found)}. With their parameters readjusted, the predictions then "
             f"differ by {designed['projected']:.2g} noise sds rms ({found['given']['projected']:.2g} on the given "
             f"recordings), and the right one is expected to win by a chi-square of {designed['chi2']:.3g}, the best "
             f"of {found['evaluations']} manoeuvres tried."
         )
+    arm = found["columns"][1] == "motor_angle_rad"
     if found["deflection"] <= most["deflection"]:
         won = f"{designed['chi2']:.2g}, and less than {found['decides_from']:g} may be chance"
         best = f"the best lets the right one win by an expected chi-square of {won}"
     elif math.isfinite(found["deflection"]):
-        best = f"the gentlest deflects the tip by {found['deflection']:.3g} rad"
+        best = f"the gentlest deflects {'the tip' if arm else 'it'} by {found['deflection']:.3g} {found['unit']}"
     else:
         best = "every motion blows up"
+    if arm:
+        limits = (
+            f"{most['angle']:.3g} rad, {most['speed']:.3g} rad/s, {most['acceleration']:.3g} rad/s^2, "
+            f"{most['duration']:.3g} s, tip deflected by {most['deflection']:.3g} rad"
+        )
+        help_ = (
+            "A camera with less noise would help, or other limits, stated in the rig file: wider ones, if they are "
+            "safe, or slower ones."
+        )
+    else:
+        limits = f"{most['duration']:.3g} s, deflected by {most['deflection']:.3g} {found['unit']}, as it was recorded"
+        help_ = "An instrument with less noise would help, or larger motions, if they are safe."
     return (
-        f"No manoeuvre within the safe limits ({most['angle']:.3g} rad, {most['speed']:.3g} rad/s, "
-        f"{most['acceleration']:.3g} rad/s^2, {most['duration']:.3g} s, tip deflected by {most['deflection']:.3g} rad) "
-        f"tells {rivals} apart: of {found['evaluations']} tried, {best}. A camera with less noise "
-        "would help, or other limits, stated in the rig file: wider ones, if they are safe, or slower ones."
+        f"No manoeuvre within the safe limits ({limits}) tells {rivals} apart: of {found['evaluations']} tried, "
+        f"{best}. {help_}"
+    )
+
+
+def _what_to_do(found: Record) -> str:
+    """Return the moves of a designed manoeuvre, or where to let go."""
+    if not found["moves"]:
+        place = f"{found['release']:+.3g} {found['unit']} from rest"
+        return f"let it go at {place}, at no speed, and record {found['limits']['duration']:.3g} s"
+    moves = [Move(**move) for move in found["moves"]]
+    if found["columns"][1] == "motor_angle_rad":
+        return "; ".join(
+            f"at {m.start:.2f} s turn {m.angle:+.2f} rad at {m.speed:.2f} rad/s, ramps {m.ramp * m.duration:.2f} s"
+            for m in moves
+        )
+    unit = found["columns"][1].removeprefix("input_").replace("_", " ")
+    return "; ".join(
+        f"at {m.start:.3g} s move the input by {m.angle:+.3g} {unit} within {m.duration:.3g} s, ramps "
+        f"{m.ramp * m.duration:.3g} s"
+        for m in moves
     )
 
 

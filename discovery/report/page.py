@@ -67,6 +67,13 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     ------
     InputError
         If the folder does not hold the results of a run.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> content = run(data, "out", with_posterior=False)
+    >>> build_report("out").name
+    'report.html'
     """
     run = read_run(Path(run_dir))
     if run.loop.get("failure"):

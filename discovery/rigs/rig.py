@@ -211,6 +211,14 @@ class Rig:
         The rig file.
     sha256 : str
         Of the rig file's bytes.
+
+    Examples
+    --------
+    >>> rig = read_rig("datasets/arm/rig.toml")
+    >>> rig.kind, rig.length.value, rig.length.sd  # m
+    ('flexible_arm', 1.0, 0.001)
+    >>> rig.position_noise, rig.with_noise_estimated().position_noise
+    (0.0003, None)
     """
 
     name: str

@@ -65,6 +65,11 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     InputError
         If the file is missing or no TOML, a key is unknown, missing or lacks its unit, a value is of the wrong kind or
         physically impossible, or several subfolders hold a file of ``[records]``.
+
+    Examples
+    --------
+    >>> read_rig("datasets/spring_bench/rig.toml").declared
+    ('viscous_damping', 'linear_stiffness')
     """
     path = Path(path)
     content, text, document = _parsed(path)

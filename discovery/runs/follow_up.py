@@ -35,8 +35,11 @@ def contradiction_of(after: Fit, search: Search, context: Context, *, complete: 
 
 
 def separations(search: Search, found: Mapping[str, Named], context: Context) -> tuple[Separation, ...]:
-    """Design a manoeuvre, within the limits of the motor, for every added effect that others explain as well."""
-    if not (context.settings.follow_up and context.train[0].is_arm):
+    """Design a manoeuvre, within what the system has done, for every added effect that others explain as well."""
+    first = context.train[0]
+    # Of a prescribed motion and of a fall there is nothing to choose.
+    given = not first.is_arm and (first.rig.view is not None or first.rig.traits.falls)
+    if given or not context.settings.follow_up:
         return ()
     made = []
     for effect, own in found.items():

@@ -97,9 +97,10 @@ def close_loop(
 
     Examples
     --------
-    >>> data = load_dataset("rig.toml")  # doctest: +SKIP
-    >>> close_loop(data).verdict  # doctest: +SKIP
-    'explained'
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> found = close_loop(data)
+    >>> found.verdict, found.added
+    ('explained', ('coulomb_friction',))
     """
     everything = _given(train, holdout)
     train, holdout = (searched_part(part) for part in everything)

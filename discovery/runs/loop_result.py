@@ -74,6 +74,19 @@ class LoopResult(LoopViews):
         The manoeuvres that would tell apart what these recordings cannot.
     recordings : tuple of Recording
         Training first.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> found = close_loop(data)
+    >>> found.verdict, found.added
+    ('explained', ('coulomb_friction',))
+    >>> found.to_pandas().loc["f_c", ["unit", "effect"]].tolist()
+    ['m s^-2', 'coulomb_friction']
+    >>> found.summary()["errors"]["unit"], round(found.foresight().values["f_c"], 3)  # m s^-2
+    ('m', 0.12)
+    >>> found.plot_errors().get_title(), len(found.plot_residuals())
+    ('explained: coulomb_friction', 3)
     """
 
     verdict: str

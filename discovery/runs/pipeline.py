@@ -78,6 +78,12 @@ def run(
     -------
     dict
         The content of results.json.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> run(data, "out", with_posterior=False)["loop"]["verdict"]
+    'explained'
     """
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     check_seed(seed)

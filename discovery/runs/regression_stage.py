@@ -77,6 +77,12 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -
     ------
     InputError
         For recordings without the channels that this needs, and for a system that the library does not describe.
+
+    Examples
+    --------
+    >>> data = load_dataset("datasets/spring_bench/rig.toml")
+    >>> "sign(q')" in discover(data).equation.equation.terms
+    True
     """
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     check_seed(seed)

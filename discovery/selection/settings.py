@@ -69,6 +69,15 @@ class LoopSettings:
         Test the answer against the rig, and design manoeuvres for what the recordings cannot tell apart.
     budget : Budget
         How much work is done.
+
+    Examples
+    --------
+    >>> settings = LoopSettings(seed=2)
+    >>> settings.nats  # log odds of 20 to 1
+    3.0
+    >>> model = Model("oscillator", ("linear_stiffness",))
+    >>> settings.form_of(model), settings.law_of(model)
+    (0.45, 0.005)
     """
 
     nats: float = 3.0

@@ -184,6 +184,13 @@ def predict(
     ------
     InputError
         If the rig lacks a quantity, or the deflections cannot be used.
+
+    Examples
+    --------
+    >>> rig = read_rig("datasets/arm/rig.toml")
+    >>> row = predict_elastica(rig, draws=2000).summary()[0]
+    >>> row.parameter, row.unit, round(row.mean)
+    ('alpha', 's^-2', 9)
     """
     expect(rig, Rig, "rig", "Read one with read_rig(path), or take dataset.rig.")
     rng = np.random.default_rng(seed)

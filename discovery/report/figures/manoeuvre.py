@@ -2,34 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
+from discovery.report.ambiguity import input_of
 from discovery.report.results import Run
-from discovery.report.style import BLUE, Picture, new_figure
+from discovery.report.style import BLUE, GREEN, ORANGE, Picture, new_figure
 from discovery.report.words import effect_name, listed
 
 __all__ = ["draw"]
 
 
 def draw(run: Run) -> list[Picture] | None:
-    """Draw the hub's angle in every designed manoeuvre."""
+    """Draw the course of the input in every designed manoeuvre, or what is predicted of a release."""
     pictures = []
     for i, design in enumerate(run.loop.get("separation") or ()):
-        moves = [Move(**m) for m in design["moves"]]
-        time = np.linspace(0.0, design["limits"]["duration"], 600)
-        figure = new_figure(2.0)
-        axes = figure.subplots()
-        axes.plot(time, hub_drive(moves).evaluate(time)[0], color=BLUE, linewidth=1.3)
-        axes.set_xlabel("time [s]")
-        axes.set_ylabel("motor angle [rad]")
-        rivals = listed(effect_name(e) for e in design["rivals"])
-        pictures.append(
-            Picture(
-                f"manoeuvre_{i + 1}",
-                figure,
-                f"Manoeuvre {i + 1}, from where the hub starts: designed to tell {rivals} apart.",
-                f"Motor angle against time of the manoeuvre that tells {rivals} apart: {len(moves)} moves with rests.",
-            )
-        )
+        if design["moves"] or design["predicted"]:
+            pictures.append((_course if design["moves"] else _release)(i + 1, design))
     return pictures or None
+
+
+def _course(number: int, design: Mapping[str, Any]) -> Picture:
+    """Draw the course of the input."""
+    moves = [Move(**m) for m in design["moves"]]
+    time = np.linspace(0.0, design["limits"]["duration"], 600)
+    figure = new_figure(2.0)
+    axes = figure.subplots()
+    axes.plot(time, hub_drive(moves).evaluate(time)[0], color=BLUE, linewidth=1.3)
+    name, unit = input_of(design)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(f"{name} [{unit}]" if unit else name)
+    rivals = listed(effect_name(e) for e in design["rivals"])
+    return Picture(
+        f"manoeuvre_{number}",
+        figure,
+        f"Manoeuvre {number}, from where the {'hub' if name == 'motor angle' else 'input'} starts: designed to tell "
+        f"{rivals} apart.",
+        f"{name.capitalize()} against time of the manoeuvre that tells {rivals} apart: {len(moves)} moves with rests.",
+    )
+
+
+def _release(number: int, design: Mapping[str, Any]) -> Picture:
+    """Draw what each rival predicts after a release, and below it how far the others lie from the first."""
+    time, *predicted = np.array(design["predicted"]).T
+    figure = new_figure(3.0)
+    above, below = figure.subplots(2, sharex=True)
+    for name, reading, colour in zip(design["rivals"], predicted, (BLUE, ORANGE, GREEN), strict=False):
+        above.plot(time, reading, color=colour, linewidth=1.1, label=effect_name(name))
+        if reading is not predicted[0]:
+            below.plot(time, reading - predicted[0], color=colour, linewidth=1.1)
+    above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(predicted), frameon=False)
+    above.set_ylabel(f"reading [{design['unit']}]")
+    below.set_ylabel(f"apart [{design['unit']}]")
+    below.set_xlabel("time [s]")
+    rivals = listed(effect_name(e) for e in design["rivals"])
+    place = f"{design['release']:.3g} {design['unit']}"
+    return Picture(
+        f"manoeuvre_{number}",
+        figure,
+        f"Manoeuvre {number}: let go at {place} from rest, to tell {rivals} apart. Above what each predicts with its "
+        "parameters as they are, below how far they lie apart.",
+        f"Predictions of {rivals} against time after a release at {place}, and their difference.",
+    )

@@ -1,0 +1,123 @@
+"""Manoeuvres for systems without a motor at the hub: courses of their input, and releases."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from driven_oscillator import EFFECTS, NOISE, TIME, experiment
+from synthetic_run import write_arm_run
+
+from discovery.diagnosis.manoeuvre_design import hub_drive
+from discovery.diagnosis.separation import Separation, separate
+from discovery.equations.model import Model
+from discovery.estimation.fit import Fit, fit
+from discovery.recordings.dataset import load_dataset
+from discovery.report import build_report
+from discovery.report.follow_up_sentences import separation_sentence
+from discovery.simulation.simulate import Simulator
+
+PAIR = ("coulomb_friction", "quadratic_drag")
+BENCH = Path(__file__).parents[1] / "datasets" / "spring_bench" / "rig.toml"
+
+
+@cache
+def driven() -> dict[str, Fit]:
+    """Return rivals fitted to a recording that a small sine moved."""
+    errors = np.random.default_rng(2).normal(0.0, NOISE, TIME.size)
+    model = Model("oscillator", EFFECTS, {"g": 1.7})
+    return {name: fit(model.with_effect(name), [experiment(errors)]) for name in PAIR}
+
+
+@cache
+def free() -> dict[str, Fit]:
+    """Return rivals fitted to three swings of a slider that was let go."""
+    part = [load_dataset(BENCH).train[0].first(180)]
+    model = Model("oscillator", EFFECTS, {"g": 0.0})
+    return {name: fit(model.with_effect(name), part) for name in PAIR}
+
+
+@cache
+def course() -> Separation:
+    return separate(driven(), np.random.default_rng(1), evaluations=60)
+
+
+@cache
+def release() -> Separation:
+    return separate(free(), np.random.default_rng(1))
+
+
+def chi2(found: Separation, rivals: dict[str, Fit]) -> float:
+    """Return how far the rivals lie apart on a course as they are, by a simulation of its own [noise sds squared]."""
+    readings = []
+    for name in found.rivals:
+        bench = rivals[name].problem.bench
+        parameters, _ = rivals[name].problem.expand(rivals[name].minimum.x[:, None])
+        moved = Simulator(bench.base, bench.effects, found.table[:, 0], hub_drive(found.moves), step=bench.shortest)
+        readings.append(moved(parameters, np.zeros(1), np.zeros(1))[:, 0, 0])
+    return float(np.square((readings[0] - readings[1]) / NOISE).sum())
+
+
+def test_an_input_goes_as_far_as_it_went_and_tells_more_than_the_recording() -> None:
+    found, recorded = course(), next(iter(driven().values())).problem.bench.experiments[0]
+    assert found.moves
+    assert not found.release
+    assert found.designed.chi2 > 2 * found.given.chi2
+    time, values = found.table.T
+    assert np.abs(values).max() <= np.abs(recorded.recording.input).max() * (1 + 1e-6)
+    assert time[-1] <= np.ptp(TIME) + 1e-9
+    assert found.deflection <= found.limits.deflection
+    assert found.designed.chi2 <= chi2(found, driven()) * 1.05
+
+
+def test_what_has_no_input_is_let_go_from_where_it_has_been() -> None:
+    found = release()
+    assert not found.moves
+    assert found.evaluations == 24
+    most = np.abs(load_dataset(BENCH).train[0].first(180).recording.output).max()
+    assert 0.0 < abs(found.release) <= most
+    assert found.designed.chi2 > found.given.chi2
+    assert found.unit == "m"
+    time, *predicted = found.table.T
+    np.testing.assert_allclose([p[0] for p in predicted], found.release, atol=1e-4)
+    apart = np.square((predicted[0] - predicted[1]) / 5e-5).sum() * (len(time) and 1.0)
+    assert apart > 0.0
+
+
+@pytest.mark.parametrize("which", [course, release])
+def test_the_file_holds_the_table(which) -> None:
+    found = which()
+    table = pd.read_csv(io.StringIO(found.csv()))
+    assert tuple(table.columns) == found.columns
+    assert table.columns[0] == "time_s"
+    np.testing.assert_allclose(table.to_numpy(), found.table, rtol=1e-6, atol=1e-6)
+    assert json.loads(json.dumps(found.summary()))["unit"] == found.unit
+
+
+def test_the_sentences_say_what_to_do() -> None:
+    moved, let_go = (separation_sentence(which().summary() | {"decides": True}) for which in (course, release))
+    assert "move the input by" in moved
+    assert "turn" not in moved
+    assert re.search(r"let it go at [+-][\d.e-]+ m from rest, at no speed, and record", let_go)
+    for which in (course, release):
+        said = separation_sentence(which().summary() | {"decides": False})
+        assert "as it was recorded" in said
+        assert "rad/s" not in said
+
+
+def test_the_page_shows_both(tmp_path: Path) -> None:
+    results = write_arm_run(tmp_path)
+    results["loop"]["separation"] = [which().summary() for which in (course, release)]
+    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    page = build_report(tmp_path).read_text(encoding="utf-8")
+    assert 'id="figure-manoeuvre_1"' in page
+    assert 'id="figure-manoeuvre_2"' in page
+    assert "let go at" in page
+    moves = pd.read_csv(tmp_path / "tables" / "moves.csv")
+    assert moves["by"].tolist() == [m.angle for m in course().moves]
