@@ -14,6 +14,8 @@ from discovery.estimation.race import Race
 __all__ = ["fit_problems", "together"]
 
 FloatArray = NDArray[np.float64]
+#: Residuals that are whitened at once.
+_TOGETHER = 4e6
 
 
 def fit_problems(
@@ -69,10 +71,14 @@ def _answer_on(problems: Sequence[Problem]) -> Callable[[list[tuple[int, FloatAr
         found = []
         for j, (i, x) in enumerate(wanted):
             prior = problems[i].prior_residuals(x)
-            own_data = problems[i].whitened(data[:, edges[j] : edges[j + 1]])
             # What a minimisation does with a trial it does with a whole column.
             own = np.empty((len(data) + len(prior), x.shape[1]), order="F")
-            own[: len(data)], own[len(data) :] = own_data, prior
+            own[len(data) :] = prior
+            # A few columns of a long recording at a time: whitening takes several times their memory.
+            together = max(1, int(_TOGETHER / max(1, len(data))))
+            for first in range(0, x.shape[1], together):
+                some = slice(edges[j] + first, min(edges[j] + first + together, edges[j + 1]))
+                own[: len(data), first : first + together] = problems[i].whitened(data[:, some])
             found.append(own)
         return found
 
