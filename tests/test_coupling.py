@@ -38,7 +38,7 @@ from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
 from discovery.theory.arm_motion import fitted_coupling, integrate, move_arm
-from discovery.theory.coupling import Arm, coupling_torque, effective_inertia
+from discovery.theory.coupling import Arm, effective_inertia
 
 INERTIA = PAPER_RIG.effective_mass * PAPER_RIG.length**2
 ALPHA = 3 * PAPER_RIG.flexural_rigidity / (PAPER_RIG.effective_mass * PAPER_RIG.length**3)
@@ -71,7 +71,8 @@ def test_the_cubic_model_pulls_with_its_spring() -> None:
     theta, omega, *motor = rng.uniform(-1, 1, (5, 20))
     model = Model("constant_radius", PAPER_MODEL, {"length": 1.0})
     values = {"xi": 0.3, "alpha": 8.79, "beta": 0.51, "gamma": 0.45}
-    torque = coupling_torque(model, values, np.array([theta, omega]), np.array(motor), inertia=0.05)
+    arm = Arm(model, values, 0.05)
+    torque = 0.05 * np.asarray(arm.rows(0.0, motor, np.array([theta, omega]))[len(arm.program.states)])
     delta = theta - motor[0]
     np.testing.assert_allclose(torque, -0.05 * (8.79 * delta + 0.51 * delta**3), rtol=1e-12)
 

@@ -12,6 +12,7 @@ from scipy.optimize import brentq, root
 
 from discovery.declarations import symbols as s
 from discovery.declarations.registry import get_effect
+from discovery.declarations.smooth_force import SmoothForce
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
 from discovery.foundation.errors import InputError
@@ -54,9 +55,16 @@ STATIC_ERROR = {
 }
 
 
+#: Bases that the search simulates, with a smooth force beside the catalogue: the same simulators serve here.
+SEARCHED = ("constant_radius", "reduced", "elastica_calm", "elastica_4")
+
+
 def whole_kernel(base: str, time: np.ndarray, drive: Drive | None, step: float, **values: float) -> np.ndarray:
-    sim = Simulator(base, every_effect(base), time, drive, step=step)
-    declared = Model(base, every_effect(base)).parameters
+    effects = every_effect(base)
+    if base in SEARCHED:
+        effects = tuple(sorted({*effects, SmoothForce.id()}))
+    sim = Simulator(base, effects, time, drive, step=step)
+    declared = Model(base, effects).parameters
     parameters = np.array([[values.get(n, declared[n].default)] for n in sim.names])
     return sim(parameters, np.array([values.get("start", 0.0)]), np.array([values.get("rate", 0.0)]))[:, :, 0]
 

@@ -23,6 +23,9 @@ from discovery.sindy.library import stretches
 
 __all__ = ["RadiusLaw", "RadiusRival", "discover_radius"]
 
+#: Resamples of whole stretches.
+_RESAMPLES = 200
+
 
 @dataclass(frozen=True)
 class RadiusRival:
@@ -107,7 +110,7 @@ def _best_gamma(
     return gamma, c, least
 
 
-def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator, resamples: int = 200) -> RadiusLaw:
+def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator) -> RadiusLaw:
     """Discover how the radius of an arm's tip depends on its motion.
 
     cos(gamma delta) and 1 - a delta^2 - b delta^4 compete, each alone and with kappa delta^2 theta_t'^2: the pull of
@@ -119,8 +122,6 @@ def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator, resa
         Recordings of an arm with tip x and y.
     rng : numpy.random.Generator
         Source of the resamples.
-    resamples : int
-        Number of resamples of whole stretches.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator, resa
     preferred = rivals[min(equal, key=lambda i: (fits[i].complexity, i))]
 
     gamma, moved = (f.parameters["gamma"] for kappa in (False, True) for f in fits if f.is_cosine(kappa))
-    spread = readings.spread(gamma, rng, resamples)
+    spread = readings.spread(gamma, rng)
     drift, dynamic = readings.drift(), abs(moved - gamma)
     width = 1.96 * float(np.linalg.norm([spread, drift, dynamic]))
     status = f"{preferred.law} is the simplest law that fits; in (16) alone gamma = {gamma:.4f} +- {width:.4f}."
@@ -198,12 +199,12 @@ class _Readings:
         low, high = (_best_gamma(self.delta[k], self.ratio[k], self.sd[k], self.pull[k][:, :0])[0] for k in sides)
         return abs(high - low) / 2.0
 
-    def spread(self, gamma: float, rng: np.random.Generator, resamples: int) -> float:
+    def spread(self, gamma: float, rng: np.random.Generator) -> float:
         """Return the deviation of gamma: one Gauss-Newton step for every resample, from sums over stretches."""
         delta, sd, count = self.delta, self.sd, self.stretches
         slope, rest = -delta * np.sin(gamma * delta) / sd, (self.ratio - np.cos(gamma * delta)) / sd
         upper, lower = (np.bincount(self.blocks, slope * other, minlength=count) for other in (rest, slope))
-        draws = rng.multinomial(count, np.full(count, 1.0 / count), size=resamples)
+        draws = rng.multinomial(count, np.full(count, 1.0 / count), size=_RESAMPLES)
         return float(np.std((draws @ upper) / (draws @ lower)))
 
 

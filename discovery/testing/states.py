@@ -74,11 +74,9 @@ def whole(base_name: str) -> Program:
     return build_program(base_name, every_effect(base_name))
 
 
-def sample_states(
-    base_name: str, active: Sequence[str], *, count: int = 8, static: bool = False, seed: int = 0
-) -> Sample:
+def sample_states(base_name: str, active: Sequence[str], *, count: int = 8, static: bool = False) -> Sample:
     """Return random states of the program of every effect; parameters of effects that are not `active` are absent."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     program, effects = whole(base_name), every_effect(base_name)
     declared = Model(base_name, effects).parameters
     on = {p.name for e in active for p in get_effect(e).parameters()}

@@ -60,8 +60,6 @@ def integrate(
     start: FloatArray,
     time: FloatArray,
     kinks: FloatArray,
-    *,
-    tolerance: float = _TOLERANCE,
 ) -> FloatArray:
     """Integrate with LSODA, restarted at every kink, and return the states (n, k) at `time`.
 
@@ -75,8 +73,6 @@ def integrate(
         Increasing times [s].
     kinks : ndarray
         Times at which slopes jump [s].
-    tolerance : float
-        Relative tolerance of LSODA; the absolute one is a tenth of it.
 
     Raises
     ------
@@ -103,8 +99,8 @@ def integrate(
             state,
             "LSODA",
             t_eval=np.unique([*time[inside], end]),
-            rtol=tolerance,
-            atol=0.1 * tolerance,
+            rtol=_TOLERANCE,
+            atol=0.1 * _TOLERANCE,
         )
         if not path.success:
             raise SimulationFailure({}, float(path.t[-1]) if path.t.size else float(begin), str(path.message))

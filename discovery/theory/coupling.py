@@ -32,7 +32,7 @@ from discovery.mechanics.rod_end import loaded_end
 from discovery.rigs.rig import Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 
-__all__ = ["Arm", "coupling_torque", "effective_inertia"]
+__all__ = ["Arm", "effective_inertia"]
 
 FloatArray = NDArray[np.float64]
 
@@ -178,35 +178,3 @@ def effective_inertia(rig: Rig) -> float:
         raise InputError(f"The coupling torque of {rig.name} needs the arm's length and its tip mass in the rig file.")
     rod = rig.beam_mass.value if rig.beam_mass is not None else 0.0
     return (rig.tip_mass.value + 33 / 140 * rod) * rig.length.value**2
-
-
-def coupling_torque(
-    model: Model,
-    values: Mapping[str, float],
-    states: FloatArray,
-    motor: FloatArray,
-    *,
-    inertia: float,
-    time: ArrayLike = 0.0,
-) -> FloatArray:
-    """Return the coupling torque Gamma_c of eq. (10) at given states [N m], shape (k,).
-
-    Parameters
-    ----------
-    model, values, inertia
-        See `Arm`.
-    states : ndarray, shape (n, k)
-        Coordinates, rates and memory of the model.
-    motor : ndarray, shape (3, k)
-        Motor angle [rad] and its first two derivatives.
-    time : array_like, shape (k,) or ()
-        Times [s]; they count where an effect depends on time.
-
-    Raises
-    ------
-    InputError
-        For an oscillator, a model without a reaction on the hub, or missing values.
-    """
-    arm = Arm(model, values, inertia)
-    torque = arm.rows(time, motor, states)[len(arm.program.states)]
-    return inertia * np.broadcast_to(np.asarray(torque, float), states.shape[1:]).copy()
