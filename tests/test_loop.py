@@ -366,7 +366,7 @@ def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest
     (train,) = dataset.train
     asked: list[float] = []
 
-    def noted(case: Context, whole: Context) -> None:
+    def noted(case: Context, whole: Context, _course: object) -> None:
         assert whole.train == case.train
         asked.append(case.settings.tolerance)
         assert case.judge.tolerance == case.settings.tolerance
