@@ -32,7 +32,7 @@ HIDDEN := arm_coulomb arm_delay arm_tilt
 PAGES := reports/arm/report.html reports/paper/report.html $(if $(SILVERBOX),reports/silverbox/report.html)
 LOOPS := $(HIDDEN:%=reports/%/report.html)
 
-.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults kills scale systems growth datasets docs docs-site lock clean distclean setup
+.PHONY: help reproduce measured test test-long lint bench calibration closed-loop audit blind faults kills scale systems growth datasets docs docs-site linkcheck lock clean distclean setup
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
@@ -197,6 +197,9 @@ $(SITE): docs/requirements.lock | $(READY)
 docs-site: $(SITE) ## Build the documentation with its gallery; any warning fails (three minutes)
 	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/docs-site/doctrees docs build/docs-site/html
 	@echo "open build/docs-site/html/index.html"
+
+linkcheck: $(SITE) ## Follow every external link of the documentation (needs the network)
+	$(BIN)/sphinx-build -q -b linkcheck -D sphinx_gallery_conf.plot_gallery=False -d build/linkcheck/doctrees docs build/linkcheck
 
 lock: ## Pin the dependencies again (needs the network)
 	$(PYTHON) -m venv --clear build/lock

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import asdict, fields
 from pathlib import Path
+from urllib.parse import urlsplit
 from xml.etree import ElementTree
 
 import pytest
@@ -130,6 +131,16 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_external_links_are_whole() -> None:
+    found = {link for page in PAGES for link in re.findall(r"\]\((https?:[^)]*)\)", page.read_text(encoding="utf-8"))}
+    assert found
+    for link in found:
+        address = urlsplit(link)
+        assert address.scheme == "https", link
+        assert re.fullmatch(r"[a-z0-9-]+(\.[a-z0-9-]+)+", address.netloc), link
+        assert not re.search(r"[\s<>\"{}|\\^`]", link), link
 
 
 def test_the_architecture_page_names_real_modules() -> None:

@@ -724,6 +724,10 @@ def test_the_equation_has_its_numbers_and_no_two_of_them_touch() -> None:
     told = _with_numbers(body, {symbol("alpha"): 8.093, symbol("delta_0"): 0.5})
     assert _text(told) == "8.093·0.5000+αm"
     assert _text(_with_numbers(body, {symbol("delta_0"): -0.5})) == "α(−0.5000)+αm"
+    stiffness = f"<mrow><mi>x</mi><mo>+</mo><mrow>{symbol('beta')}<mi>q</mi></mrow></mrow>"
+    assert _text(_with_numbers(stiffness, {symbol("beta"): -25722.1})) == "x−25\N{NARROW NO-BREAK SPACE}720q"
+    taken = stiffness.replace("+", "−")
+    assert _text(_with_numbers(taken, {symbol("beta"): -2.5})) == "x+2.500q"
     small = _with_numbers(f"<mrow>{power(symbol('v_c'), '<mn>2</mn>')}</mrow>", {symbol("v_c"): 7.974e-5})
     assert latex(small) == r"(7.974\times 10^{-5})^{2}"
     touching = _with_numbers(body, {symbol("alpha"): 7.974e-5, symbol("delta_0"): 0.5e-4})

@@ -177,11 +177,7 @@ def separate(
     ComputationError
         If a model has no rest position where the hub starts.
     """
-    system = next(iter(rivals.values())).model.mechanics.system if rivals else ARM
-    names = tuple(sorted(rivals, key=lambda n: simplicity(n, system)))
-    fits = [rivals[n] for n in names]
-    if len(fits) < 2 or len({tuple(e.recording.name for e in f.problem.bench.experiments) for f in fits}) != 1:
-        raise InputError("Rivals to be separated are at least two fits to the same recordings.")
+    names, fits = _in_order(rivals)
     experiments = fits[0].problem.bench.experiments
     if all(e.drive is None for e in experiments):
         return _let_go(names, fits)
@@ -202,15 +198,13 @@ def separate(
     distance, deflection = trial.compare(best.moves)
     if deflection > limits.deflection:
         distance = Distance(0.0, 0.0, 0.0)
-    time = trial.gap * np.arange(trial.count)
-    table = np.column_stack([time, hub_drive(best.moves, trial.angle).evaluate(time)[0]])
     return Separation(
         rivals=names,
         similarities=similarity_matrix(fits),
         limits=limits,
         moves=best.moves,
         columns=("time_s", _input_column(experiments[0])),
-        table=table,
+        table=_course(trial, best.moves),
         given=distance_on_given(fits),
         designed=distance,
         deflection=deflection,
@@ -219,11 +213,27 @@ def separate(
     )
 
 
+def _in_order(rivals: Mapping[str, Fit]) -> tuple[tuple[str, ...], list[Fit]]:
+    """Return rivals by name, the physically simplest first, and their fits."""
+    system = next(iter(rivals.values())).model.mechanics.system if rivals else ARM
+    names = tuple(sorted(rivals, key=lambda n: simplicity(n, system)))
+    fits = [rivals[n] for n in names]
+    if len(fits) < 2 or len({tuple(e.recording.name for e in f.problem.bench.experiments) for f in fits}) != 1:
+        raise InputError("Rivals to be separated are at least two fits to the same recordings.")
+    return names, fits
+
+
 def _short(limits: MotorLimits, fit: Fit) -> MotorLimits:
     """Return limits of a recording as long as some swings of what is no arm: a longer one says hardly more."""
     if fit.problem.bench.experiments[0].is_arm:
         return limits
     return replace(limits, duration=min(limits.duration, _SWINGS * 2 * np.pi * fit.problem.units.time))
+
+
+def _course(trial: Trial, moves: tuple[Move, ...]) -> FloatArray:
+    """Return the course of the input at the rate of the given recordings: time [s] and value, shape (n, 2)."""
+    time = trial.gap * np.arange(trial.count)
+    return np.column_stack([time, hub_drive(moves, trial.angle).evaluate(time)[0]])
 
 
 def _input_column(experiment: Experiment) -> str:

@@ -67,6 +67,7 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
     r = experiment.recording
     steps = np.diff(r.time)
     step = float(np.median(steps))
+    steady = bool((np.abs(steps - step) <= _JITTER * step).all())
     period = None if experiment.is_arm else own_period(r.time, experiment.deflection, r.input)
     return {
         "name": r.name,
@@ -75,8 +76,9 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
         "readings": r.time.size,
         "fitted": r.time[experiment.fitted].size if role == "train" else 0,
         "duration": float(r.time[-1] - r.time[0]),
-        "rate": 1.0 / step,
-        "steady": bool((np.abs(steps - step) <= _JITTER * step).all()),
+        # Where stamps are rounded, most steps are a little too short or too long.
+        "rate": float(1.0 / (steps.mean() if steady else step)),
+        "steady": steady,
         "missing": int((~np.isfinite(r.output)).any(axis=1).sum()) if experiment.rig.view is None else 0,
         "channels": [
             {

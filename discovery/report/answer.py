@@ -24,6 +24,10 @@ __all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
 _LAW = ("Equation of motion", "Lagrange")
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
+#: A negative number that is added, or taken away, at the begin of a term.
+_ADDED_NEGATIVE = re.compile(
+    r"<mo>([+−])</mo>(<mrow>)?<mrow><mo>\(</mo><mrow><mo>−</mo>(<mn>[^<]*</mn>)</mrow><mo>\)</mo></mrow>"
+)
 _SIDE_BY_SIDE = re.compile(r'(</mn>(?:</mrow>|</msup>)*)<mspace width="[\d.]+em"/>(?=(?:<mrow>)*<mn>)')
 #: Before a symbol that is not the stem of one with an index or dots.
 _ALONE = r'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)'
@@ -84,6 +88,7 @@ def _with_numbers(body: str, values: Mapping[str, float]) -> str:
         if "×" in printed:
             # A power of ten that is raised itself would be read as one number.
             body = body.replace(f"<msup>{printed}", f"<msup><mrow><mo>(</mo>{printed}<mo>)</mo></mrow>")
+    body = _ADDED_NEGATIVE.sub(lambda found: f"<mo>{'−' if found[1] == '+' else '+'}</mo>{found[2]}{found[3]}", body)
     # Two numbers side by side would be read as one.
     return _SIDE_BY_SIDE.sub(r"\1<mo>·</mo>", body)
 
