@@ -13,9 +13,7 @@ from discovery.estimation.fit import Fit, fit_near
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.selection.context import Context
 from discovery.selection.search import Search
-from discovery.selection.verdict import (
-    Named,
-)
+from discovery.selection.verdict import Named
 
 __all__ = ["contradiction_of", "designs", "separations"]
 

@@ -91,10 +91,8 @@ def _size(larger: Contender, smaller: Contender, root: Contender, settings: Loop
     parts = [(c.chi2, c.refit.problem.bench.n_data, c.evidence.error) for c in (larger, smaller, root)]
     if judged:
         held = [(c.evidence.chi2_held, c.evidence.count_held, c.evidence.error_held) for c in (larger, smaller, root)]
-        parts = [
-            (chi2 + other, n + m, np.sqrt((n * a**2 + m * b**2) / (n + m)))
-            for (chi2, n, a), (other, m, b) in zip(parts, held, strict=True)
-        ]
+        both = zip(parts, held, strict=True)
+        parts = [(q + r, n + m, np.sqrt((n * a**2 + m * b**2) / (n + m))) for (q, n, a), (r, m, b) in both]
     (chi2, n_data, error), (without, *_), (bare, *_) = parts
     moved, before = (float(np.sqrt(max(gain, 0.0) / n_data)) for gain in (without - chi2, bare - without))
     return moved / max(float(np.hypot(error, settings.law_of(larger.model) * before)), 1e-12)

@@ -54,9 +54,8 @@ class LoopSettings:
     error_scale : float
         Scale of the half-Cauchy prior of the model error [noise sds]. One below twice this counts as none.
     form, form_wide : float
-        Model error in the direction of one effect, as a share of the model error that is left: laws idealise, and
-        what no catalogue holds looks like what it holds in part. Of systems with one coordinate, and of an arm, whose
-        geometry and camera have more ways to err; that of an arm also of a law that may imitate others.
+        Model error in the direction of one effect, as a share of the model error that is left: what no catalogue holds
+        looks in part like what it holds. Of most systems, and of an arm or a law that may imitate others.
     form_pliable : float
         The same in the direction of a law where it imitates others, for every system.
     law, law_arm : float
@@ -72,12 +71,8 @@ class LoopSettings:
 
     Examples
     --------
-    >>> settings = LoopSettings(seed=2)
-    >>> settings.nats  # log odds of 20 to 1
+    >>> LoopSettings(seed=2).nats  # log odds of 20 to 1
     3.0
-    >>> model = Model("oscillator", ("linear_stiffness",))
-    >>> settings.form_of(model), settings.law_of(model)
-    (0.45, 0.005)
     """
 
     nats: float = 3.0
