@@ -1,8 +1,8 @@
 """Weigh an unknown force, smooth in position and rate, as one more candidate.
 
-Beside it a named law can only be cheaper: its few constants replace many coefficients. Laws that are right do not always
-gain beside it, such as a drag whose rest depends on the position. So the force takes no law out; it is told with it, and
-it is the lead where it explains more than what could not be named.
+Beside it a named law can only be cheaper: its few constants replace many coefficients. Laws that are right do not
+always gain beside it, such as a drag whose rest depends on the position. So the force takes no law out; it is told with
+it, and it is the lead where it explains more than what could not be named.
 """
 
 from __future__ import annotations
