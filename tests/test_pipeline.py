@@ -6,7 +6,6 @@ import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 from discovery.estimation.predict import predict
 from discovery.foundation.errors import ComputationError
+from discovery.foundation.progress import Progress, Tell
 from discovery.foundation.time_limit import TimeIsUp
 from discovery.recordings.dataset import Dataset, load_dataset
 from discovery.report import build_report
@@ -299,8 +299,8 @@ def test_the_answer_is_there_before_sampling_begins(
 def test_time_that_is_up_ends_the_sampler_and_is_told(
     begun: Answer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slow(*_: Any, heard: Any, **__: Any) -> None:
-        heard(SimpleNamespace(effective=1234.5, wanted=4000.0))
+    def slow(*_: Any, progress: Tell, **__: Any) -> None:
+        progress(Progress.counting("sampling the posterior", 1234.5, 4000.0, "effective samples"))
         time.sleep(60)
 
     monkeypatch.setattr(stages, "sampled", slow)

@@ -180,7 +180,7 @@ def test_a_posterior_in_a_notebook(found: discovery.LoopResult) -> None:
     assert drawn.status in drawn._repr_html_()
     assert not table.index.str.contains("_init").any()
     assert drawn.initial_states().loc["first", "deflection_sd"] > 0.0
-    assert "4 ensembles" in repr(drawn)
+    assert "4 chains" in repr(drawn)
     axes = drawn.plot_marginals()
     assert [ax.get_xlabel().split(" ")[0] for ax in axes] == [n for n in drawn.names if "_init[" not in n]
     with pytest.raises(InputError, match="Did you mean 'alpha'"):

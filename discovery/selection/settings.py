@@ -81,7 +81,7 @@ class LoopSettings:
     form: float = 0.45
     form_wide: float = 1.4
     form_pliable: float = 7.0
-    law: float = 0.03
+    law: float = 0.005
     law_arm: float = 0.045
     tolerance: float = 2e-5
     seed: int = 1
