@@ -53,11 +53,9 @@ class LoopSettings:
         Level of the parametric bootstrap: an effect must remove more than chance would over the whole catalogue.
     error_scale : float
         Scale of the half-Cauchy prior of the model error [noise sds]. One below twice this counts as none.
-    form, form_wide : float
+    form, form_wide, form_pliable : float
         Model error in the direction of one effect, as a share of the model error that is left: what no catalogue holds
-        looks in part like what it holds. Of most systems, and of an arm or a law that may imitate others.
-    form_pliable : float
-        The same in the direction of a law where it imitates others, for every system.
+        looks in part like what it holds. Of most systems; of an arm or a law that may imitate others; of one that does.
     law, law_arm : float
         Share of what the accepted effects move the residual that their laws may leave for others.
     tolerance : float
@@ -71,8 +69,9 @@ class LoopSettings:
 
     Examples
     --------
-    >>> LoopSettings(seed=2).nats  # log odds of 20 to 1
-    3.0
+    >>> settings, model = LoopSettings(seed=2), Model("oscillator", ("linear_stiffness",))
+    >>> settings.form_of(model), settings.law_of(model)
+    (0.45, 0.005)
     """
 
     nats: float = 3.0
