@@ -51,55 +51,42 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
     """
     if "alpha" not in problem.free:
         return []
-    points = _points(problem, names, _KINDS)
-    if not points:
-        return []
-    base = problem.expand(minimum.x[:, None])
-    alphas = minimum.x[problem.names.index("alpha")] * _FACTORS
-    best = alphas[_costs(problem, base, points, np.tile(alphas, (len(points), 1))).argmin(axis=1)]
-    beside = best[:, None] * _BESIDE
-    table = _costs(problem, base, points, beside)
-    stiffness = beside[np.arange(len(points)), table.argmin(axis=1)]
     system = problem.model.mechanics.system
-    return [
-        (points[i][0], _vector(*points[i], system), {"alpha": float(stiffness[i])})
-        for i in _best(points, table.min(axis=1), _KEPT)
-    ]
-
-
-def _points(problem: Problem, names: Sequence[str], kinds: Sequence[str] | None = None) -> list[_Point]:
-    """Return effects, all or of some kinds, with the finite values of their grids where these are few."""
-    found: list[_Point] = []
+    alphas = minimum.x[problem.names.index("alpha")] * _FACTORS
+    points: list[_Point] = []
     for name in names:
         effect = get_effect(name)
-        grid = grid_of(effect, problem.model.mechanics.system, problem.units)
-        if (kinds is None or effect.kind in kinds) and len(grid) <= 2 * MOST_SHAPES:
-            found += [(name, values) for values in grid]
-    return found
-
-
-def _best(points: Sequence[_Point], costs: FloatArray, most: int) -> list[int]:
-    """Return so many points of each effect at most, those with the smallest finite chi-squares."""
-    found: list[int] = []
+        grid = grid_of(effect, system, problem.units)
+        if effect.kind in _KINDS and len(grid) <= 2 * MOST_SHAPES:
+            points += [(name, values) for values in grid]
+    if not points:
+        return []
+    best = alphas[_costs(problem, minimum, points, np.tile(alphas, (len(points), 1))).argmin(axis=1)]
+    beside = best[:, None] * _BESIDE
+    table = _costs(problem, minimum, points, beside)
+    least = table.min(axis=1)
+    found: list[FarStart] = []
     for name in dict.fromkeys(n for n, _ in points):
-        own = [i for i, (n, _) in enumerate(points) if n == name and np.isfinite(costs[i])]
-        found += sorted(own, key=lambda i: costs[i])[:most]
+        own_points = [i for i, (n, _) in enumerate(points) if n == name]
+        for i in sorted(own_points, key=lambda i: least[i])[:_KEPT]:
+            if np.isfinite(least[i]):
+                alpha = float(beside[i, table[i].argmin()])
+                found.append((name, _vector(name, points[i][1], system), {"alpha": alpha}))
     return found
 
 
-def _costs(
-    problem: Problem, base: tuple[FloatArray, FloatArray], points: Sequence[_Point], alphas: FloatArray | None = None
-) -> FloatArray:
-    """Return chi-square of points beside parameters and initial states, shape (points, stiffnesses of each)."""
-    bench, each = problem.bench, 1 if alphas is None else alphas.shape[1]
-    columns = np.repeat(base[0], len(points) * each, axis=1)
+def _costs(problem: Problem, minimum: Minimum, points: Sequence[_Point], alphas: FloatArray) -> FloatArray:
+    """Return chi-square at points with some stiffnesses each, both shapes (points, stiffnesses)."""
+    bench = problem.bench
+    base, initial = problem.expand(minimum.x[:, None])
+    columns = np.repeat(base, alphas.size, axis=1)
     for i, (_, values) in enumerate(points):
+        own = slice(i * alphas.shape[1], (i + 1) * alphas.shape[1])
         for parameter, value in values.items():
-            columns[bench.names.index(parameter), i * each : (i + 1) * each] = value
-    if alphas is not None:
-        columns[bench.names.index("alpha")] = alphas.ravel()
-    cost = bench.chi2(columns, np.repeat(base[1], columns.shape[1], axis=2)).sum(axis=0)
-    return np.asarray(cost.reshape(len(points), each))
+            columns[bench.names.index(parameter), own] = value
+    columns[bench.names.index("alpha")] = alphas.ravel()
+    cost = bench.chi2(columns, np.repeat(initial, columns.shape[1], axis=2)).sum(axis=0)
+    return np.asarray(cost.reshape(alphas.shape))
 
 
 def declared_starts(problem: Problem, names: Sequence[str], most: int) -> list[FarStart]:

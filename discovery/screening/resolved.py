@@ -50,7 +50,8 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
     latest, done = dict(best), set[str]()
     for bench in more_accurate(problem.bench):
         asked = [e for e in _leading(best, shortlist) if e not in done]
-        rough, blown = _unresolved({e: latest.get(e) for e in asked}, bench, min((r.chi2 for r in quick), default=0.0))
+        least = min((r.chi2 for r in best.values()), default=0.0)
+        rough, blown = _unresolved({e: latest.get(e) for e in asked}, bench, least)
         done |= {*asked} - {*rough}
         if not rough:
             break
@@ -58,7 +59,7 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
         for r in _again(minimum, replace(problem, bench=bench), shortlist, begun, blown):
             # What blows up even so may do on simulators that are more accurate still.
             latest[r.effect], before = r, best.get(r.effect)
-            if before is None or r.chi2 < before.chi2 - _worth(before, 0.0):
+            if before is None or r.chi2 < before.chi2 - _worth(before, least):
                 best[r.effect] = _cheaper(r, problem.bench)
             else:
                 done.add(r.effect)
