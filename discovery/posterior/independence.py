@@ -73,7 +73,7 @@ def independence_chains(
     seeds: Sequence[SeedSequence],
     values: Callable[[FloatArray], FloatArray],
     wanted: tuple[float, float],
-    tell: Callable[[Convergence, int, float], None],
+    tell: Callable[[Convergence, float], None],
 ) -> Chains | None:
     """Return converged chains, or None where they cannot be trusted.
 
@@ -92,7 +92,7 @@ def independence_chains(
     wanted : (float, float)
         Effective samples of every quantity, largest R-hat.
     tell : callable
-        Gets the diagnostics of the chains so far, how long they may be at most, and how many seconds the rest takes.
+        Gets the diagnostics of the chains so far, and how many seconds the rest takes.
     """
     adapting, *streams = [Generator(np.random.MT19937(seed)) for seed in seeds]
     try:
@@ -114,7 +114,7 @@ def independence_chains(
         found = convergence(values(chosen)[:, :, None])
         fresh = log_weights[:, 1:].ravel()
         pace = (time.perf_counter() - began) / rounds
-        tell(found, _PATIENCE * _PARTS * part, pace * _left(found, wanted[0], rounds))
+        tell(found, pace * _left(found, wanted[0], rounds))
         if found.meets(*wanted):
             k = smoothed(fresh[np.isfinite(fresh)])[1]
             if k > LARGEST_K or _misses(seen, proposal, float(fresh.max())):

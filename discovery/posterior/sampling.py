@@ -155,7 +155,7 @@ def _by_proposals(
     """Return chains of independent proposals, told by what the walkers saw of the flattened density; None for none."""
     seen = [np.concatenate([getattr(e, name)[:TEMPERED] for e in group]) for name in ("chain", "log_prob")]
 
-    def told(found: Convergence, _steps: int, seconds_left: float) -> None:
+    def told(found: Convergence, seconds_left: float) -> None:
         tell(_progress(found, found.steps, wanted[0], seconds_left))
 
     return independence_chains(
