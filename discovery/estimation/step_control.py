@@ -88,14 +88,19 @@ def cheapest(problem: Problem, minimum: Minimum, bench: Bench, *, worth: float) 
     while problem.bench.cost > _SAME * bench.cost:
         longer = bench.finer(1 / _FARTHER)
         # To begin with, it must be no start that blows up.
-        if np.isfinite([solver_errors([(problem, minimum.x)], each) for each in (bench, longer)]).all():
+        if _bounded(problem, minimum.x, bench) and _bounded(problem, minimum.x, longer):
             other = replace(problem, bench=bench)
             (again,) = fit_problems([other], [minimum.x], iterations=_ITERATIONS, tolerance=1e-4, rough=True)
-            same = 2 * again.cost < 2 * minimum.cost + worth
-            if same and np.isfinite(solver_errors([(other, again.x)], longer)).all():
+            if 2 * again.cost < 2 * minimum.cost + worth and _bounded(other, again.x, longer):
                 return other, again
         bench = bench.finer(2)
     return problem, minimum
+
+
+def _bounded(problem: Problem, x: FloatArray, bench: Bench) -> bool:
+    """Whether the motion of a fit does not blow up on other simulators."""
+    read = bench.predict(*problem.expand(x[:, None]))
+    return all(np.isfinite(each).all() for each in read)
 
 
 def tightened(bench: Bench, error: float, allowed: float) -> Bench | None:

@@ -47,7 +47,7 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
         Smallest chi-square first.
     """
     best = {r.effect: r for r in quick}
-    latest, done = dict(best), set[str]()
+    latest, done, improved = dict(best), set[str](), set[str]()
     for bench in more_accurate(problem.bench):
         asked = [e for e in _leading(best, shortlist) if e not in done]
         least = min((r.chi2 for r in best.values()), default=0.0)
@@ -60,9 +60,12 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
             # What blows up even so may do on simulators that are more accurate still.
             latest[r.effect], before = r, best.get(r.effect)
             if before is None or r.chi2 < before.chi2 - _worth(before, least):
-                best[r.effect] = _cheaper(r, problem.bench)
+                best[r.effect] = r
+                improved.add(r.effect)
             else:
                 done.add(r.effect)
+    for effect in improved:
+        best[effect] = _cheaper(best[effect], problem.bench)
     return sorted(best.values(), key=lambda r: r.chi2)
 
 
