@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 
 import discovery
+from discovery.report.numbers import uncertain
 
 FOLDER = Path(__file__).parents[1] / "datasets" / "spring_bench"
 #: Colours of Okabe and Ito, which the colour-blind can tell apart.
@@ -48,7 +49,7 @@ def draw_answer(ax: Axes, found: discovery.LoopResult) -> None:
     lines = (
         f"verdict: {found.verdict}",
         f"missing: {', '.join(found.added)}",
-        f"f_c = {values['f_c']:.4f} ± {sd['f_c']:.4f} m/s²   (simulated: 0.12)",
+        f"f_c = {uncertain(values['f_c'], sd['f_c'])} m/s²   (simulated: 0.12)",
     )
     ax.text(0.0, 0.93, "\n".join(lines), va="top", fontsize=9.5, family="monospace", linespacing=1.5)
     equation = rf"$\ddot q + {values['xi']:.3f}\,\dot q + {values['alpha']:.1f}\,q + {values['f_c']:.3f}\,"

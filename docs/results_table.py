@@ -5,10 +5,10 @@ The table stands between two marks and holds nothing that is typed by hand but w
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 
+from discovery.report.numbers import uncertain
 from discovery.results.provenance import read_json
 
 BEGIN, END = "<!-- results: written by `make docs` -->", "<!-- end of results -->"
@@ -22,18 +22,9 @@ HIDDEN = {
 }
 
 
-def _number(value: float, sd: float | None) -> str:
-    """Return a number to the first digit of its standard deviation."""
-    if not sd:
-        return f"{value:.4g}"
-    digits = -math.floor(math.log10(sd))
-    shown = max(digits, 0)
-    return f"{round(value, digits):.{shown}f} ± {round(sd, digits):.{shown}f}"
-
-
 def _effect(effect: dict) -> str:
     parameters = effect["parameters"].items()
-    values = [f"{name} = {_number(p['value'], p['sd'])} {p['unit']}".rstrip() for name, p in parameters]
+    values = [f"{name} = {uncertain(p['value'], p['sd'])} {p['unit']}".rstrip() for name, p in parameters]
     rivals = "".join(f" or `{rival}`" for rival in effect.get("ambiguous_with", ()))
     return f"`{effect['id']}`" + (f" ({', '.join(values)})" if values else "") + rivals
 

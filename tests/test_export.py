@@ -596,7 +596,7 @@ def test_what_gives_way_at_the_root_and_along_the_rod_is_written_whole() -> None
     ("value", "sd", "shown"),
     [
         (8.093003, 2.8e-5, r"8.093003 \pm 0.000028"),
-        (736758.49, 110.47, r"736758 \pm 110"),
+        (736758.49, 110.47, r"736760 \pm 110"),
         (1.4799e-5, 3.6e-7, r"(1.480 \pm 0.036) \times 10^{-5}"),
         (0.0, float("nan"), "0"),
         (2e-5, float("nan"), r"2 \times 10^{-5}"),

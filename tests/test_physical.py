@@ -94,7 +94,7 @@ def test_every_export_says_them() -> None:
     physical = {"alpha": (200.0, 1.5, "N m^-1"), "inertia": (2.0, float("nan"), "kg")}
     found = FittedModel(model, {"alpha": 100.0, "g": 0.5}, physical=physical)
     for text in (*to_c(found), to_numpy(found), to_sympy_file(found), to_latex(found)):
-        assert "In physical units: alpha = 200 +- 1.5 N m^-1." in text
+        assert "In physical units: alpha = 200.0 +- 1.5 N m^-1." in text
         assert "inertia = 2 kg." in text
     again = from_json(to_json(found)).physical
     assert again["alpha"] == physical["alpha"]

@@ -85,7 +85,7 @@ def test_the_table_is_made_from_result_files(tmp_path: Path) -> None:
     rows = SCRIPT["table"](tmp_path).splitlines()
     assert len(rows) == 3
     assert rows[2].startswith("| `arm_delay` | a camera 10 ms late | explained | `radius_inertia`, `sensor_delay` ")
-    assert "(tau = 0.01000 ± 0.00002 s) | 1.00 → 0.400 mm mean |" in rows[2]
+    assert "(tau = 0.010000 ± 0.000020 s) | 1.00 → 0.400 mm mean |" in rows[2]
     # A run that is not at hand keeps its row.
     kept = SCRIPT["table"](tmp_path, "| `arm` | as it was |\n| `arm_delay` | old |").splitlines()
     assert kept == [*rows[:2], "| `arm` | as it was |", rows[2]]

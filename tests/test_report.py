@@ -442,7 +442,7 @@ def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
     text = _Reader(build_report(tmp_path).read_text(encoding="utf-8")).text
     answer, story_told = text.split("Why: how the answer was found")
-    apart = "α = 6.5 ± 0.01 s⁻² contradicts the rig, 8.1 ± 0.2 (8 standard deviations apart); base compliance"
+    apart = "α = 6.500 ± 0.010 s⁻² contradicts the rig, 8.10 ± 0.20 (8 standard deviations apart); base compliance"
     for part in (answer, story_told):
         assert apart in part
     assert "48.8" in story_told

@@ -40,7 +40,7 @@ def test_a_scale_that_the_rig_s_length_covers_is_named_with_that_doubt(folder: P
     assert other.z == pytest.approx(-1.0, abs=0.05)
     assert other.doubtful
     assert said == [stand_in_sentence("position_scale", other.summary())]
-    assert "a length of 1.0000 m in place of 1.0010 ± 0.0010 m" in said[0]
+    assert "a length of 1.0000 m in place of 1.0010 +- 0.0010 m" in said[0]
     assert "measure the length" in said[0]
     effect = result.summary()["effects"][-1]
     # The recordings know the scale to a hundred thousandth, the rig file the length to a thousandth.

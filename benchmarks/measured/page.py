@@ -10,12 +10,12 @@ from benchmarks.measured.derived import Check, drive_checks, gravity_over_length
 from benchmarks.measured.entry import Entry
 from benchmarks.measured.figure import draw
 from discovery.foundation.io import atomic_write
-from discovery.report.numbers import MISSING, significant, uncertain, unit_text
+from discovery.report.numbers import MISSING, significant, uncertain
 from discovery.report.page import added_effects, embed, environment
 from discovery.report.sentences import verdict_sentence
 from discovery.report.style import styled
 from discovery.report.tables import Table
-from discovery.report.words import effect_name, listed, sentence
+from discovery.report.words import effect_name, listed, page_prose, sentence, values_text
 
 __all__ = ["build_comparison"]
 
@@ -201,15 +201,12 @@ def _laws(entries: Sequence[Entry]) -> Table:
     """Return what the data prefer, body by body."""
     cells, raw = [], []
     for e in entries:
-        values = [
-            f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], e.run.coordinate_unit)}".strip()
-            for effect in e.run.loop["effects"]
-            for name, p in effect["parameters"].items()
-        ]
+        added = {name: p for effect in e.run.loop["effects"] for name, p in effect["parameters"].items()}
+        values = page_prose(values_text(added, e.run.coordinate_unit))
         errors = [e.error(when, group) for group in ("train", "holdout") for when in ("before", "after")]
         train, held = (f"{significant(a)} → {significant(b)}" for a, b in (errors[:2], errors[2:]))
         law = listed(e.added) or "nothing"
-        cells.append([_name(e), law, "; ".join(values) or MISSING, _verdict(e), train, held, significant(e.floor()[0])])
+        cells.append([_name(e), law, values or MISSING, _verdict(e), train, held, significant(e.floor()[0])])
         raw.append([e.name, " + ".join(e.added), e.run.loop["verdict"], *errors, e.floor()[0]])
     unit = entries[0].unit
     head = (

@@ -22,7 +22,6 @@ __all__ = [
     "PATH",
     "SEED",
     "Seconds",
-    "estimate_text",
     "held",
     "load",
     "note",
@@ -130,11 +129,6 @@ def once(_: click.Context, parameter: click.Parameter, values: tuple[Any, ...]) 
         name = parameter.opts[0]
         raise click.UsageError(f"{name} is given {len(values)} times ({', '.join(map(str, values))}): give it once.")
     return values[0] if values else None
-
-
-def estimate_text(value: float, sd: float | None, unit: str) -> str:
-    """Write a parameter with its standard deviation, if it has one, and its unit, if it is no ratio."""
-    return f"{value:.6g}" + (f" +- {sd:.2g}" if sd else "") + (f" {unit}" if unit != "1" else "")
 
 
 @contextmanager

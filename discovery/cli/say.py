@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.cli.options import estimate_text
+from discovery.foundation.estimate_text import estimate_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -11,7 +11,6 @@ import click
 from discovery.cli.loop_page import has_parts, rebuild_page
 from discovery.cli.options import (
     PATH,
-    estimate_text,
     held,
     load,
     options,
@@ -20,6 +19,7 @@ from discovery.cli.options import (
     progress,
     results_folder,
 )
+from discovery.foundation.estimate_text import estimate_text
 
 __all__ = ["COMMANDS", "NOISES"]
 

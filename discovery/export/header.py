@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from discovery.export.fitted import FittedModel
+from discovery.foundation.estimate_text import estimate_text
 
 __all__ = ["comment", "docstring", "origin"]
 
@@ -27,8 +27,7 @@ def origin(found: FittedModel) -> list[str]:
         lines.append(f"Rig: {p['rig']['name']} (sha256 {p['rig']['sha256'][:16]}).")
     lines += [f"Fitted to {d['source']} (sha256 {d['sha256'][:16]})." for d in p.get("data", ())]
     for name, (value, sd, unit) in found.physical.items():
-        spread = f" +- {sd:.2g}" if math.isfinite(sd) and sd else ""
-        lines.append(f"In physical units: {name} = {value:.6g}{spread} {unit}.")
+        lines.append(f"In physical units: {name} = {estimate_text(value, sd, unit)}.")
     return [_one_line(line) for line in lines]
 
 

@@ -9,25 +9,15 @@ from collections.abc import Callable
 import sympy as sp
 
 from discovery.export.fitted import FittedModel
+from discovery.foundation.estimate_text import estimate_text
 
 __all__ = ["parameter_table", "words_in_text"]
 
 
 def _number(value: float, sd: float) -> str:
     """Return a value with its standard deviation, as many digits as that warrants."""
-    if value == 0 and not math.isfinite(sd):
-        return "0"
-    size = max(abs(value), sd if math.isfinite(sd) else 0.0)
-    power = math.floor(math.log10(size)) if size > 0 else 0
-    power = power if not -4 <= power < 6 else 0
-    if math.isfinite(sd) and sd > 0:
-        places = max(0, 1 - math.floor(math.log10(sd)) + power)
-        body = f"{value / 10.0**power:.{places}f} \\pm {sd / 10.0**power:.{places}f}"
-    else:
-        body = f"{value / 10.0**power:.6g}"
-    if power == 0:
-        return body
-    return f"({body}) \\times 10^{{{power}}}" if "pm" in body else f"{body} \\times 10^{{{power}}}"
+    text = estimate_text(value, sd).replace("+-", r"\pm")
+    return re.sub(r"e([+-]?\d+)$", lambda found: rf" \times 10^{{{int(found[1])}}}", text)
 
 
 def _unit(unit: str) -> str:

@@ -11,7 +11,7 @@ from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
 from discovery.report.tables import Table
-from discovery.report.words import effect_name, listed
+from discovery.report.words import effect_name, listed, page_prose, values_text
 
 __all__ = [
     "contradictions",
@@ -53,15 +53,11 @@ def reconciliations_table(run: Run) -> Table | None:
     cells, raw = [], []
     for c in tested["contradictions"]:
         for t in c["tried"]:
-            values = [
-                f"{n} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip()
-                for n, p in t["parameters"].items()
-            ]
             cells.append(
                 [
                     symbol_of(c["parameter"]),
                     effect_name(t["id"]),
-                    "; ".join(values),
+                    page_prose(values_text(t["parameters"], run.coordinate_unit)),
                     significant(t["value"], 5),
                     significant(t["z"], 2),
                     significant(t["odds"]),

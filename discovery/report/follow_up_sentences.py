@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.diagnosis.manoeuvre_design import Move
+from discovery.foundation.estimate_text import decimals, estimate_text
 
 __all__ = ["contradiction_sentences", "separation_sentence", "stand_in_sentence"]
 
@@ -23,8 +24,8 @@ def contradiction_sentences(tested: Record | None) -> list[str]:
 
 def _contradiction(found: Record, check: Record) -> str:
     head = (
-        f"{check['parameter']} = {check['value']:.5g} ± {check['sd']:.2g} {check['unit']} contradicts "
-        f"{check['source']}, {check['predicted']:.5g} ± {check['predicted_sd']:.2g} "
+        f"{check['parameter']} = {estimate_text(check['value'], check['sd'], check['unit'])} contradicts "
+        f"{check['source']}, {estimate_text(check['predicted'], check['predicted_sd'])} "
         f"({abs(check['z']):.2g} standard deviations apart); "
     )
     if not found["sought"]:
@@ -95,13 +96,13 @@ def _what_to_do(found: Record) -> str:
 
 def stand_in_sentence(effect: str, found: Record) -> str:
     """Return which error of the rig file would do the same as an effect."""
-    digits = max(0, 1 - math.floor(math.log10(found["sd"])))
-    value, stated, sd = (f"{found[k]:.{digits}f}" for k in ("value", "stated", "sd"))
     quantity, unit = found["quantity"], found["unit"]
+    value = f"{found['value']:.{max(0, decimals(found['sd']))}f}"
+    stated = estimate_text(found["stated"], found["sd"], unit)
     advice = f"measure the {quantity} before you believe the effect"
     if not found["doubtful"]:
         advice = "is that excluded? A usual standard deviation stands for one that the rig file does not state"
     return (
-        f"a {quantity} of {value} {unit} in place of {stated} ± {sd} {unit} would do the same as {effect}; "
+        f"a {quantity} of {value} {unit} in place of {stated} would do the same as {effect}; "
         f"it is {abs(found['z']):.2g} standard deviations off: {advice}"
     )

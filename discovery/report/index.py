@@ -14,11 +14,11 @@ from typing import Any
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.mechanics import get_base
-from discovery.report.numbers import scale_for_change, significant, uncertain, unit_text
+from discovery.report.numbers import scale_for_change, significant
 from discovery.report.page import environment
 from discovery.report.results import read_run
 from discovery.report.sentences import chances
-from discovery.report.words import effect_name, held_group, origin, sentence
+from discovery.report.words import effect_name, held_group, origin, sentence, values_text
 from discovery.results.provenance import read_json
 
 __all__ = ["build_index"]
@@ -127,12 +127,9 @@ def _coordinate(loop: Mapping[str, Any]) -> str:
 
 def _effect(effect: Mapping[str, Any], coordinate: str) -> str:
     """Return an added effect with its parameters, its rivals and its odds."""
-    values = [
-        f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], coordinate)}".strip()
-        for name, p in effect["parameters"].items()
-    ]
+    values = values_text(effect["parameters"], coordinate)
     rivals = "".join(f" or {effect_name(r)}" for r in effect["ambiguous_with"])
-    told = [*values, *([chances(effect["evidence"]["odds"])] if effect["evidence"] else [])]
+    told = list(filter(None, [values, chances(effect["evidence"]["odds"]) if effect["evidence"] else ""]))
     return effect_name(effect["id"]) + rivals + (f" ({'; '.join(told)})" if told else "")
 
 

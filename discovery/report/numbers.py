@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from discovery.foundation.estimate_text import decimals, places
+
 __all__ = [
     "MISSING",
     "Scale",
@@ -122,11 +124,6 @@ def in_newtons(known: Mapping[str, Any] | None) -> str:
     return f"{uncertain(known['value'], known['sd'])}\N{NO-BREAK SPACE}{unit_text(known['unit'])}"
 
 
-def _decimals(sd: float) -> int:
-    """Return the decimals that leave two significant digits of a standard deviation."""
-    return 1 - math.floor(math.log10(float(f"{sd:.1e}")))
-
-
 def uncertain(value: float | None, sd: float | None) -> str:
     """Return ``value ± sd`` with two digits of the standard deviation and the value rounded like it.
 
@@ -139,14 +136,9 @@ def uncertain(value: float | None, sd: float | None) -> str:
         return MISSING
     if sd is None or not math.isfinite(sd) or sd <= 0:
         return significant(value, 5)
-    size = max(abs(value), sd)
-    exponent = math.floor(math.log10(size))
-    if -4 < exponent < 6:
-        decimals = _decimals(sd)
-        return f"{fixed(value, decimals)} ± {fixed(sd, decimals)}"
-    decimals = _decimals(sd) + exponent
-    unit = 10.0**exponent
-    return f"({fixed(value / unit, decimals)} ± {fixed(sd / unit, decimals)}){_NARROW}{power_of_ten(exponent)}"
+    digits, exponent = places(value, sd)
+    both = " ± ".join(fixed(number / 10.0**exponent, digits) for number in (value, sd))
+    return f"({both}){_NARROW}{power_of_ten(exponent)}" if exponent else both
 
 
 def rounded(value: float | None, sd: float | None) -> str:
@@ -159,7 +151,7 @@ def rounded(value: float | None, sd: float | None) -> str:
     """
     if not value or not sd or not math.isfinite(sd):
         return significant(value, 5)
-    return significant(value, max(2, 1 + _decimals(sd) + math.floor(math.log10(abs(value)))))
+    return significant(value, max(2, 1 + decimals(sd) + math.floor(math.log10(abs(value)))))
 
 
 def near_one(share: float) -> str:
@@ -204,10 +196,6 @@ def interval(low: float | None, high: float | None) -> str:
         return MISSING
     if high == low:
         return f"{significant(low, 5)} to {significant(high, 5)}"
-    exponent = math.floor(math.log10(max(abs(low), abs(high))))
-    decimals = _decimals(high - low)
-    if -4 < exponent < 6:
-        return f"{fixed(low, decimals)} to {fixed(high, decimals)}"
-    unit = 10.0**exponent
-    decimals += exponent
-    return f"({fixed(low / unit, decimals)} to {fixed(high / unit, decimals)}){_NARROW}{power_of_ten(exponent)}"
+    digits, exponent = places(max(abs(low), abs(high)), high - low)
+    both = " to ".join(fixed(number / 10.0**exponent, digits) for number in (low, high))
+    return f"({both}){_NARROW}{power_of_ten(exponent)}" if exponent else both

@@ -36,7 +36,7 @@ from discovery.report.scripts import policy, scripts, sheet
 from discovery.report.sentences import effect_sentence, lead_sentence, model_error_words, refutations, verdict_sentence
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
-from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, prose, sentence
+from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, page_prose, sentence
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -130,7 +130,7 @@ def environment(*packages: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"prose": prose, "sentence": sentence, "clause": clause}
+    made.filters |= {"prose": page_prose, "sentence": sentence, "clause": clause}
     return made
 
 

@@ -6,10 +6,12 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from markupsafe import Markup, escape
+
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
-from discovery.report.numbers import Scale, power_of_ten, scale_for_change, significant
+from discovery.report.numbers import Scale, power_of_ten, scale_for_change, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import effect_name, lead_sentence, listed, verdict_sentence
 
@@ -27,8 +29,10 @@ __all__ = [
     "held_group",
     "listed",
     "origin",
+    "page_prose",
     "prose",
     "sentence",
+    "values_text",
 ]
 
 #: Where the steps of the mechanics come from, which are no entries of the catalogue.
@@ -63,7 +67,9 @@ _WRITTEN = (
 #: Ids, and whole numbers that are long enough to be grouped.
 _ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _LONG = re.compile(r"(?<![\w.])\d{5,}(?![\w.])")
-_TENS = re.compile(r"(?<=\d)e([+-]\d+)\b")
+#: A letter with an index; the name of a file is none.
+_SYMBOL = re.compile(r"(?<![\w./-])([^\W\d_])_(\w+)\b(?!\.\w)")
+_TENS = re.compile(r"(?<=[\d)])e([+-]?\d+)\b")
 
 
 def _listed(effect_id: str) -> bool:
@@ -81,9 +87,36 @@ def prose(text: str) -> str:
     return text
 
 
+def page_prose(text: str) -> Markup:
+    """Return a sentence of a result file for a page: as `prose`, the indices of its symbols below the line.
+
+    Examples
+    --------
+    >>> page_prose("f_c_load +- 0.1 < 1 N m")
+    Markup('f<sub>c,load</sub> ± 0.1 &lt; 1 N m')
+    """
+    return Markup(_SYMBOL.sub(lambda m: f"{m[1]}<sub>{m[2].replace('_', ',')}</sub>", str(escape(prose(text)))))
+
+
+def values_text(parameters: Mapping[str, Mapping[str, Any]], coordinate: str) -> str:
+    """Return parameters of loop.json with their values and units, one after the other.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Records of value, standard deviation and unit by name.
+    coordinate : str
+        The unit that q stands for.
+    """
+    return "; ".join(
+        f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], coordinate)}".strip()
+        for name, p in parameters.items()
+    )
+
+
 def sentence(text: str) -> str:
     """Return text with a capital first letter, but for a symbol."""
-    return text[:1].upper() + text[1:] if text[:2].isascii() else text
+    return text[:1].upper() + text[1:] if text[:2].isascii() and text[1:2] not in tuple("_<") else text
 
 
 def clause(text: str) -> str:

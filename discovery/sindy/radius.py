@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from discovery.foundation.errors import InputError
+from discovery.foundation.estimate_text import estimate_text
 from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.evidence import CANNOT_TELL, log_ratio, loudness
@@ -149,7 +150,7 @@ def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator) -> R
     spread = readings.spread(gamma, rng)
     drift, dynamic = readings.drift(), abs(moved - gamma)
     width = 1.96 * float(np.linalg.norm([spread, drift, dynamic]))
-    status = f"{preferred.law} is the simplest law that fits; in (16) alone gamma = {gamma:.4f} +- {width:.4f}."
+    status = f"{preferred.law} is the simplest law that fits; in (16) alone gamma = {estimate_text(gamma, width)}."
     if len(equal) > 1:
         status += f" Cannot tell it from {'; '.join(rivals[i].law for i in equal if rivals[i] is not preferred)}."
     return RadiusLaw(

@@ -1,0 +1,61 @@
+"""A value with its standard deviation, with the digits that the standard deviation leaves."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["decimals", "estimate_text", "places"]
+
+
+def decimals(sd: float) -> int:
+    """Return the decimals that leave two significant digits of a standard deviation; negative for tens and more."""
+    return 1 - math.floor(math.log10(float(f"{sd:.1e}")))
+
+
+def places(value: float, sd: float) -> tuple[int, int]:
+    """Return the decimals of a value and its standard deviation, and the power of ten that stands behind both.
+
+    Parameters
+    ----------
+    value, sd : float
+        The value, finite, and its standard deviation, positive, in one unit.
+
+    Examples
+    --------
+    >>> places(8.79068, 0.00124), places(0.000574, 0.000079)
+    ((4, 0), (2, -4))
+    """
+    exponent = math.floor(math.log10(max(abs(value), sd)))
+    exponent = 0 if -4 < exponent < 6 else exponent
+    return decimals(sd) + exponent, exponent
+
+
+def estimate_text(value: float, sd: float | None, unit: str = "1") -> str:
+    """Write a value with its standard deviation, if it has one, and its unit, if it is no ratio.
+
+    Parameters
+    ----------
+    value : float
+        The value; without a standard deviation it has six significant digits.
+    sd : float or None
+        Its standard deviation; it has two significant digits, and the value as many decimals.
+    unit : str
+        Unit of both.
+
+    Examples
+    --------
+    >>> estimate_text(0.00599864, 1.2e-6, "N m"), estimate_text(0.000574279, 7.9e-5, "s^-1"), estimate_text(0.25, None)
+    ('0.0059986 +- 0.0000012 N m', '(5.74 +- 0.79)e-4 s^-1', '0.25')
+    """
+    if not sd or not math.isfinite(sd) or not math.isfinite(value):
+        text = f"{value:.6g}"
+    else:
+        digits, exponent = places(value, sd)
+        both = " +- ".join(_fixed(number / 10.0**exponent, digits) for number in (value, sd))
+        text = f"({both})e{exponent}" if exponent else both
+    return f"{text} {unit}" if unit != "1" else text
+
+
+def _fixed(value: float, digits: int) -> str:
+    text = f"{round(value, digits):.{max(0, digits)}f}"
+    return text.removeprefix("-") if float(text) == 0 else text
