@@ -332,6 +332,8 @@ def test_an_equation_is_copied_as_latex(opened: Any) -> None:
     opened.execute_cdp_cmd(
         "Browser.grantPermissions", {"permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"]}
     )
+    # Only a page that has the focus may write to the clipboard.
+    opened.execute_cdp_cmd("Emulation.setFocusEmulationEnabled", {"enabled": True})
     opened.execute_script("arguments[0].click()", buttons[0])
     opened.execute_async_script("setTimeout(arguments[0], 200)")
     assert buttons[0].text == "Copied"
