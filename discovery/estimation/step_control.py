@@ -99,7 +99,8 @@ def cheapest(problem: Problem, minimum: Minimum, bench: Bench, *, worth: float) 
 
 def _bounded(problem: Problem, x: FloatArray, bench: Bench) -> bool:
     """Whether the motion of a fit does not blow up on other simulators."""
-    read = bench.predict(*problem.expand(x[:, None]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        read = bench.predict(*problem.expand(x[:, None]))
     return all(np.isfinite(each).all() for each in read)
 
 

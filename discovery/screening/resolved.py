@@ -46,8 +46,8 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
     list of Refit
         Smallest chi-square first.
     """
-    best = {r.effect: r for r in quick}
-    latest, done, improved = dict(best), set[str](), set[str]()
+    first = {r.effect: r for r in quick}
+    best, latest, done = dict(first), dict(first), set[str]()
     for bench in more_accurate(problem.bench):
         asked = [e for e in _leading(best, shortlist) if e not in done]
         least = min((r.chi2 for r in best.values()), default=0.0)
@@ -61,12 +61,10 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
             latest[r.effect], before = r, best.get(r.effect)
             if before is None or r.chi2 < before.chi2 - _worth(before, least):
                 best[r.effect] = r
-                improved.add(r.effect)
             else:
                 done.add(r.effect)
-    for effect in improved:
-        best[effect] = _cheaper(best[effect], problem.bench)
-    return sorted(best.values(), key=lambda r: r.chi2)
+    found = [r if r is first.get(e) else _cheaper(r, problem.bench) for e, r in best.items()]
+    return sorted(found, key=lambda r: r.chi2)
 
 
 def _leading(best: Mapping[str, Refit], shortlist: Sequence[Candidate]) -> list[str]:
