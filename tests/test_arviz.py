@@ -13,8 +13,8 @@ from test_posterior import experiment
 from discovery.estimation.fit import fit
 from discovery.foundation.errors import InputError
 from discovery.posterior.draws import Posterior
-from discovery.posterior.inference_data import arranged, attributes, by_name
-from discovery.posterior.sampling import sample
+from discovery.posterior.inference_data import arranged, attributes, by_name, of_readings
+from discovery.posterior.sampling import METHODS, sample
 from discovery.recordings.experiment import Experiment
 
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning", "ignore::UserWarning")
@@ -29,9 +29,9 @@ def recordings() -> list[Experiment]:
     return [first, dataclasses.replace(second, recording=dataclasses.replace(second.recording, output=output))]
 
 
-@pytest.fixture(scope="module")
-def drawn(recordings: list[Experiment]) -> Posterior:
-    return sample(fit(linear_model(), recordings), seed=11)
+@pytest.fixture(scope="module", params=METHODS)
+def drawn(request: pytest.FixtureRequest, recordings: list[Experiment]) -> Posterior:
+    return sample(fit(linear_model(), recordings), seed=11, method=request.param)
 
 
 def test_names_become_dimensions_and_come_back() -> None:
@@ -49,6 +49,25 @@ def test_names_become_dimensions_and_come_back() -> None:
     assert {name: float(own["tau"]) for name, own in attributes(dataset).items()} == {
         name: float(i) for i, name in enumerate(names)
     }
+
+
+def test_every_value_has_its_unit(drawn: Posterior, recordings: list[Experiment]) -> None:
+    tree = drawn.to_arviz(recordings, draws=40)
+    for group in ("observed_data", "posterior_predictive"):
+        assert {told.attrs["units"] for told in tree[group].data_vars.values()} == {recordings[0].recording.units[0]}
+    assert all("units" not in told.attrs for told in tree["log_likelihood"].data_vars.values())
+    prior = tree["prior"].to_dataset()
+    assert {name: prior[name].attrs["units"] for name in ("g", "sigma")} == {
+        name: drawn.units[name] for name in ("g", "sigma")
+    }
+
+
+def test_channels_of_different_units_have_them_reading_by_reading() -> None:
+    channel = {"a": ("angle", "x"), "b": ("x", "x")}
+    values = {name: np.zeros(2) for name in channel}
+    found = of_readings(values, values, channel, {"angle": "rad", "x": "m"})
+    assert found["units_a"].values.tolist() == ["rad", "m"] and "units" not in found["a"].attrs
+    assert found["b"].attrs["units"] == "m" and "units_b" not in found.coords
 
 
 def test_the_log_likelihood_of_single_readings_adds_up(drawn: Posterior, recordings: list[Experiment]) -> None:

@@ -117,7 +117,10 @@ def _variable(dataset: xr.Dataset, name: str) -> xr.DataArray:
 
 
 def of_readings(
-    values: Mapping[str, FloatArray], time: Mapping[str, FloatArray], channel: Mapping[str, Sequence[str]]
+    values: Mapping[str, FloatArray],
+    time: Mapping[str, FloatArray],
+    channel: Mapping[str, Sequence[str]],
+    units: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
     """Return what belongs to single readings, a variable a recording, its readings one after the other.
 
@@ -129,6 +132,8 @@ def of_readings(
         When each was read [s].
     channel : mapping of str to sequence of str
         By which channel.
+    units : mapping of str to str, optional
+        Unit of each channel, where the values have it; channels of different units have theirs in a coordinate.
     """
     import xarray as xr
 
@@ -137,7 +142,11 @@ def of_readings(
     for recording, found in values.items():
         name = re.sub(r"\W+", "_", recording)
         own = f"reading_{name}"
-        variables[name] = ((*_DIMENSIONS[: found.ndim - 1], own), found, {"recording": recording})
+        each = [] if units is None else [units[c] for c in channel[recording]]
+        shared = {"units": each[0]} if len(set(each)) == 1 else {}
+        variables[name] = ((*_DIMENSIONS[: found.ndim - 1], own), found, {"recording": recording, **shared})
+        if each and not shared:
+            coordinates[f"units_{name}"] = (own, np.asarray(each, dtype=str))
         coordinates[f"time_{name}"] = (own, time[recording], {"units": "s"})
         coordinates[f"channel_{name}"] = (own, np.asarray(channel[recording], dtype=str))
     return xr.Dataset(variables, coordinates)

@@ -32,7 +32,8 @@ def as_tree(posterior: Sample, groups: Mapping[str, xr.Dataset]) -> xr.DataTree:
     import xarray as xr
 
     prior = {name: x[None, :, None] for name, x in posterior.prior.items()}
-    return xr.DataTree.from_dict({**groups, **({"prior": arranged(prior)} if prior else {})})
+    said = {name: {"units": posterior.units[name]} for name in prior}
+    return xr.DataTree.from_dict({**groups, **({"prior": arranged(prior, said)} if prior else {})})
 
 
 def some(posterior: Sample, draws: int) -> Sample:
@@ -73,14 +74,15 @@ def readings(posterior: Sample, experiments: Sequence[Experiment], *, pointwise:
     found = replicated(posterior, experiments, draws, rng)
     time = {r.name: r.time for r in found}
     channel = {r.name: r.channel for r in found}
+    units = {c: unit for e in experiments for c, unit in zip(e.recording.channels, e.recording.units, strict=True)}
 
     def by_draw(values: FloatArray) -> FloatArray:
         return np.moveaxis(values.reshape(len(values), ensembles, -1), 0, -1)
 
     groups = {
-        "observed_data": of_readings({r.name: r.observed for r in found}, time, channel),
+        "observed_data": of_readings({r.name: r.observed for r in found}, time, channel, units),
         "posterior_predictive": of_readings(
-            {r.name: by_draw(r.again).astype(np.float32) for r in found}, time, channel
+            {r.name: by_draw(r.again).astype(np.float32) for r in found}, time, channel, units
         ),
     }
     if pointwise:

@@ -57,5 +57,5 @@ _ = data.plot_recordings()
 # Motion tells ratios to the inertia: f_c is a force over the mass, 1.5 N / 2 kg.
 found = discovery.close_loop(data)
 print(found)
-print(f"f_c = {found.after.values['f_c']:.4f} +- {found.after.sd['f_c']:.1g} m/s², simulated 0.75")
+print("simulated: f_c = 0.75 m s^-2")
 _ = found.plot_errors()

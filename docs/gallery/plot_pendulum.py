@@ -51,5 +51,5 @@ data = discovery.load_dataset(rig, [folder / "60.csv", folder / "30.csv"], [fold
 # Drag is named, with the coefficient that the formula of a sphere gives.
 found = discovery.close_loop(data)
 print(found)
-print(f"c_2 = {found.after.values['c_2']:.4f} +- {found.after.sd['c_2']:.4f}, simulated {drag:.4f}")
+print(f"simulated: c_2 = {drag:.4f}")
 _ = found.plot_residuals()
