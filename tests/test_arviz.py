@@ -66,8 +66,10 @@ def test_channels_of_different_units_have_them_reading_by_reading() -> None:
     channel = {"a": ("angle", "x"), "b": ("x", "x")}
     values = {name: np.zeros(2) for name in channel}
     found = of_readings(values, values, channel, {"angle": "rad", "x": "m"})
-    assert found["units_a"].values.tolist() == ["rad", "m"] and "units" not in found["a"].attrs
-    assert found["b"].attrs["units"] == "m" and "units_b" not in found.coords
+    assert found["units_a"].values.tolist() == ["rad", "m"]
+    assert "units" not in found["a"].attrs
+    assert found["b"].attrs["units"] == "m"
+    assert "units_b" not in found.coords
 
 
 def test_the_log_likelihood_of_single_readings_adds_up(drawn: Posterior, recordings: list[Experiment]) -> None:
