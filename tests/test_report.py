@@ -5,6 +5,7 @@ import csv
 import json
 import math
 import re
+import shutil
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,6 +25,7 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, posterior, sentences, story
+from discovery.report import page as report_page
 from discovery.report.charts import chart_data
 from discovery.report.convergence import convergence_sentence
 from discovery.report.drive import drive_symbols
@@ -82,6 +84,12 @@ def oscillator(tmp_path_factory: pytest.TempPathFactory) -> Made:
     folder = tmp_path_factory.mktemp("oscillator")
     results = synthetic_run.write_oscillator_run(folder)
     return folder, results, build_report(folder).read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the pictures of a page empty, for tests of its words: drawing them takes three quarters of the time."""
+    monkeypatch.setattr(report_page, "render", lambda picture: (".svg", b"<svg/>"))
 
 
 @pytest.fixture(scope="module", params=["arm", "oscillator"])
@@ -193,6 +201,7 @@ GEOMETRY = {**DELAY, "id": "elastica_geometry", "evidence": {}, "probability": N
 LEAD = {"effects": ["table_tilt"], "code": "held_out", "numbers": synthetic_run.odds(94.0, 1.0, 0.9)}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_named_beside_a_model_error_is_named(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["loop"] = _loop(results, "partly_explained", DELAY)
@@ -210,6 +219,7 @@ def test_what_is_named_beside_a_model_error_is_named(tmp_path: Path) -> None:
     assert "The verdict rests on the model error: 1.00 → 0.0800 mm, 8 % is left" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_not_explained_tells_its_strongest_lead(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["loop"] = {**_loop(results, "unexplained"), "lead": LEAD}
@@ -236,6 +246,7 @@ def test_nothing_missing_is_said_with_the_noise(tmp_path: Path) -> None:
     assert told.endswith("which is noise (floor 0.424 mm).")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
     """A pair, an exchange and a removal: each search stands beside what was in the model then."""
     results = synthetic_run.write_arm_run(tmp_path)
@@ -376,6 +387,7 @@ def test_an_error_that_grows_does_not_fall(tmp_path: Path) -> None:
     assert "goes from 2.98 to 4.00 mm" in headline(Run(tmp_path, results))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_declared_model_that_blows_up_is_told_and_hides_nothing(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     before = results["loop"]["errors"]["before"]
@@ -401,6 +413,7 @@ def test_a_declared_model_that_blows_up_is_told_and_hides_nothing(tmp_path: Path
     assert np.isnan(drawn[100:]).all()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_notes_stand_with_the_recordings(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["recordings"][0]["notes"] = ["'tip_x_m' is stuck for 29 samples from 3.3 s, while the system moves."]
@@ -425,6 +438,7 @@ def test_a_free_decay_is_shown_without_an_input(oscillator: Made) -> None:
     assert len(shown.figure.axes) == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     tried = {
@@ -633,6 +647,7 @@ def test_the_noise_is_chosen_by_evidence(arm: Made) -> None:
         ({"because": "It did not converge."}, "Left out: the posterior and the evidence. It did not converge."),
     ],
 )
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_still_to_come_is_told_at_the_top(pending: dict[str, Any], said: str, tmp_path: Path) -> None:
     results = synthetic_run.write_oscillator_run(tmp_path)
     results["pending"] = {"left_out": ["the posterior", "the evidence"], **pending}
@@ -644,6 +659,7 @@ def test_what_is_still_to_come_is_told_at_the_top(pending: dict[str, Any], said:
     assert "This run sampled no posterior." not in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_was_not_asked_for_is_not_missing(tmp_path: Path) -> None:
     results = synthetic_run.write_oscillator_run(tmp_path)
     results["pending"] = {"left_out": ["the posterior"], "because": "asked"}
@@ -653,6 +669,7 @@ def test_what_was_not_asked_for_is_not_missing(tmp_path: Path) -> None:
     assert "This run sampled no posterior." in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_loop_has_a_page_without_the_rest_of_a_run(tmp_path: Path) -> None:
     synthetic_run.write_loop_run(tmp_path)
     page = build_report(tmp_path).read_text(encoding="utf-8")
@@ -673,9 +690,8 @@ def test_the_page_over_all_runs_leads_to_the_page_of_a_loop(tmp_path: Path) -> N
     assert "<h2>Without</h2>" in page
 
 
-def test_a_card_shows_verdict_picture_and_the_error_before_and_after(tmp_path: Path) -> None:
-    synthetic_run.write_arm_run(tmp_path / "whole")
-    build_report(tmp_path / "whole")
+def test_a_card_shows_verdict_picture_and_the_error_before_and_after(arm: Made, tmp_path: Path) -> None:
+    shutil.copytree(arm[0], tmp_path / "whole")
     page = build_index(tmp_path).read_text(encoding="utf-8")
     reader = _Reader(page)
     assert '<p class="verdict explained">Explained</p>' in page
@@ -752,6 +768,7 @@ def test_an_error_counts_as_seen_by_a_chart_of_small_integers(arm: Made) -> None
     assert np.abs(values - left)[good].max() <= packed["step"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:
     """Results of a run that did not study its posterior."""
     results = synthetic_run.write_arm_run(tmp_path)
@@ -775,6 +792,7 @@ def test_draws_are_told_apart_by_ensemble_and_walker(tmp_path: Path) -> None:
     assert np.array_equal(draws["rate_0_init[b]"], values + 2.0)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_changed_result_changes_the_page(arm: Made, tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     results["loop"]["errors"]["after"]["holdout_inside"]["mean"] = 9.8765e-4
@@ -859,6 +877,7 @@ def test_no_results(tmp_path: Path) -> None:
     assert not (tmp_path / "report.html").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_broken_file_is_named(tmp_path: Path) -> None:
     synthetic_run.write_arm_run(tmp_path)
     (tmp_path / "laws.nc").write_bytes(b"no netCDF")
@@ -1039,6 +1058,7 @@ def test_the_input_is_defined_beside_its_equation(oscillator: Made) -> None:
     assert "Here g is the acceleration per unit of input, u is the recorded input." in _Reader(oscillator[2]).text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_posterior_of_the_final_model_stands_below_its_equation(tmp_path: Path) -> None:
     results = synthetic_run.write_oscillator_run(tmp_path)
     rows = synthetic_run._posterior_rows({"xi": (14.0, 0.1, "s^-1")})
