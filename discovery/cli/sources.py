@@ -63,8 +63,22 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
         click.echo(f"\n{effect.switch()}")
     click.echo(f"\nSource: {effect.cite}")
     click.echo(f"{_applies(effect.systems)}\n")
-    for p in effect.parameters():
-        click.echo(f"  {p.name:10} [{p.unit}]  {p.meaning}, bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units")
+    _print_parameters(effect)
+
+
+def _print_parameters(effect: Any) -> None:
+    """Print the parameters of an effect, in radians where only an arm has it, and what q and u in a unit are."""
+    from discovery.declarations.units import in_coordinate
+
+    parameters, own = effect.parameters(), set(effect.systems) == {"flexible_arm"}
+    units = {p.name: in_coordinate(p.unit, "rad" if own else "q") for p in parameters}
+    for p in parameters:
+        bounds = f"bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units"
+        click.echo(f"  {p.name:10} [{units[p.name]}]  {p.meaning}, {bounds}")
+    symbols = {"q": "q is the unit of the coordinate", "u": "u is the unit of the input"}
+    used = {factor.partition("^")[0] for unit in units.values() for factor in unit.split()}
+    if told := [words for symbol, words in symbols.items() if symbol in used]:
+        click.echo("\n  " + "; ".join(told) + ".")
 
 
 def _applies(systems: Collection[str]) -> str:
