@@ -745,7 +745,7 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     assert call(capsys, "effects", "coulomb_friction", "--system", "oscillator").status == 2
     card = call(capsys, "effects", "coulomb_friction")
     assert card.status == 0
-    for part in ("dissipation", "f_c", "s^-2 q", "dry friction", "Coulomb (1785)"):
+    for part in ("dissipation", "f_c", "q s^-2", "dry friction", "Coulomb (1785)"):
         assert part in card.out
     unknown = call(capsys, "effects", "coulomb_frcition")
     assert unknown.status == 2
