@@ -111,13 +111,25 @@ def test_the_sentences_say_what_to_do() -> None:
         assert "rad/s" not in said
 
 
+def page_with(folder: Path, *designs: Separation) -> str:
+    """Return the page of a run whose loop designed manoeuvres."""
+    results = write_arm_run(folder)
+    results["loop"]["separation"] = [design.summary() for design in designs]
+    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    return build_report(folder).read_text(encoding="utf-8")
+
+
 def test_the_page_shows_both(tmp_path: Path) -> None:
-    results = write_arm_run(tmp_path)
-    results["loop"]["separation"] = [which().summary() for which in (course, release)]
-    (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
-    page = build_report(tmp_path).read_text(encoding="utf-8")
+    page = page_with(tmp_path, course(), release())
     assert 'id="figure-manoeuvre_1"' in page
     assert 'id="figure-manoeuvre_2"' in page
     assert "let go at" in page
     moves = pd.read_csv(tmp_path / "tables" / "moves.csv")
     assert moves["by"].tolist() == [m.angle for m in course().moves]
+
+
+def test_a_release_alone_moves_no_input(tmp_path: Path) -> None:
+    page = page_with(tmp_path, release())
+    assert "let go at" in page
+    assert 'id="table-separation"' in page
+    assert not (tmp_path / "tables" / "moves.csv").exists()
