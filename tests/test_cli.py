@@ -755,11 +755,13 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
 def test_effects_says_where_an_effect_applies_and_what_to_do_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
     card = call(capsys, "effects", "base_backlash").out
     assert "Applies to a flexible arm. On any other system" in card
-    assert "w_p        [rad]" in card and "unit of the coordinate" not in card
+    assert "w_p        [rad]" in card
+    assert "unit of the coordinate" not in card
     assert "`discovery effects --system oscillator` lists what can" in card
     both = call(capsys, "effects", "coulomb_friction").out
     assert "Applies to a flexible arm and to any other system" in both
-    assert "[q s^-2]" in both and both.endswith("\n  q is the unit of the coordinate.\n")
+    assert "[q s^-2]" in both
+    assert both.endswith("\n  q is the unit of the coordinate.\n")
     spoken = call(capsys, "effects", "backlash")
     assert spoken.status == 2
     assert "Did you mean base_backlash, friction_through_play?" in spoken.err

@@ -14,6 +14,7 @@ from discovery.estimation.fit import fit
 from discovery.estimation.holdout import HoldOut
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
+from discovery.selection.decision import Decision
 from discovery.selection.final import finished
 from discovery.selection.odds import Odds, odds_of
 from discovery.selection.search import Search
@@ -117,6 +118,15 @@ def test_what_nothing_explains_stays_unexplained_with_its_strongest_lead() -> No
     assert verdict_of((), (), complete=is_complete(search.best, search.root, shared)) == "unexplained"
     lead = strongest_lead(search)
     assert lead is None or lead.code in ("training", "held_out", "size", "chance", "finite", "unknown")
+
+
+@pytest.mark.parametrize("beside", ["table_tilt", None])
+def test_what_was_refused_and_is_named_since_is_no_lead(monkeypatch: pytest.MonkeyPatch, beside: str | None) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    effects = tuple(e for e in (search.best.added[0], beside) if e)
+    monkeypatch.setattr(search, "decisions", [Decision("add", effects, False, "chance", {"train": 60.0, "held": 40.0})])
+    lead = strongest_lead(search)
+    assert (lead and lead.effects) == (effects if beside else None)
 
 
 def test_estimates_have_the_truth_within_their_intervals() -> None:

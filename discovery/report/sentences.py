@@ -189,8 +189,8 @@ def _held_out(numbers: Record) -> str:
 
 
 def _chance(numbers: Record) -> str:
-    gain = plain(numbers["gain"])
-    return f"a chi-square of {gain} is removed, no more than noise would give the best of the catalogue"
+    gain = f"it removes a chi-square of {plain(numbers['gain'])}"
+    return f"{gain}, no more than the best of the catalogue would by chance from errors like those left"
 
 
 def _size(numbers: Record) -> str:

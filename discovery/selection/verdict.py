@@ -139,8 +139,9 @@ def named(search: Search) -> list[Named]:
 
 
 def strongest_lead(search: Search) -> Lead | None:
-    """Return the most likely candidate that was refused at the end of the search; None where there was none."""
-    refused = [d for d in search.decisions if d.action == "add" and not d.accepted and d.numbers.get("train", 0) > 0]
+    """Return the most likely candidate that was refused at the end of the search and is not named; None without one."""
+    left = [d for d in search.decisions if d.action == "add" and not d.accepted and {*d.effects} - {*search.best.added}]
+    refused = [d for d in left if d.numbers.get("train", 0) > 0]
     of_laws = [d for d in refused if d.code != "unknown"]
     last = [d for d in of_laws if d.candidates == of_laws[-1].candidates] + [d for d in refused if d.code == "unknown"]
     if not last:
