@@ -138,6 +138,16 @@ def test_intervals_hold_a_model_error_that_looks_like_a_parameter() -> None:
     assert moved == pytest.approx(0.5 * wide.error, rel=0.1)
 
 
+def test_a_model_error_does_not_widen_what_the_prior_alone_tells() -> None:
+    # The readings know the first parameter, and nothing of the second.
+    y = SLOPES @ [0.5, 0.0] + drawn(20.0, 3)
+    known = evidence_of(replace(problem(SLOPES * [1.0, 1e-3], y), form=0.5))
+    assert known.nil > 0
+    assert np.sqrt(known.covariance[1, 1]) == pytest.approx(3.0, rel=0.01)
+    alone = evidence_of(replace(problem(SLOPES[:, :1], y), form=0.5))
+    assert known.covariance[0, 0] == pytest.approx(alone.covariance[0, 0], rel=0.01)
+
+
 def test_without_a_model_error_intervals_are_those_of_the_noise() -> None:
     y = SLOPES @ [0.5, -1.0] + drawn(0.0, 6)
     found = evidence_of(replace(problem(SLOPES, y), form=0.5))

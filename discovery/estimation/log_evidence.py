@@ -231,7 +231,10 @@ def _covariance(problem: Linearised, train: _Sizes) -> FloatArray:
     covariance = _inverse(train.mode(float(np.hypot(size, problem.stated)) / at.white).precision)
     if train.nil > 0:
         none, count = train.mode(0.0), sum(c.time.size for c in problem.train)
-        covariance = covariance + (problem.form * size) ** 2 * count * _inverse(none.precision) / none.white**2
+        inverse, prior = _inverse(none.precision), Prior.of(problem.belief, problem.fitted).precision
+        # A parameter of which the readings know little is moved by little: its prior holds it.
+        moved = inverse @ (none.precision - prior) @ inverse / none.white**2
+        covariance = covariance + (problem.form * size) ** 2 * count * moved
     return covariance
 
 
