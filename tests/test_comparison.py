@@ -135,8 +135,8 @@ def test_goals_are_judged_by_the_numbers(results):
         "held out at most 1.90 mV: 2.00 mV (where it was fitted the final model leaves 1.00 mV" in outcomes[1].sentence
     )
     assert "the best known figure is 1.80 mV, m (s)" in outcomes[1].sentence
-    assert outcomes[4].sentence == "stribeck friction is not named first, but explains as much as coulomb friction"
-    assert outcomes[5].sentence.endswith("what was added: coulomb friction or stribeck friction")
+    assert outcomes[4].sentence == "Stribeck friction is not named first, but explains as much as Coulomb friction"
+    assert outcomes[5].sentence.endswith("what was added: Coulomb friction or Stribeck friction")
     assert outcomes[8].sentence == "verdict “nothing missing” or “partly explained”: it is “explained”"
     assert "4 are fitted" in outcomes[9].sentence
 
@@ -246,7 +246,7 @@ def test_the_page_holds_what_the_files_say(page: Path) -> None:
     assert "Of 4 rigs, the loop lowers the held-out error of 4" in text
     assert "0 of the 1 that have one; of 2 goals stated beforehand 1 are reached" in text
     assert "<strong>Not reached</strong>: held out at most 1.90 mV: 2.00 mV" in text
-    assert "<strong>Reached</strong>: coulomb friction is named" in text
+    assert "<strong>Reached</strong>: Coulomb friction is named" in text
     assert "4.00 → 2.00" in text
     assert "800 → 400" in text
     assert "Duffing (someone)" in text
@@ -261,7 +261,7 @@ def test_the_page_holds_what_the_files_say(page: Path) -> None:
     assert rows.index("Heavy ball") < rows.index("Light ball")
     assert "rig_absent" not in text
     table = (page.parent / "tables" / "overview.csv").read_text()
-    assert "set/rig,holdout,explained,coulomb friction or stribeck friction,mV,3.0,1.0,4.0,2.0,1.8" in table
+    assert "set/rig,holdout,explained,Coulomb friction or Stribeck friction,mV,3.0,1.0,4.0,2.0,1.8" in table
     assert "set/rig,far,explained" in table
     assert (page.parent / "tables" / "errors_set_plain.csv").exists()
 
@@ -332,7 +332,7 @@ HELD = 'regression = { errors = { holdout = 2.2 }, named = [["coulomb_friction"]
     [
         (HELD, []),
         (HELD.replace("2.2", "1.95"), ["held out at most 1.95 mV: 2.00 mV"]),
-        (HELD.replace("coulomb", "stribeck"), ["stribeck friction is not named first"]),
+        (HELD.replace("coulomb", "stribeck"), ["Stribeck friction is not named first"]),
         ("", ["held out at most 1.90 mV: 2.00 mV", "second mode is not named", "the loop takes at most 5.00 s: 7.5"]),
     ],
 )

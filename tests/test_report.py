@@ -170,7 +170,7 @@ def test_the_verdict_comes_first_and_in_order(arm: Made) -> None:
     assert verdict
     assert "These recordings are simulated by a twin of the rig." in note[1]
     assert verdict[1] == (
-        "Explained: the declared model lacked elastica geometry and coulomb friction (or quadratic drag); with them, "
+        "Explained: the declared model lacked elastica geometry and Coulomb friction (or quadratic drag); with them, "
         "the rms error on a recording that no fit saw falls from 2.98 to 0.473 mm (noise floor 0.424 mm)."
     )
     assert page.index("<h1>") < note.start() < verdict.start() < page.index("<h2 ")
@@ -352,7 +352,7 @@ def test_searches_are_told_apart_by_what_is_in_the_model(arm: Made) -> None:
 
 def test_candidates_are_bars_of_log_evidence(arm: Made) -> None:
     first, second = ranking.draw(Run(arm[0], arm[1]))
-    assert "beside coulomb friction" in second.caption
+    assert "beside Coulomb friction" in second.caption
     for picture, search in zip((first, second), story.searches(Run(arm[0], arm[1])), strict=True):
         (axes,) = picture.figure.axes
         left, right = axes.get_xlim()
@@ -488,7 +488,7 @@ def test_methods_that_a_run_did_not_use_are_not_cited(arm: Made) -> None:
         "The log evidence is 7.25 nats lower on them.",
         "the best candidate promises a chi-square of 14.8, chance alone 20.4",
         "Coulomb friction, or quadratic drag in its place: their odds differ by less than 20 to 1.",
-        "Search 2 beside coulomb friction",
+        "Search 2 beside Coulomb friction",
         "conditional on its selection",
         "0.0162",  # distance to the noise-free tip [mm]
         "−1.2",  # discrepancy of alpha with the elastica
@@ -696,7 +696,7 @@ def test_a_card_shows_verdict_picture_and_the_error_before_and_after(arm: Made, 
     reader = _Reader(page)
     assert '<p class="verdict explained">Explained</p>' in page
     assert "2.98 → 0.473 mm" in reader.text
-    assert "coulomb friction or quadratic drag" in reader.text
+    assert "Coulomb friction or quadratic drag" in reader.text
     (image,) = (a for t, a in reader.tags if t == "img")
     assert (image["src"] or "").startswith("data:image/png;base64,")
     assert "measured, declared and final model" in (image["alt"] or "")

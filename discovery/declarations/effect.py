@@ -43,10 +43,24 @@ __all__ = [
     "Potential",
     "Sensor",
     "Shape",
+    "effect_name",
 ]
 
 #: What an effect may need: a linear spring between two parts, an angle that nothing ties, or a body that falls.
 SPRING, ROTOR, WEIGHT = "spring", "rotor", "weight"
+#: Names of people in those of effects.
+_PEOPLE = {"coriolis", "coulomb", "stribeck"}
+
+
+def effect_name(effect_id: str) -> str:
+    """Return an effect's id as words.
+
+    Examples
+    --------
+    >>> effect_name("coulomb_friction"), effect_name("sensor_delay")
+    ('Coulomb friction', 'sensor delay')
+    """
+    return " ".join(word.capitalize() if word in _PEOPLE else word for word in effect_id.split("_"))
 
 
 class Effect(ABC):

@@ -7,7 +7,7 @@ import re
 import sympy as sp
 import sympy.abc
 
-from discovery.declarations.effect import Drive, Sensor
+from discovery.declarations.effect import Drive, Sensor, effect_name
 from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
 from discovery.equations.model import Model
 from discovery.export.latex_writer import LatexLine
@@ -27,11 +27,11 @@ def declared_latex(model: Model) -> list[LatexLine]:
         if effect.place:
             found += placed_lines(effect)
         elif isinstance(effect, Drive):
-            found.append(DeclaredLine(effect.id().replace("_", " "), "u_received", 0, sp.sympify(effect.expression())))
+            found.append(DeclaredLine(effect_name(effect.id()), "u_received", 0, sp.sympify(effect.expression())))
         elif isinstance(effect, Sensor):
             late = effect.lateness()
             value = sp.Symbol("t", real=True) - late if late != 0 else sp.sympify(effect.oscillator_reading(_READ))
-            found.append(DeclaredLine(effect.id().replace("_", " "), "t_read" if late != 0 else "y_told", 0, value))
+            found.append(DeclaredLine(effect_name(effect.id()), "t_read" if late != 0 else "y_told", 0, value))
     return [LatexLine(line.words, f"{_dotted(line.name, line.dots)} = {_latex(line.value)}") for line in found]
 
 

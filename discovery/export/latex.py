@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
+from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape, effect_name
 from discovery.equations.contributions import radius_of
 from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model
@@ -62,14 +62,14 @@ def _equation(terms: EquationTerms, write: Writer, model: Model) -> list[LatexLi
     """Return the equation of motion, one line for the base and one for each effect."""
     inertia = "" if terms.inertia == 1 else f"\\left({write(terms.inertia)}\\right) "
     lines = [LatexLine("equation of motion", inertia + write(terms.acceleration))]
-    titles = {e.id(): e.id().replace("_", " ") for e in model.terms}
+    titles = {e.id(): effect_name(e.id()) for e in model.terms}
     for name, term in terms.terms:
         body = _parameters_first(term, write)
         signed = body if body.startswith("-") else f"+ {body}"
         lines.append(LatexLine(titles.get(name, "inertia of the moving mass"), signed))
     last = lines[-1]
     lines[-1] = LatexLine(last.words, f"{last.latex} = {write(terms.drive)}")
-    modes = {f"{z}_0": e.id().replace("_", " ") for e in model.terms if isinstance(e, Mode) for z in e.states()}
+    modes = {f"{z}_0": effect_name(e.id()) for e in model.terms if isinstance(e, Mode) for z in e.states()}
     lines += [
         LatexLine(modes.get(state.name, "memory"), f"{write.rate(state)} = {write(slope)}")
         for state, slope in terms.memory
@@ -113,7 +113,7 @@ def _energy(effect: Effect, write: Writer) -> list[LatexLine]:
         )
     elif isinstance(effect, Joint):
         body += r", \quad P = - \alpha b \dot{p}, \quad b = \frac{1}{3} \kappa(0, t)"
-    lines = [LatexLine(effect.id().replace("_", " "), f"{letter} = {body}")]
+    lines = [LatexLine(effect_name(effect.id()), f"{letter} = {body}")]
     if isinstance(effect, Memory | Joint):
         rates = effect.states().items()
         lines += [LatexLine("memory", f"\\dot{{{write(z)}}} = {write(rate)}") for z, rate in rates]
@@ -128,7 +128,7 @@ def _shape(effect: Shape, write: Writer) -> LatexLine:
         turn = write(effect.root_turn())
         added.append(rf"{turn} \kappa(0, t)")
         energy = rf", \quad \Delta U = \frac{{1}}{{6}} {turn} \kappa(0, t)^{{2}}"
-    return LatexLine(effect.id().replace("_", " "), rf"\Delta\theta(s, t) = {' + '.join(added)}{energy}")
+    return LatexLine(effect_name(effect.id()), rf"\Delta\theta(s, t) = {' + '.join(added)}{energy}")
 
 
 def _reading(model: Model, write: Writer) -> list[LatexLine]:
@@ -183,7 +183,7 @@ def latex_lines(model: Model) -> tuple[LatexLine, ...]:
             if effect.kind in LETTERS or isinstance(effect, Joint):
                 lines += _energy(effect, write)
     lines += [_shape(effect, write) for effect in model.terms if isinstance(effect, Shape)]
-    closures = " + ".join(effect.id().replace("_", " ") for effect in model.terms if effect.kind == "closure")
+    closures = " + ".join(effect_name(effect.id()) for effect in model.terms if effect.kind == "closure")
     if (law := radius_of(model.terms)) is not None:
         shown = write(law) if law.func is not sp.Add else f"\\left({write(law)}\\right)"
         lines.append(LatexLine(closures, f"\\rho_t = l {shown}"))

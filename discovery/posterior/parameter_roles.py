@@ -9,7 +9,7 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Effect, Expressed
+from discovery.declarations.effect import Effect, Expressed, effect_name
 from discovery.equations.model import Model
 
 __all__ = ["shared"]
@@ -64,7 +64,7 @@ def shared(model: Model, first: str, second: str) -> str:
     """Return what two parameters of a model share, as a clause."""
     owners = _owner(model, first), _owner(model, second)
     if owners[0] is owners[1]:
-        title = "the mechanics" if owners[0] is None else owners[0].id().replace("_", " ")
+        title = "the mechanics" if owners[0] is None else effect_name(owners[0].id())
         return f"both belong to {title}, whose size and form are seen together"
     roles = _role(model, owners[0], first), _role(model, owners[1], second)
     a, b = sorted(roles)

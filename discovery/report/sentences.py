@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from discovery.declarations.effect import effect_name
 from discovery.report.failure_sentences import failure_sentence
 from discovery.report.number_words import plain, sizes
 
@@ -16,7 +17,6 @@ __all__ = [
     "OUTCOMES",
     "chances",
     "decision_sentence",
-    "effect_name",
     "effect_sentence",
     "lead_sentence",
     "listed",
@@ -45,11 +45,6 @@ def listed(words: Iterable[str]) -> str:
     """Return words as a reader lists them: a, b and c."""
     words = list(words)
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
-
-
-def effect_name(effect_id: str) -> str:
-    """Return an effect's id as words."""
-    return effect_id.replace("_", " ")
 
 
 def chances(log_odds: float | None) -> str:
