@@ -15,7 +15,7 @@ from discovery.report.latex import latex
 from discovery.report.mathml import block, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
-from discovery.report.sentences import chances, probability_words
+from discovery.report.sentences import chances, inclusion_words
 from discovery.report.words import effect_name, error_groups, error_scale
 
 __all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
@@ -43,7 +43,7 @@ def certainty(run: Run) -> list[tuple[str, str]]:
         if evidence:
             words = chances(evidence["odds"]).removeprefix("odds of ")
             if effect["probability"] is not None:
-                words += f", probability {probability_words(effect['probability'])}"
+                words += f", {inclusion_words(effect)}"
             found.append((effect_name(name), words))
         elif better.get(name) is not None:
             found.append(

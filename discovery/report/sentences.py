@@ -18,6 +18,7 @@ __all__ = [
     "chances",
     "decision_sentence",
     "effect_sentence",
+    "inclusion_words",
     "lead_sentence",
     "listed",
     "model_error_words",
@@ -81,6 +82,14 @@ def probability_words(probability: float | None) -> str:
     return f"{probability:.{max(2, -math.floor(math.log10(rest)))}f}"
 
 
+def inclusion_words(effect: Record) -> str:
+    """Return the probability of an added effect, and that of its group where others explain as much."""
+    words = f"probability {probability_words(effect['probability'])}"
+    if effect["ambiguous_with"]:
+        words += f", of the group {probability_words(effect['group_probability'])}"
+    return words
+
+
 def model_error_words(error: Record) -> str:
     """Return the model error before and after, the part that is left, and what it depends on."""
     (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
@@ -140,9 +149,7 @@ def effect_sentence(effect: Record) -> str:
     words = f"{chances(effect['evidence']['odds'])} over its absence"
     if effect["probability"] is None:
         return words
-    words += f", probability {probability_words(effect['probability'])}"
-    if effect["ambiguous_with"]:
-        words += f", of the group {probability_words(effect['group_probability'])}"
+    words += f", {inclusion_words(effect)}"
     if not effect.get("may_stand_for_unknown"):
         return words
     more = _nats(effect["evidence"]["force_instead"])
