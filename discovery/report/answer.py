@@ -114,7 +114,7 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
         weight = physical["inertia"]
         found.append(
             {
-                "symbol": "",
+                "symbol": Markup(f"<math>{symbol('m' if weight['unit'] == 'kg' else 'J')}</math>"),
                 "value": uncertain(weight["value"], weight["sd"]),
                 "unit": unit_text(weight["unit"]),
                 "meaning": "inertia that the force or the rig file tells",

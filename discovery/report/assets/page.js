@@ -12,7 +12,11 @@
       button.textContent = said;
       setTimeout(() => { button.textContent = "LaTeX"; }, 1500);
     });
-    box.after(button);
+    // An equation and its button stay in one line.
+    const line = document.createElement("div");
+    line.className = "copied";
+    box.replaceWith(line);
+    line.append(box, button);
   }
 
   async function copied(text) {
