@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -63,9 +63,24 @@ def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return build_report(folder).rename(tmp_path_factory.mktemp("alone") / "report.html")
 
 
+def looks(check: Callable[..., None]) -> Callable[..., None]:
+    """Mark a test that leaves the page as it was: the next one of these looks at the same page."""
+    check.looks = True  # type: ignore[attr-defined]
+    return check
+
+
 @pytest.fixture(params=[1280, 390])
 def opened(request: pytest.FixtureRequest, browser: Any, page: Path) -> Any:
-    width = request.param
+    # Other pages have these tests as a parameter.
+    test = request.node.callspec.params.get("check", request.function)
+    width, only_looks = request.param, getattr(test, "looks", False)
+    if not (only_looks and getattr(browser, "untouched", None) == (page, width)):
+        _open(browser, page, width)
+    browser.untouched = (page, width) if only_looks else None
+    return browser
+
+
+def _open(browser: Any, page: Path, width: int) -> None:
     metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": LIGHT})
@@ -76,7 +91,6 @@ def opened(request: pytest.FixtureRequest, browser: Any, page: Path) -> Any:
     browser.get(page.as_uri())
     browser.execute_async_script(f"const done = arguments[0]; {DECODED}.then(() => done());")
     assert browser.execute_script("return window.innerWidth") == width
-    return browser
 
 
 def test_no_console_message_and_no_request(opened: Any, page: Path) -> None:
@@ -106,6 +120,7 @@ def test_every_image_is_decoded(opened: Any, page: Path) -> None:
         assert alt
 
 
+@looks
 def test_the_page_does_not_scroll_sideways(opened: Any) -> None:
     wide, narrow = opened.execute_script("const d = document.documentElement; return [d.scrollWidth, d.clientWidth]")
     assert wide <= narrow
@@ -120,6 +135,7 @@ def test_the_page_does_not_scroll_sideways(opened: Any) -> None:
     assert outside == []
 
 
+@looks
 def test_parameters_are_seen_without_scrolling(opened: Any, page: Path) -> None:
     found = opened.execute_script(
         """
@@ -136,6 +152,7 @@ def test_parameters_are_seen_without_scrolling(opened: Any, page: Path) -> None:
         assert right <= opened.execute_script("return document.documentElement.clientWidth")
 
 
+@looks
 def test_mathematics_is_drawn(opened: Any, page: Path) -> None:
     boxes = opened.execute_script(
         """
@@ -159,6 +176,7 @@ def test_mathematics_is_drawn(opened: Any, page: Path) -> None:
     assert all(raised)
 
 
+@looks
 def test_headings_are_in_order(opened: Any) -> None:
     levels = opened.execute_script("return [...document.querySelectorAll('h1,h2,h3,h4')].map(h => +h.tagName[1])")
     assert levels[0] == 1
@@ -166,6 +184,7 @@ def test_headings_are_in_order(opened: Any) -> None:
     assert all(later <= earlier + 1 for earlier, later in pairwise(levels))
 
 
+@looks
 def test_the_contents_lead_to_sections(opened: Any) -> None:
     missing = opened.execute_script(
         "const links = [...document.querySelectorAll('nav a')].map(a => a.getAttribute('href'));"
@@ -175,6 +194,7 @@ def test_the_contents_lead_to_sections(opened: Any) -> None:
     assert opened.execute_script("return document.querySelectorAll('nav a').length") >= 7
 
 
+@looks
 def test_text_is_large_and_dark_enough(opened: Any) -> None:
     styles = opened.execute_script(
         """

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
 from discovery.declarations import registry, symbols
-from discovery.declarations.effect import ARM, Kinetic
+from discovery.declarations.effect import ARM, Kinetic, effect_name
 from discovery.declarations.effect import Drive as DriveEffect
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import catalogue
@@ -561,7 +561,7 @@ def test_the_latex_is_balanced_and_renders(base: str) -> None:
     for parameter in model.parameters.values():
         assert parameter.meaning.replace("%", r"\%") in table
     for effect in model.effects:
-        shown = effect.replace("_", " ") in text
+        shown = effect_name(effect) in text
         assert shown or catalogue()[effect].kind in ("sensor", "drive"), effect
 
 

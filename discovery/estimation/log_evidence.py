@@ -231,11 +231,21 @@ def _covariance(problem: Linearised, train: _Sizes) -> FloatArray:
     covariance = _inverse(train.mode(float(np.hypot(size, problem.stated)) / at.white).precision)
     if train.nil > 0:
         none, count = train.mode(0.0), sum(c.time.size for c in problem.train)
-        inverse, prior = _inverse(none.precision), Prior.of(problem.belief, problem.fitted).precision
-        # A parameter of which the readings know little is moved by little: its prior holds it.
-        moved = inverse @ (none.precision - prior) @ inverse / none.white**2
+        moved = _moved(none.precision, Prior.of(problem.belief, problem.fitted).precision) / none.white**2
         covariance = covariance + (problem.form * size) ** 2 * count * moved
     return covariance
+
+
+def _moved(precision: FloatArray, prior: FloatArray) -> FloatArray:
+    """Return the covariance that an error in any one direction of the readings gives, of size one.
+
+    A parameter of which the readings know little is moved by little: its prior holds it.
+    """
+    scale = 1.0 / np.sqrt(np.diag(precision))
+    told, axes = np.linalg.eigh((precision - prior) * np.outer(scale, scale))
+    # What the readings tell is nowhere negative but for round-off.
+    root = _inverse(precision) @ (axes * np.sqrt(np.maximum(told, 0.0)) / scale[:, None])
+    return np.asarray(root @ root.T, np.float64)
 
 
 def _inverse(precision: FloatArray) -> FloatArray:
