@@ -154,6 +154,7 @@ def test_what_is_not_explained_is_said_with_the_strongest_lead(capsys: pytest.Ca
     assert "added: " not in said
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
     film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -249,6 +250,7 @@ def test_what_is_no_time_is_refused(said: str, film: Film, tmp_path: Path, capsy
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_without_time_gives_the_answer_and_says_what_is_left_out(
     film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -297,6 +299,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Film:
     return Film(folder / "rig.toml", folder / "film.csv")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_loop_ends_with_what_doubts_it_and_what_judged(
     film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -227,6 +227,7 @@ def test_the_report_is_plain_json() -> None:
     assert found["tried"][0]["parameters"]["c_b"]["unit"] == "1"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_shows_what_was_tested(tmp_path: Path) -> None:
     results = write_arm_run(tmp_path)
     report = check(exact("compliance"))

@@ -119,6 +119,7 @@ def page_with(folder: Path, *designs: Separation) -> str:
     return build_report(folder).read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_shows_both(tmp_path: Path) -> None:
     page = page_with(tmp_path, course(), release())
     assert 'id="figure-manoeuvre_1"' in page
@@ -128,6 +129,7 @@ def test_the_page_shows_both(tmp_path: Path) -> None:
     assert moves["by"].tolist() == [m.angle for m in course().moves]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_release_alone_moves_no_input(tmp_path: Path) -> None:
     page = page_with(tmp_path, release())
     assert "let go at" in page

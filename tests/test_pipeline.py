@@ -27,6 +27,9 @@ from discovery.runs.description import describe
 from discovery.runs.loop_files import save_prediction, write_loop
 from discovery.runs.pipeline import add_posterior, answer, run
 
+#: The words and files of pages are what is tested here.
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
 ANSWER = {"amplitude.nc", "laws.nc", "loop.json", "results.json", "trajectories.nc"}

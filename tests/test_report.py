@@ -25,7 +25,6 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, posterior, sentences, story
-from discovery.report import page as report_page
 from discovery.report.charts import chart_data
 from discovery.report.convergence import convergence_sentence
 from discovery.report.drive import drive_symbols
@@ -84,12 +83,6 @@ def oscillator(tmp_path_factory: pytest.TempPathFactory) -> Made:
     folder = tmp_path_factory.mktemp("oscillator")
     results = synthetic_run.write_oscillator_run(folder)
     return folder, results, build_report(folder).read_text(encoding="utf-8")
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the pictures of a page empty, for tests of its words: drawing them takes three quarters of the time."""
-    monkeypatch.setattr(report_page, "render", lambda picture: (".svg", b"<svg/>"))
 
 
 @pytest.fixture(scope="module", params=["arm", "oscillator"])

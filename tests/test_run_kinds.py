@@ -22,6 +22,9 @@ from discovery.report import build_report
 from discovery.runs import regression_stage, stages
 from discovery.runs.pipeline import run
 
+#: The words and files of pages are what is tested here.
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 MASS, DAMPING, NOISE = 3.0, 0.8, 1.0
 
 DRIVE = """

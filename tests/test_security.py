@@ -163,6 +163,7 @@ def test_a_page_of_altered_results_does_nothing(name: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("key", ["name", "effect", "unit", "status", "verdict", "reason"])
+@pytest.mark.usefixtures("undrawn")
 def test_no_text_of_the_results_becomes_markup(key: str, tmp_path: Path) -> None:
     write_oscillator_run(tmp_path)
     text = (tmp_path / "results.json").read_text()

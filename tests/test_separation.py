@@ -437,6 +437,7 @@ def test_what_cannot_be_separated_is_refused() -> None:
         demonstrated_limits([Experiment(o.recording, None, Rig("o", "oscillator"))])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path) -> None:
     results = write_arm_run(tmp_path)
     found = designed(("table_tilt", "encoder_ripple"))

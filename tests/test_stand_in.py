@@ -69,6 +69,7 @@ def test_a_length_without_error_leaves_the_scale_as_it_was_found(folder: Path) -
     assert effect["parameters"]["s"]["sd"] == result.after.sd["s"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_says_what_an_effect_may_stand_for(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     other = {"quantity": "length", "unit": "m", "value": 1.0, "stated": 1.01, "sd": 0.01, "z": -1.0, "doubtful": True}
