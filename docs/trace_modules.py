@@ -8,6 +8,7 @@ all that apply are tried. The numbers are written between the marks of the page.
 from __future__ import annotations
 
 import io
+import os
 import re
 import sys
 import threading
@@ -67,10 +68,12 @@ def traced() -> list[str]:
     command = ["loop", str(folder / "rig.toml"), *train, f"--holdout={folder / 'holdout_inside.csv'}", "--quiet"]
     said = io.StringIO()
     with TemporaryDirectory() as out, redirect_stdout(said), redirect_stderr(said):
+        # What was compiled before would be loaded, and what writes it would not be called.
+        os.environ["DISCOVERY_CACHE"] = f"{out}/compiled"
         threading.setprofile(note)
         sys.setprofile(note)
         try:
-            main([*command, "--out", out])
+            main([*command, "--out", f"{out}/loop"])
         finally:
             sys.setprofile(None)
             threading.setprofile(None)  # type: ignore[arg-type]
