@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from discovery.declarations.effect import effect_name
 from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, Picture, new_figure, render, styled
 
 #: Title, colour and marker of a prediction.
@@ -175,8 +176,8 @@ def _confusion(table: pd.DataFrame) -> Picture:
             fontsize=8,
         )
     axis.set(xlim=(-0.6, len(columns) - 0.4), ylim=(len(rows) - 0.4, -0.6), xlabel="named", ylabel="hidden")
-    axis.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=90, fontsize=7)
-    axis.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows], fontsize=7)
+    axis.set_xticks(range(len(columns)), [effect_name(c) for c in columns], rotation=90, fontsize=7)
+    axis.set_yticks(range(len(rows)), [effect_name(r) for r in rows], fontsize=7)
     return Picture("confusion", figure, "What was hidden and what was named.", "A table of counts.", wide=True)
 
 
