@@ -70,7 +70,7 @@ def test_the_output_of_an_oscillator_is_its_reading() -> None:
     experiment = recorded(("output",), DEFLECTION[:, None], rig=rig)
     reading = DEFLECTION[:, None, None]
     assert experiment.channels(reading) is reading
-    assert not experiment.is_arm
+    assert not experiment.system.has_rod
     np.testing.assert_array_equal(experiment.deflection, DEFLECTION)
     np.testing.assert_array_equal(experiment.motor_angle, 0.0)
 

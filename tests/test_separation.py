@@ -20,6 +20,7 @@ from scipy.optimize import minimize
 from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
+from discovery.declarations.systems import ARM
 from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
 from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits
 from discovery.diagnosis.move_search import MoveSearch
@@ -345,7 +346,7 @@ def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.Mo
     fits = stating(pair, motor_speed_limit=0.7)
     monkeypatch.setattr("discovery.runs.follow_up.fit_near", lambda problem, values: problem)
     chosen, other = (SimpleNamespace(refit=SimpleNamespace(problem=fits[name], values={})) for name in pair)
-    settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(is_arm=True)]
+    settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(system=ARM)]
     context: Any = SimpleNamespace(progress=lambda text: None, settings=settings, train=train)
     named: Any = {pair[0]: SimpleNamespace(rivals=(other,), group=(pair[1],))}
     search: Any = SimpleNamespace(best=chosen)

@@ -52,7 +52,7 @@ def close(case: Path, out: Path, *, with_holdout: bool) -> dict[str, Any]:
     result = loop(dataset, follow_up=False, progress=lambda _: None)
     seconds = time.process_time() - start
     content = write_loop(out, result)
-    predict_arm(case, out, dataset, result) if dataset.train[0].is_arm else predict_body(case, out, result)
+    predict_arm(case, out, dataset, result) if dataset.train[0].system.has_rod else predict_body(case, out, result)
     return {"seconds": seconds, "verdict": content["verdict"], "effects": [e["id"] for e in content["effects"]]}
 
 

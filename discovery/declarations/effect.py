@@ -263,6 +263,10 @@ class Sensor(Effect):
         """Return the reported output for the true one."""
         return output
 
+    def read(self, *true: sp.Expr) -> tuple[sp.Expr, ...]:
+        """Return what is reported for a true tip position or output."""
+        return self.arm_reading(*true) if len(true) == 2 else (self.oscillator_reading(*true),)
+
     def lateness(self) -> sp.Expr | int:
         """Return the age of the reported state [s]; positive when the instrument is late."""
         return 0

@@ -122,7 +122,7 @@ def check_contradictions(
     ContradictionReport
     """
     experiments = fit.problem.bench.experiments
-    arm = experiments[0].is_arm
+    arm = experiments[0].system.has_rod
     if candidates is None:
         candidates = possible(fit.model, experiments[0].coordinate_unit)
     if not arm:

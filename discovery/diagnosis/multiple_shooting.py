@@ -138,7 +138,7 @@ class Chain:
             found.append(reading)
         true = found[1][:, :, 0]
         position = true[:, 0]
-        if self.experiment.is_arm:
+        if self.experiment.system.has_rod:
             motor = self._evaluate(at)[0]
             position = motor + np.angle((true[:, 0] + 1j * true[:, 1]) * np.exp(-1j * motor))
         curve = CubicSpline(at, position)

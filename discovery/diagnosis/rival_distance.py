@@ -78,7 +78,7 @@ def _rest(fit: Fit, values: Mapping[str, float], angle: float) -> float:
     try:
         return equilibrium(fit.model, values, fit.problem.units, [angle])
     except ComputationError:
-        if first.is_arm:
+        if first.system.has_rod:
             raise
         return first.initial_guess[0]
 
@@ -200,7 +200,7 @@ class Trial:
 
     def _deflection(self, reading: FloatArray, motor: FloatArray) -> FloatArray:
         """Return the deflection of an arm [rad], or what is read of the coordinate [q]."""
-        if not self.given.is_arm:
+        if not self.given.system.has_rod:
             return reading[:, 0]
         return within_half_a_turn(np.arctan2(reading[:, 1], reading[:, 0]) - motor[:, None])
 

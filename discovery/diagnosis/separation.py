@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
 from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive
 from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits, known_part
 from discovery.diagnosis.move_search import MoveSearch
@@ -209,14 +208,13 @@ def separate(
         designed=distance,
         deflection=deflection,
         evaluations=sum(s.count for s in searches),
-        unit="rad" if experiments[0].is_arm else experiments[0].coordinate_unit,
+        unit=experiments[0].coordinate_unit,
     )
 
 
 def _in_order(rivals: Mapping[str, Fit]) -> tuple[tuple[str, ...], list[Fit]]:
     """Return rivals by name, the physically simplest first, and their fits."""
-    system = next(iter(rivals.values())).model.mechanics.system if rivals else ARM
-    names = tuple(sorted(rivals, key=lambda n: simplicity(n, system)))
+    names = tuple(sorted(rivals, key=lambda n: simplicity(n, rivals[n].model.mechanics.system)))
     fits = [rivals[n] for n in names]
     if len(fits) < 2 or len({tuple(e.recording.name for e in f.problem.bench.experiments) for f in fits}) != 1:
         raise InputError("Rivals to be separated are at least two fits to the same recordings.")
@@ -225,7 +223,7 @@ def _in_order(rivals: Mapping[str, Fit]) -> tuple[tuple[str, ...], list[Fit]]:
 
 def _short(limits: MotorLimits, fit: Fit) -> MotorLimits:
     """Return limits of a recording as long as some swings of what is no arm: a longer one says hardly more."""
-    if fit.problem.bench.experiments[0].is_arm:
+    if fit.problem.bench.experiments[0].system.has_rod:
         return limits
     return replace(limits, duration=min(limits.duration, _SWINGS * 2 * np.pi * fit.problem.units.time))
 
@@ -239,7 +237,7 @@ def _course(trial: Trial, moves: tuple[Move, ...]) -> FloatArray:
 def _input_column(experiment: Experiment) -> str:
     """Return the name of the input with its SI unit, as recordings of an arm name their motor's angle."""
     told = experiment.rig.columns.input
-    if experiment.is_arm or told is None:
+    if experiment.system.has_rod or told is None:
         return "motor_angle_rad"
     return f"input_{experiment.input_unit}".replace(" ", "_")
 

@@ -77,7 +77,7 @@ class StandIn:
 def stand_in(fitted: Fit, effect: str) -> StandIn | None:
     """Return what an added effect may stand for; None where the rig file is surely right, or does not say."""
     experiment = fitted.problem.bench.experiments[0]
-    quantity = get_effect(effect).stands_for if experiment.is_arm and effect in catalogue() else ""
+    quantity = get_effect(effect).stands_for if experiment.system.has_rod and effect in catalogue() else ""
     stated = getattr(experiment.rig, quantity) if quantity else None
     if stated is None or not stated.sd:
         return None

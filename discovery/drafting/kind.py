@@ -11,7 +11,7 @@ from discovery.drafting.law_of_motion import FloatArray, own_period
 from discovery.drafting.signals import Signals
 from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
 
-__all__ = ["Guess", "guess_kind", "is_arm"]
+__all__ = ["Guess", "guess_kind", "has_columns_of_an_arm"]
 
 
 class Guess(NamedTuple):
@@ -28,7 +28,7 @@ class Guess(NamedTuple):
     why: str
 
 
-def is_arm(names: Iterable[str]) -> bool:
+def has_columns_of_an_arm(names: Iterable[str]) -> bool:
     """Whether columns are those of a flexible arm: time, motor angle and tip."""
     found = {split[0] for name in names if (split := split_suffix(name, ARM_STEMS)) is not None}
     return {"time", "motor_angle"} <= found and any(found.issuperset(outputs) for outputs in ARM_OUTPUTS)

@@ -68,7 +68,7 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
     steps = np.diff(r.time)
     step = float(np.median(steps))
     steady = bool((np.abs(steps - step) <= _JITTER * step).all())
-    period = None if experiment.is_arm else own_period(r.time, experiment.deflection, r.input)
+    period = None if experiment.system.has_rod else own_period(r.time, experiment.deflection, r.input)
     return {
         "name": r.name,
         "role": role,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from discovery.declarations.units import si_factor, si_symbol, split_suffix
-from discovery.drafting.kind import Guess, guess_kind, is_arm
+from discovery.drafting.kind import Guess, guess_kind, has_columns_of_an_arm
 from discovery.drafting.signals import FloatArray, Signal, Signals, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths
 from discovery.foundation.errors import InputError
@@ -71,7 +71,7 @@ def draft(
     path = fitted[0]
     place = path.parent if folder is None else as_path(folder, "folder", "Give the folder of the rig file.")
     names = open_table(path)[0].columns
-    if (kind is None or KINDS[kind].has_rod) and is_arm(names):
+    if (kind is None or KINDS[kind].has_rod) and has_columns_of_an_arm(names):
         lines = _arm(path)
     else:
         found = find_signals(path, rate=rate, chosen=chosen)

@@ -266,7 +266,7 @@ def _reading(
         reading = tuple(s.length * r for r in reading)
     for sensor in effects:
         if isinstance(sensor, Sensor):
-            reading = sensor.arm_reading(*reading) if base.system.has_rod else (sensor.oscillator_reading(reading[0]),)
+            reading = sensor.read(*reading)
     return reading, memory
 
 

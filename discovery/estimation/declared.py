@@ -30,7 +30,7 @@ def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
     rig = experiment.rig
     if rig.system is not None:
         return {n: (c.value, c.sd) for n, c in rig.system.constants.items() if c.sd is not None}
-    if not experiment.is_arm:
+    if not experiment.system.has_rod:
         return {}
     known = {"tau_r": (RETARDATION, RETARDATION_SD), "mu": (LIGHT_ROD, LIGHT_ROD)}
     if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
@@ -69,6 +69,6 @@ def declared_model(experiment: Experiment | Dataset) -> Model:
         )
     unit = experiment.coordinate_unit
     for effect in experiment.rig.declared:
-        if get_effect(effect).angular and not experiment.is_arm and unit != "rad":
+        if get_effect(effect).angular and not experiment.system.has_rod and unit != "rad":
             raise InputError(f"Effect {effect} needs an angle in rad, but the coordinate is in {unit}.")
     return Model(experiment.rig.base, tuple(experiment.rig.declared), known_values(experiment))

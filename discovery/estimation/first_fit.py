@@ -34,7 +34,7 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
         If the model blows up from its guesses, and cannot be led to the end of the recordings either.
     """
     model = declared_model(experiments[0])
-    gaussian = {} if experiments[0].is_arm else rig_uncertainty(experiments[0])
+    gaussian = {} if experiments[0].system.has_rod else rig_uncertainty(experiments[0])
     try:
         return fit(model, experiments, units=units, gaussian=gaussian)
     except ComputationError as failure:

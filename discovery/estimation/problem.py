@@ -63,7 +63,7 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
     one radian, because its geometry is nonlinear on that scale.
     """
     frequencies = [_dominant(*_finite(e)) for e in experiments]
-    arm = experiments[0].is_arm
+    arm = experiments[0].system.has_rod
     length = experiments[0].rig.length
     forces = [e.force for e in experiments if e.force is not None]
     time = 1.0 / float(np.median(frequencies))

@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
     """Return what a reading off by one unit of the trajectory error is off: see `Probe.apart`."""
-    return units.length if experiments[0].is_arm else units.coordinate
+    return units.length if experiments[0].system.has_rod else units.coordinate
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Probe:
         fastest = np.sqrt(abs(alpha)) * self.model.mechanics.highest_frequency({**self.model.known, **self.values})
         gap = float(np.median(np.diff(experiments[0].recording.time)))
         # An input with content up to half the sampling rate must be resolved too.
-        rough = experiments[0].drive is not None and not experiments[0].is_arm
+        rough = experiments[0].drive is not None and not experiments[0].system.has_rod
         # The method is stable up to 2.8 / fastest; damping and candidates need some of that.
         return float(min(2.0 / fastest, 0.1 * self.units.time, gap if rough else np.inf))
 

@@ -68,7 +68,7 @@ def unequal_bench(
     probe = Probe.of(model, effects, units, values)
     longest = probe.longest(experiments)
     best = equal = probe.bench(experiments, step)
-    if step > _ENOUGH * longest or not experiments[0].is_arm:
+    if step > _ENOUGH * longest or not experiments[0].system.has_rod:
         return equal
     parts = _measured(probe, experiments, min(_COARSE * step, longest))
     if not 0 < parts.errors.max() < np.inf:

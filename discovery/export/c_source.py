@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
-from discovery.declarations.effect import ARM
 from discovery.equations.model import Model
 from discovery.export.c_text import INPUT_AT, INPUT_NODE, POWER
 from discovery.export.fitted import FittedModel, fitted_model
@@ -149,7 +148,7 @@ def _words(found: FittedModel, program: SymbolicModel) -> Mapping[str, str]:
     """Return what input and readings are called."""
     base = found.model.mechanics
     if base.input_moves:
-        return ARM_WORDS if base.system == ARM else MOVED_WORDS
+        return ARM_WORDS if base.system.has_rod else MOVED_WORDS
     heard = {x for _, e in (*program.drive, *program.assignments) for x in e.free_symbols}
     return OSCILLATOR_WORDS if sp.Symbol("u", real=True) in heard else FREE_WORDS
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from discovery.declarations.effect import ARM
 from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.export.c_source import to_c
@@ -98,7 +97,7 @@ def _library(sources: Mapping[str, str]) -> tuple[str, bytes] | None:
 def _variables(found: FittedModel) -> Iterable[dict[str, str]]:
     """Return the attributes of every variable, in the order of their references."""
     base = found.model.mechanics
-    arm = base.system == ARM
+    arm = base.system.has_rod
     held = {"causality": "parameter", "variability": "fixed", "initial": "exact"}
     for name, parameter in found.model.parameters.items():
         unit = found.unit_of(name)

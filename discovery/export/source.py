@@ -12,7 +12,6 @@ import sympy as sp
 from sympy.printing.numpy import NumPyPrinter
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM
 from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import docstring, origin
@@ -174,7 +173,7 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     """
     found = fitted_model(source, values)
     base, program = found.model.mechanics, program_of(found.model)
-    arm, moves = base.system == ARM, base.input_moves
+    arm, moves = base.system.has_rod, base.input_moves
     used = _symbols(*program.slopes, *program.reading, *dict(program.assignments).values())
     words = ARM_WORDS if arm else MOVED_WORDS if moves else OSCILLATOR_WORDS if s.u in used else FREE_WORDS
     inputs = sp.symbols(words["INPUTS"], real=True, seq=True)

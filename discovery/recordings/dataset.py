@@ -225,7 +225,7 @@ def _refuse_unusable(role: str, experiment: Experiment) -> None:
             f"{r.source}: the output is a copy of the input, column {given.name!r}, noise and all: no system does "
             "that. Write the column of each in [columns] of the rig file, or export the recording again."
         )
-    if not experiment.is_arm and r.input is not None and np.ptp(r.input) == 0:
+    if not experiment.system.has_rod and r.input is not None and np.ptp(r.input) == 0:
         value = f"{r.input[0]:g}" if given is None else quoted(float(r.input[0]), given.unit, 6)
         raise InputError(
             f"{r.source}: the input is {value} throughout, so it drives nothing and its gain cannot be found. "

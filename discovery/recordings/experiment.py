@@ -71,15 +71,10 @@ class Experiment:
         """Kind of system."""
         return System.of(self.rig.kind)
 
-    @property
-    def is_arm(self) -> bool:
-        """Whether a rod bends between hub and tip: `system.has_rod`."""
-        return self.system.has_rod
-
     @cached_property
     def motor_angle(self) -> FloatArray:
         """Smooth motor angle at the samples [rad], zeros for an oscillator, shape (n,)."""
-        if not self.is_arm or self.drive is None:
+        if not self.system.has_rod or self.drive is None:
             return np.zeros(self.recording.time.size)
         return self.drive.evaluate(self.recording.time)[0]
 

@@ -163,6 +163,6 @@ def laws(effects: Sequence[Any], system: str) -> str:
         return equal(symbol("t_read"), row(symbol("t"), *since))
     read: tuple[sp.Expr, ...] = sp.symbols("tip_x tip_y", real=True) if arm else (sp.Symbol("q", real=True),)
     for effect in effects:
-        read = effect.arm_reading(*read) if arm else (effect.oscillator_reading(*read),)
+        read = effect.read(*read)
     names = ("x_read", "y_read") if arm else ("q_read",)
     return row(NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(names, read, strict=True)))

@@ -42,7 +42,7 @@ def published(run: Run) -> Mapping[str, Any]:
     """Return the source paper's numbers where the run's rig is the paper's, else nothing."""
     paper = paper_numbers()
     quantities = run.results["rig"].get("quantities", {})
-    same = run.is_arm and all(
+    same = run.system.has_rod and all(
         name in quantities and abs(quantities[name]["value"] - value) < 1e-3 * value
         for name, value in paper["rig"].items()
     )

@@ -37,7 +37,7 @@ _MOST = 3
 
 def _word(run: Run, variable: str) -> str:
     """Return one variable in words."""
-    own = {} if run.is_arm else {"rate": "rate q̇", "output": run.output_name, "input": run.input_name}
+    own = {} if run.system.has_rod else {"rate": "rate q̇", "output": run.output_name, "input": run.input_name}
     return own.get(variable, _WORDS[variable])
 
 

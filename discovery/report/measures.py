@@ -40,7 +40,7 @@ def recordings_table(run: Run) -> Table:
             ]
         )
         raw.append([" ".join(r[k]) if k == "channels" else r[k] for k in keys])
-    largest = f"largest {'deflection' if run.is_arm else run.output_name if run.reads_coordinate else 'motion'}"
+    largest = f"largest {'deflection' if run.system.has_rod else run.output_name if run.reads_coordinate else 'motion'}"
     head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")
     return Table("recordings", "Recordings.", header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2))
 
@@ -67,7 +67,7 @@ def errors_table(run: Run) -> Table:
     floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}"
     what = (
         "distance between predicted and recorded tip"
-        if run.is_arm and len(run.results["recordings"][0]["channels"]) == 2
+        if run.system.has_rod and len(run.results["recordings"][0]["channels"]) == 2
         else "absolute error"
     )
     kind = f"{errors['holdout_kind']}, moving by {significant(errors['holdout_motion'])} times the noise"
@@ -121,7 +121,7 @@ def fits_table(run: Run) -> Table | None:
     scales = {k: scale_for(units[k], min(f[k]["mean"] for f in fits.values())) for k, _ in kinds}
     head, cells = ["model"], []
     for kind, m in kinds:
-        what = kind if run.is_arm else run.output_name
+        what = kind if run.system.has_rod else run.output_name
         head.append(f"{what}, {m} [{scales[kind].symbol}]")
         if any(f"{kind}_{m}" in row for row in paper.values()):
             head.append("paper")

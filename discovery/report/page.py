@@ -202,7 +202,7 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
     return {
         "tables": {name: table.html() for name, table in tables.items()},
         "figures": figures,
-        "is_arm": run.is_arm,
+        "has_rod": run.system.has_rod,
         "provenance": run.results["provenance"],
         "effects": effects_used(run),
         "methods": methods_used(run),
@@ -249,7 +249,7 @@ def _regression_part(run: Run) -> dict[str, Any]:
     return {
         "discovery": discovery,
         "equation": regression_equation(found_terms(discovery), system) if discovery else "",
-        "three": three_terms(discovery, system) if discovery and run.is_arm else None,
+        "three": three_terms(discovery, system) if discovery and run.system.has_rod else None,
         "radius": radius,
         "radius_interval": interval(*radius["interval"]) if radius else "",
         "radius_gamma": significant(radius["gamma"], 4) if radius else "",

@@ -109,11 +109,6 @@ class Run:
         return System.of(self.results["rig"]["kind"])
 
     @property
-    def is_arm(self) -> bool:
-        """Whether the system is a flexible arm."""
-        return self.system.has_rod
-
-    @property
     def is_whole(self) -> bool:
         """Whether the whole pipeline was run, not the loop alone."""
         return self.results.get("scope") != "loop"
@@ -151,7 +146,7 @@ class Run:
     @property
     def input_unit(self) -> str:
         """SI unit of the input; empty where the run does not state it."""
-        return "rad" if self.is_arm else str(self.results["rig"].get("input_unit") or "")
+        return "rad" if self.system.has_rod else str(self.results["rig"].get("input_unit") or "")
 
     @property
     def _base(self) -> str:

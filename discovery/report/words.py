@@ -146,7 +146,7 @@ def error_groups(run: Run) -> dict[str, str]:
     Held-out recordings are told apart by whether they stay inside the trained range only where there are both kinds.
     """
     errors = run.loop["errors"]["before"]
-    reach = "deflection" if run.is_arm else "range"
+    reach = "deflection" if run.system.has_rod else "range"
     inside, outside = f"inside the trained {reach}", f"beyond the trained {reach}"
     if {"holdout_inside", "holdout_outside"} <= errors.keys():
         return {

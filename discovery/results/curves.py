@@ -190,7 +190,7 @@ def _release(experiment: Experiment) -> float:
     """Return when the motor has stopped for good."""
     if experiment.drive is None:
         return float(experiment.recording.time[0])
-    if not experiment.is_arm:
+    if not experiment.system.has_rod:
         return float("inf")
     rate = np.abs(experiment.drive.evaluate(experiment.recording.time)[1])
     moving = np.flatnonzero(rate > 1e-3 * rate.max()) if rate.max() > 0 else np.empty(0, int)

@@ -75,8 +75,8 @@ class Answer:
     @property
     def subject(self) -> Fit:
         """The fit that is sampled: an arm's is the paper's model, which the elastica predicts, else the final one."""
-        is_arm = self.dataset.train[0].is_arm
-        return (self.fits.models["declared"] if is_arm else self.loop.after).specialised()
+        rod = self.dataset.train[0].system.has_rod
+        return (self.fits.models["declared"] if rod else self.loop.after).specialised()
 
     @cached_property
     def kept(self) -> Mapping[str, Any]:
@@ -129,7 +129,7 @@ class Sampled:
         posterior, study = self.posterior, self.study
         found = None
         if posterior is not None and study is not None:
-            subject = "declared" if answer.dataset.train[0].is_arm else "after"
+            subject = "declared" if answer.dataset.train[0].system.has_rod else "after"
             found = {
                 "subject": subject,
                 "rows": posterior.summary(),

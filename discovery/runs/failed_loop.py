@@ -109,7 +109,7 @@ def failed_loop(dataset: Dataset, failure: ComputationError) -> FailedLoop:
     """
     train = dataset.train
     units, model = natural_units(train), declared_model(train[0])
-    gaussian = {} if train[0].is_arm else rig_uncertainty(train[0])
+    gaussian = {} if train[0].system.has_rod else rig_uncertainty(train[0])
     duration = max(float(np.ptp(e.recording.time[e.fitted])) for e in train)
     numbers = {"time": failure.time} if isinstance(failure, SimulationFailure) else {}
     growth = _growth(dataset, model, units)

@@ -38,7 +38,7 @@ def separations(search: Search, found: Mapping[str, Named], context: Context) ->
     """Design a manoeuvre, within what the system has done, for every added effect that others explain as well."""
     first = context.train[0]
     # Of a prescribed motion and of a fall there is nothing to choose.
-    given = not first.is_arm and (first.rig.view is not None or first.rig.traits.falls)
+    given = not first.system.has_rod and (first.rig.view is not None or first.rig.traits.falls)
     if given or not context.settings.follow_up:
         return ()
     made = []
@@ -51,7 +51,7 @@ def separations(search: Search, found: Mapping[str, Named], context: Context) ->
         steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
         rng = np.random.default_rng([context.settings.seed, 2])
         # An input that never moved shows no limits, and what has no place of rest none to start from.
-        with nullcontext() if first.is_arm else suppress(InputError, ComputationError):
+        with nullcontext() if first.system.has_rod else suppress(InputError, ComputationError):
             made.append(separate(fits, rng, evaluations=designs(steps)))
     return tuple(made)
 

@@ -178,7 +178,7 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
 def _start(before: Fit, context: Context) -> Fit:
     """Return the fit to which effects are added: an arm's on its exact mechanics."""
     first = context.train[0]
-    if first.is_arm:
+    if first.system.has_rod:
         context.progress("refitting on the exact mechanics of the arm")
         known = {n: v for n, v in before.values.items() if n in ("alpha", "xi")}
         return context.fit(before.model.on_base(_EXACT), known, rig_uncertainty(first))
@@ -196,7 +196,7 @@ def _on_best_mechanics(
     before: Fit, search: Search, context: Context
 ) -> tuple[Contender, tuple[str, ...], list[Decision]]:
     """Return the set found on the mechanics with the highest evidence, the steps to it, and why."""
-    if not context.train[0].is_arm:
+    if not context.train[0].system.has_rod:
         return search.best, (), []
     context.progress("comparing mechanics")
     bases = ["constant_radius", *(base for base, _ in UPGRADES)]

@@ -143,7 +143,7 @@ def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tu
 
     columns: dict[str, FloatArray] = {"time_s": experiment.recording.time}
     spreads: dict[str, FloatArray] = {}
-    arm = experiment.is_arm
+    arm = experiment.system.has_rod
     final, why = predict(after, experiment, initial), ""
     try:
         first = predict(before, experiment, initial)

@@ -109,7 +109,7 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -
         tell("searching for the radius law")
         radius = discover_radius(motions, rng=rng)
     multisine = None
-    if not dataset.train[0].is_arm and dataset.train[0].recording.input is not None:
+    if not dataset.train[0].system.has_rod and dataset.train[0].recording.input is not None:
         from discovery.signals.distortion import analyse_multisine
 
         tell("reading the multisine's own lines")

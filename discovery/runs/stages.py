@@ -89,7 +89,7 @@ def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
     plans: dict[str, tuple[str, ...]] = {}
     if not KINDS[train[0].rig.kind].may_be_bare:
         plans["linear"] = LINEAR_MODEL
-    if train[0].is_arm and "radius_law" in declared.effects:
+    if train[0].system.has_rod and "radius_law" in declared.effects:
         plans["constant_radius"] = tuple(e for e in declared.effects if e != "radius_law")
     plans["declared"] = declared.effects
     models, predictions, found = {}, {}, {}

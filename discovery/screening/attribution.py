@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM, OSCILLATOR, Effect, Mode
+from discovery.declarations.effect import OSCILLATOR, Effect, Mode
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.place import can_be_placed, placed
 from discovery.declarations.registry import catalogue, get_effect
@@ -150,7 +150,7 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         if base.system in effect.systems
         and e not in model.effects
         and e not in base.provides
-        and (base.system == ARM or unit == "rad" or not effect.angular)
+        and (base.system.has_rod or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
         and _is_heard(effect, model)
         and (base.anchored or not effect.anchored)
@@ -160,7 +160,7 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
 
 def _is_heard(effect: Effect, model: Model) -> bool:
     """Return whether an effect of the drive, if it is one, changes an input that there is."""
-    if effect.kind != "drive" or model.mechanics.system == ARM:
+    if effect.kind != "drive" or model.mechanics.system.has_rod:
         return True
     return model.mechanics.is_pushed and model.known.get("g") != 0.0
 

@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from discovery.declarations.effect import OSCILLATOR
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -54,7 +53,7 @@ def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refi
         oscillator whose start was read off the recording, or where the recordings are short.
     """
     bench = problem.bench
-    arm, declared = problem.model.mechanics.system != OSCILLATOR, bench.experiments[0].rig.system is not None
+    arm, declared = problem.model.mechanics.system.has_rod, bench.experiments[0].rig.traits.has_own_equations
     if not (arm or declared) and any(e.drive is not None for e in bench.experiments):
         return []
     period = 2 * np.pi * problem.units.time

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
 
-from discovery.declarations.effect import ARM, Effect, Expressed, Joint, Memory, Sensor
+from discovery.declarations.effect import Effect, Expressed, Joint, Memory, Sensor
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
+from discovery.declarations.systems import System
 from discovery.estimation.bench import Bench
 from discovery.screening.ages import ages_of, ages_only, per_age
 
@@ -54,10 +55,7 @@ def _shapes_of(effect: Effect, system: str, amplitude: str) -> tuple[str, ...]:
     shapes = tuple(p.name for p in fitted if p.shape)
     law: tuple = ()
     if isinstance(effect, Sensor):
-        readings = (
-            effect.arm_reading(*sp.symbols("x y")) if system == ARM else (effect.oscillator_reading(sp.Symbol("y")),)
-        )
-        law = (effect.lateness(), *readings)
+        law = (effect.lateness(), *effect.read(*sp.symbols(" ".join(System.of(system).channels), seq=True)))
     elif isinstance(effect, Expressed) and not isinstance(effect, Joint | Memory):
         law = (effect.expression(),)
     else:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from discovery.declarations.effect import ARM
 from discovery.equations.model import Model
 
 __all__ = ["Budget", "LoopSettings"]
@@ -89,8 +88,8 @@ class LoopSettings:
 
     def form_of(self, model: Model) -> float:
         """Return the form error of a model's laws."""
-        return self.form_wide if model.mechanics.system == ARM else self.form
+        return self.form_wide if model.mechanics.system.has_rod else self.form
 
     def law_of(self, model: Model) -> float:
         """Return the share by which a model's added laws idealise."""
-        return self.law_arm if model.mechanics.system == ARM else self.law
+        return self.law_arm if model.mechanics.system.has_rod else self.law

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import OSCILLATOR
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
@@ -101,7 +100,7 @@ def sample_states(base_name: str, active: Sequence[str], *, count: int = 8, stat
     # Away from zero: a rate of zero is a kink of dry friction and of drag.
     state = size[:, None] * rng.uniform(0.3, 1, (size.size, count)) * rng.choice([-1, 1], (size.size, count))
     recorded = rng.uniform(-1, 1, (3, count)) * (np.array([[0.3], [0.0], [0.0]]) if static else 1.0)
-    if static and get_base(base_name).system == OSCILLATOR:
+    if static and not get_base(base_name).system.has_rod:
         recorded[:] = 0.0
     return Sample(float(rng.uniform(1, 2)), recorded, state, np.array(rows))
 

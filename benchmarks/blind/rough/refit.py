@@ -36,7 +36,7 @@ def _fitted(rig: Path, train: Sequence[Path], wanted: Wanted) -> Any:
 
     experiments = load_dataset(rig, train, keep_third=False).train
     declared = declared_model(experiments[0])
-    if experiments[0].is_arm:
+    if experiments[0].system.has_rod:
         declared = Model("elastica", ("viscous_damping", "linear_stiffness"), declared.known)
     effects = tuple(e for e in wanted.added if e not in declared.effects)
     model = Model(declared.base, (*declared.effects, *effects), {**declared.known, **wanted.known})
@@ -90,7 +90,7 @@ def free_run(found: Any, held: Any) -> FloatArray:
     """Return what a fitted model reads in a hold-out: from rest, or from the initial state that fits it best."""
     from discovery.estimation.predict import held_out, predict
 
-    if held.is_arm:
+    if held.system.has_rod:
         return predict(found, held)[0]
     bench = found.problem.bench.of_others([held])
     ((predicted,),) = held_out([(found.model, found.values)], [held], bench, found.problem.units)

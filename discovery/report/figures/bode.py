@@ -59,7 +59,7 @@ def _shown(run: Run) -> Trajectory | None:
 
 def draw(run: Run) -> Picture | None:
     """Return gain and phase of one recording; None where nothing drives the system, or too few lines are seen."""
-    shown = None if run.is_arm or not run.reads_coordinate else _shown(run)
+    shown = None if run.system.has_rod or not run.reads_coordinate else _shown(run)
     if shown is None or shown.input is None:
         return None
     read = {"measured": shown.measured[:, 0], **{m: shown.models[m][:, 0] for m in shown.models}}

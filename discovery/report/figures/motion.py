@@ -44,11 +44,11 @@ def draw(run: Run) -> Picture | None:
         axis.set_ylabel(side_label(channel_name(run, channel), scale.symbol))
     if shown.input is not None:
         axes[-1].plot(*decimate(shown.time, shown.input), color=BLUE, linewidth=0.9)
-        axes[-1].set_ylabel(side_label("motor angle" if run.is_arm else run.input_name, run.input_unit))
+        axes[-1].set_ylabel(side_label("motor angle" if run.system.has_rod else run.input_name, run.input_unit))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
     driven = f" and {run.input_name}" if shown.input is not None else ""
-    what = "tip position and motor angle" if run.is_arm else f"{run.output_name}{driven}"
+    what = "tip position and motor angle" if run.system.has_rod else f"{run.output_name}{driven}"
     return Picture(
         "motion",
         figure,
@@ -60,7 +60,7 @@ def draw(run: Run) -> Picture | None:
 def draw_deflections(run: Run) -> Picture | None:
     """Return the deflection of every recording, training first."""
     shown = [t for t in run.trajectories if t.deflection is not None][:6]
-    if not shown or not run.is_arm:
+    if not shown or not run.system.has_rod:
         return None
     figure = new_figure(0.95 * len(shown) + 0.7)
     axes = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True, sharey=True))

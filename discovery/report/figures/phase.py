@@ -57,7 +57,7 @@ def draw(run: Run) -> Picture | None:
         if portrait is not None:
             look = {**LINES[model], "linewidth": 0.8}
             axes.plot(*portrait, **look)
-    unit, what = run.coordinate_unit, "deflection" if run.is_arm else run.output_name
+    unit, what = run.coordinate_unit, "deflection" if run.system.has_rod else run.output_name
     axes.set_xlabel(label(what, unit))
     axes.set_ylabel(label("its rate", f"{unit}/s"))
     figure.legend(loc="outside upper left", ncols=2)
