@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -15,8 +17,8 @@ __all__ = ["axes_below", "detached_axes", "one_axes", "with_unit"]
 
 #: Width of a figure and height of one picture in it [inch].
 _WIDTH, _HEIGHT = 8.0, 2.4
-#: SI units that take a prefix as they stand.
-_PREFIXED = ("m", "rad", "s", "V", "A", "N", "N m")
+#: SI units that take a prefix as they stand, and below what size.
+_PREFIXED, _SMALL = ("m", "rad", "s", "V", "A", "N", "N m"), 0.1
 
 
 def one_axes(given: Axes | None) -> Axes:
@@ -29,12 +31,13 @@ def one_axes(given: Axes | None) -> Axes:
 
 
 def with_unit(axis: Axis, label: str, unit: str) -> None:
-    """Label an axis of SI values: the unit stands at its ticks, with a prefix (5 mm for 0.005 m), or in the label."""
-    from matplotlib.ticker import EngFormatter
+    """Label an axis on which SI values are drawn: its ticks are thousandths of the unit where all are small (mm)."""
+    from matplotlib.ticker import FuncFormatter
 
-    if unit in _PREFIXED:
-        axis.set_major_formatter(EngFormatter(unit))
-    axis.set_label_text(label if unit in _PREFIXED else f"{label} [{unit}]")
+    prefix = "m" if unit in _PREFIXED and np.abs(axis.get_view_interval()).max() < _SMALL else ""
+    if prefix:
+        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{1e3 * x:g}"))
+    axis.set_label_text(f"{label} [{prefix}{unit}]" if unit not in ("", "1") else label)
 
 
 def axes_below(count: int, given: Sequence[Axes] | None) -> list[Axes]:

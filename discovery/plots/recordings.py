@@ -97,7 +97,8 @@ class DatasetViews:
             if r.input is not None:
                 behind = ax.twinx()
                 behind.plot(r.time, r.input, color="0.6", linewidth=0.8, zorder=0)
-                behind.set_ylabel("input", color="0.4")
+                with_unit(behind.yaxis, "input", experiment.input_unit)
+                behind.yaxis.label.set_color("0.4")
             if len(ax.get_legend_handles_labels()[1]) > 1:
                 ax.legend(loc="upper right", fontsize="small")
         return drawn

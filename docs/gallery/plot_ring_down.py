@@ -60,4 +60,5 @@ _ = data.plot_recordings()
 found = discovery.close_loop(data)
 print(found)
 print(found.to_pandas())
+# sphinx_gallery_thumbnail_number = 2
 _ = found.plot_residuals()

@@ -25,6 +25,7 @@ print(found.to_pandas())
 # The simulation had a friction force of 0.06 N on 0.5 kg: 0.12 m/s². Viscous damping takes a share of every swing, dry
 # friction a length of it. So no linear model follows the recording to its end. With dry friction, the laser's noise is
 # left.
+# sphinx_gallery_thumbnail_number = 2
 _ = found.plot_residuals()
 
 # %%
