@@ -165,11 +165,14 @@ datasets: $(READY) ## Simulate the twin's recordings again
 
 # What is made from the results of `make reproduce` is made again where they are at hand, and stays as it is elsewhere.
 RESULTS := $(wildcard reports/arm/trajectories.nc)
-docs: docs/CATALOGUE.md docs/images/architecture.svg docs/images/in_out.png docs/images/page.png docs/images/way.svg $(if $(RESULTS),docs/images/arm.png) ## Write the catalogue page, the pictures and the README's table again
+docs: docs/CATALOGUE.md docs/RIG_FILE.md docs/images/architecture.svg docs/images/in_out.png docs/images/page.png docs/images/way.svg $(if $(RESULTS),docs/images/arm.png) ## Write the generated pages, the pictures and the README's table again
 	$(BIN)/python docs/results_table.py reports README.md
 
 docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrades.py docs/catalogue_page.py | $(READY)
 	$(BIN)/python docs/catalogue_page.py $@
+
+docs/RIG_FILE.md: $(wildcard discovery/rigs/*.py discovery/rigs/systems/*.toml) discovery/recordings/recording_columns.py docs/rig_file_page.py | $(READY)
+	$(BIN)/python docs/rig_file_page.py $@
 
 docs/images/architecture.svg: docs/draw_architecture.py | $(READY)
 	$(BIN)/python $< $@

@@ -7,16 +7,21 @@ import re
 import runpy
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import asdict, fields
 from pathlib import Path
 from urllib.parse import urlsplit
 from xml.etree import ElementTree
 
 import pytest
+from pydantic import BaseModel
 
 from discovery.declarations.registry import catalogue
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.sentences import OUTCOMES
+from discovery.rigs import rig_schema, system_table
+from discovery.rigs.quantities import QUANTITIES, key_of
+from discovery.rigs.rig_file import read_rig
 from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Candidacy, Decision
 from discovery.selection.odds import Odds
@@ -27,6 +32,8 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 SCRIPT = runpy.run_path(str(DOCS / "catalogue_page.py"))
 catalogue_page, main = SCRIPT["catalogue_page"], SCRIPT["main"]
+RIG_SCRIPT = runpy.run_path(str(DOCS / "rig_file_page.py"))
+rig_file_page = RIG_SCRIPT["rig_file_page"]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -118,11 +125,63 @@ def test_the_catalogue_page_shows_every_effect_and_parameter() -> None:
     assert "Changes the base to `elastica_calm`" in sections["elastica_geometry"]
 
 
-def test_the_catalogue_page_is_written_by_its_command(tmp_path: Path) -> None:
-    main([str(tmp_path / "page.md")])
-    assert (tmp_path / "page.md").read_text(encoding="utf-8") == catalogue_page()
+@pytest.mark.parametrize(
+    ("write", "page"),
+    [(main, catalogue_page), (RIG_SCRIPT["main"], rig_file_page)],
+    ids=["catalogue", "rig file"],
+)
+def test_a_generated_page_is_written_by_its_command(
+    tmp_path: Path, write: Callable[[list[str]], None], page: Callable[[], str]
+) -> None:
+    write([str(tmp_path / "page.md")])
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == page()
     with pytest.raises(SystemExit, match="usage"):
-        main([])
+        write([])
+
+
+def test_the_page_of_rig_files_is_current() -> None:
+    assert (DOCS / "RIG_FILE.md").read_text(encoding="utf-8") == rig_file_page(), "run `make docs`"
+
+
+TABLES = [getattr(module, name) for module in (rig_schema, system_table) for name in module.__all__]
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_every_key_of_a_rig_file_is_explained(table: type[BaseModel]) -> None:
+    assert table.__doc__
+    for key, field in table.model_fields.items():
+        assert field.description, key
+        assert field.description.endswith(".")
+        row = rf"^\| `{key}` \| [^|]+ \| [^|]+ \| {re.escape(field.description)} \|$"
+        assert re.search(row, rig_file_page(), re.MULTILINE), key
+
+
+def test_no_table_of_a_rig_file_is_without_a_section() -> None:
+    named = set(rig_schema.RigTable.model_json_schema()["$defs"])
+    assert named == {table.__name__ for table in TABLES} - {"RigTable", "QuantityTable"}
+    # Every key that is a table leads to its section, and those that hold the same lead to one.
+    links = set(re.findall(r"\]\(#(\w+)\)", rig_file_page()))
+    assert len(links) == len(named)
+
+
+@pytest.mark.parametrize("stem", QUANTITIES)
+def test_every_quantity_of_a_rig_file_is_explained(stem: str) -> None:
+    known = QUANTITIES[stem]
+    row = re.search(rf"^\| `{key_of(stem)}` \| (.*) \|$", rig_file_page(), re.MULTILINE)
+    assert row
+    unit, _, _, kinds, meaning = row[1].split(" | ")
+    assert (unit, meaning) == (known.unit, known.meaning)
+    assert re.findall(r"`(\w+)`", kinds) == [*known.kinds]
+
+
+def test_the_example_of_a_rig_file_is_read(tmp_path: Path) -> None:
+    (example,) = re.findall(r"^```toml\n(.*?)^```$", rig_file_page(), re.MULTILINE | re.DOTALL)
+    (tmp_path / "rig.toml").write_text(example, encoding="utf-8")
+    rig = read_rig(tmp_path / "rig.toml")
+    assert rig.mass is not None
+    assert (rig.mass.value, rig.mass.sd) == pytest.approx((0.412, 0.0005))
+    assert (rig.columns.time.jitter, rig.columns.output.noise) == pytest.approx((2e-5, 1e-5))
+    assert [part.name for part in rig.records["train"]] == ["slow", "fast"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)

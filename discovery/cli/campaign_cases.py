@@ -80,7 +80,7 @@ def _is_rig(path: Path) -> bool:
 
     from discovery.declarations.units import split_suffix
     from discovery.rigs.kinds import KINDS
-    from discovery.rigs.rig_schema import QUANTITIES
+    from discovery.rigs.quantities import QUANTITIES
 
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))

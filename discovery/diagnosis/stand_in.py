@@ -7,7 +7,7 @@ from typing import Any
 
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
-from discovery.rigs.rig_schema import QUANTITIES
+from discovery.rigs.quantities import QUANTITIES
 
 __all__ = ["StandIn", "stand_in"]
 
@@ -82,5 +82,5 @@ def stand_in(fitted: Fit, effect: str) -> StandIn | None:
     if stated is None or not stated.sd:
         return None
     (parameter,) = get_effect(effect).parameters()
-    share, unit = fitted.values[parameter.name], QUANTITIES[quantity][0]
+    share, unit = fitted.values[parameter.name], QUANTITIES[quantity].unit
     return StandIn(effect, parameter.name, quantity=quantity, share=share, stated=stated.value, sd=stated.sd, unit=unit)

@@ -180,7 +180,7 @@ class Rig:
     kind : str
         One of `discovery.rigs.kinds.KINDS`.
     length, tip_mass, beam_mass, flexural_rigidity : Quantity or None
-        Of the arm: m, kg, kg, N m^2. The length of a pendulum goes from its axis to the centre of mass.
+        Of the arm: m, kg, kg, N m^2. The length of a pendulum is that of the simple pendulum that swings alike.
     mass, inertia : Quantity or None
         Of what moves along a line [kg], or turns [kg m^2]: forces are told with it.
     position_noise : float or None

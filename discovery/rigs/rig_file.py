@@ -26,17 +26,10 @@ from discovery.mechanics import get_base
 from discovery.mechanics.places import check_place
 from discovery.mechanics.systems import declare
 from discovery.rigs.kinds import KINDS
+from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig import Columns, Quantity, RecordPart, Rig
-from discovery.rigs.rig_schema import (
-    MEANT_FOR,
-    QUANTITIES,
-    QuantityTable,
-    RecordsTable,
-    RigTable,
-    explain,
-    key_of,
-    line_of,
-)
+from discovery.rigs.rig_mistakes import explain, line_of
+from discovery.rigs.rig_schema import QuantityTable, RecordsTable, RigTable
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.rigs.rig_system import read_columns, system_of
 
@@ -99,7 +92,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         columns=_columns(path, text, table, system, keys),
         declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
         records=_records(path, text, table.records),
-        gravity=quantities.get("gravity", _GRAVITY if table.kind in MEANT_FOR["gravity"] else None),
+        gravity=quantities.get("gravity", _GRAVITY if table.kind in QUANTITIES["gravity"].kinds else None),
         controller=controller_of(path, text, table),
         view=view_of(path, text, table),
         system=system,
@@ -160,29 +153,29 @@ def _quantities(
             rest[key] = value
             continue
         stem, unit = split
-        expected, relative, absolute, largest = QUANTITIES[stem]
+        known = QUANTITIES[stem]
         where = f"The rig file {path}, line {line_of(text, (key,))}:"
         if not unit:
             raise InputError(f"{where} the key {key!r} lacks its unit. Write it as a suffix, {key_of(stem)!r}.")
         if key == key_of(stem):  # a bare key has no sign for the negative power of an acceleration
-            unit = expected
+            unit = known.unit
         if stem in quantities:
             raise InputError(f"{where} the key {key!r} gives {stem} a second time. Keep one of them.")
         try:
-            factor = si_factor(unit, expected)
+            factor = si_factor(unit, known.unit)
             given = QuantityTable.model_validate(value if isinstance(value, dict) else {"value": value})
         except InputError as error:
             raise InputError(f"{where} key {key!r}: {error} In SI units the key is {key_of(stem)!r}.") from error
         except ValidationError as error:
             raise InputError(explain(path, text, error, (key,), bare=not isinstance(value, dict))) from error
         si = given.value * factor
-        if si > largest:
+        if si > known.largest:
             same = "" if factor == 1.0 else f"{given.value:g} {unit}, that is "
             raise InputError(
-                f"{where} {key!r} is {same}{si:g} {expected}, which is not plausible. Give it in {expected}, or change "
-                "the suffix of the key to the unit that the number is in."
+                f"{where} {key!r} is {same}{si:g} {known.unit}, which is not plausible. Give it in {known.unit}, or "
+                "change the suffix of the key to the unit that the number is in."
             )
-        quantities[stem] = Quantity(si, relative * si + absolute if given.sd is None else given.sd * factor)
+        quantities[stem] = Quantity(si, known.usual_sd(si) if given.sd is None else given.sd * factor)
         keys[stem] = key
     return rest, quantities, keys
 
@@ -193,12 +186,12 @@ def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str,
     # The error of an encoder says how much its motion is smoothed, on whatever kind of system.
     smoothed = given is not None and (given.interpolation or KINDS[table.kind].interpolation) == "motion"
     for stem, key in keys.items():
-        if table.kind in MEANT_FOR[stem] or (stem == "angle_noise" and smoothed):
+        if table.kind in QUANTITIES[stem].kinds or (stem == "angle_noise" and smoothed):
             continue
         noise = "State the noise of a reading as noise = ... of the output in [columns]: remove"
         raise InputError(
             f"The rig file {path}, line {line_of(text, (key,))}: the key {key!r} belongs to "
-            f"{' or '.join(MEANT_FOR[stem])}; kind {table.kind!r} has no use for it. "
+            f"{' or '.join(QUANTITIES[stem].kinds)}; kind {table.kind!r} has no use for it. "
             f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
         )
 

@@ -1,65 +1,27 @@
-"""What a rig file may hold: its tables and quantities, and how a mistake in them is explained."""
+"""What a rig file may hold: its tables, with the meaning of every key, from which docs/RIG_FILE.md is written."""
 
 from __future__ import annotations
 
-import re
 import unicodedata
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
-from discovery.foundation.errors import suggestion
-from discovery.rigs.system_table import ConstantTable, SystemTable
+from discovery.rigs.system_table import SystemTable
 
 __all__ = [
-    "MEANT_FOR",
-    "QUANTITIES",
     "ColumnsTable",
     "ControllerTable",
+    "InputTable",
+    "ModelTable",
+    "OutputTable",
+    "PartTable",
     "QuantityTable",
     "RecordsTable",
     "RigTable",
+    "TimeTable",
     "ViewTable",
-    "explain",
-    "key_of",
-    "line_of",
 ]
-
-QUANTITIES: Mapping[str, tuple[str, float, float, float]] = {
-    "gravity": ("m s^-2", 0.0, 0.02, 30.0),
-    "length": ("m", 0.0, 1e-3, 30.0),
-    "tip_mass": ("kg", 0.005, 0.0, 1000.0),
-    "beam_mass": ("kg", 0.02, 0.0, 1000.0),
-    "flexural_rigidity": ("N m^2", 0.05, 0.0, 1e7),
-    "mass": ("kg", 0.005, 0.0, 1e6),
-    "inertia": ("kg m^2", 0.02, 0.0, 1e6),
-    "position_noise": ("m", 0.0, 0.0, 0.1),
-    "angle_noise": ("rad", 0.0, 0.0, 0.2),
-    "motor_angle_limit": ("rad", 0.0, 0.0, 15.0),
-    "motor_speed_limit": ("rad / s", 0.0, 0.0, 100.0),
-    "motor_acceleration_limit": ("rad / s^2", 0.0, 0.0, 1e4),
-    "deflection_limit": ("rad", 0.0, 0.0, 3.0),
-}
-"""By stem of the key: unit, relative and absolute sd where the file states none, largest plausible value."""
-
-MEANT_FOR: Mapping[str, tuple[str, ...]] = {
-    "gravity": ("pendulum", "falling_body"),
-    "length": ("flexible_arm", "pendulum"),
-    "tip_mass": ("flexible_arm",),
-    "beam_mass": ("flexible_arm",),
-    "flexural_rigidity": ("flexible_arm",),
-    "mass": ("oscillator", "base_excited", "drive", "falling_body"),
-    "inertia": ("oscillator", "pendulum", "base_excited", "drive"),
-    "position_noise": ("flexible_arm",),
-    "angle_noise": ("flexible_arm",),
-    "motor_angle_limit": ("flexible_arm",),
-    "motor_speed_limit": ("flexible_arm",),
-    "motor_acceleration_limit": ("flexible_arm",),
-    "deflection_limit": ("flexible_arm",),
-}
-"""By stem of the key: the kinds of system in which it means something."""
 
 
 class _Table(BaseModel):
@@ -92,179 +54,211 @@ _Scale = Annotated[FiniteFloat, AfterValidator(_not_zero)]
 class QuantityTable(_Table):
     """A positive number, with or without its standard deviation."""
 
-    value: _Positive
-    sd: Annotated[FiniteFloat, Field(ge=0)] | None = None
+    value: _Positive = Field(description="The number, in the unit of the key's suffix.")
+    sd: Annotated[FiniteFloat, Field(ge=0)] | None = Field(
+        default=None,
+        description="Its standard deviation, in the same unit. Left out, it is the one in the table of quantities.",
+    )
 
 
-class _Time(_Table):
-    rate_hz: _Positive | None = None
-    name: _Text | None = None
-    unit: _Text = "s"
-    assumed: bool = False
-    jitter: Annotated[FiniteFloat, Field(ge=0)] | None = None
+class TimeTable(_Table):
+    """Either a column with the times of the readings, or their rate."""
+
+    rate_hz: _Positive | None = Field(
+        default=None, description="Rows per second, where the file has no column of times. Left out, `name` is needed."
+    )
+    name: _Text | None = Field(default=None, description="Column of the times. Left out, `rate_hz` is needed.")
+    unit: _Text = Field(default="s", description="Unit of the column, and of `jitter`.")
+    assumed: bool = Field(
+        default=False,
+        description="The rate is not known: `rate_hz` is made up. Write 1.0, and rates and frequencies are per row.",
+    )
+    jitter: Annotated[FiniteFloat, Field(ge=0)] | None = Field(
+        default=None,
+        description="Standard deviation of the error of a time stamp. Left out, it is estimated where the stamps "
+        "deviate from a steady clock; 0 takes them as right. A table `[view]` takes them as right, too.",
+    )
 
 
-class _Input(_Table):
-    name: _Text
-    unit: _Text
-    interpolation: Literal["band_limited", "spline", "linear", "hold", "motion", "auto"] | None = None
-    zero: FiniteFloat = 0.0
-    scale: _Scale = 1.0
+class InputTable(_Table):
+    """The column of the input. It is left out where the system moves freely."""
+
+    name: _Text = Field(description="Column of the input.")
+    unit: _Text = Field(
+        description="Unit of the input, after `zero` and `scale`; `1` for a pure number. For `base_excited` and with a "
+        "`[controller]` it measures what the output's does, but a base under an angle may be shifted by a length."
+    )
+    interpolation: Literal["band_limited", "spline", "linear", "hold", "motion", "auto"] | None = Field(
+        default=None,
+        description="How the input ran between its samples. `spline` is a cubic spline; `linear` and `hold` have no "
+        "second derivative and are refused where one is needed; `band_limited` needs even steps; `motion` smooths "
+        "to the error of an encoder; with `auto` the recordings choose, and a note says what. Left out, it is "
+        "`motion` for `base_excited` and `spline` for the others.",
+    )
+    zero: FiniteFloat = Field(
+        default=0.0,
+        description="What the column reads at an input of zero: a reading r counts as `scale * (r - zero)`.",
+    )
+    scale: _Scale = Field(
+        default=1.0, description="Factor from the numbers of the column to `unit`; it may be negative, but not zero."
+    )
 
 
-class _Output(_Table):
-    name: _Text
-    unit: _Text
-    noise: _Positive | Literal["estimate"] | None = None
-    reads: Literal["position", "acceleration"] = "position"
-    zero: FiniteFloat = 0.0
-    scale: _Scale = 1.0
+class OutputTable(_Table):
+    """The column of the output."""
+
+    name: _Text = Field(description="Column of the output.")
+    unit: _Text = Field(
+        description="Unit of the output, after `zero` and `scale`; `1` for a pure number. A `pendulum` has an "
+        "angle, a `falling_body` a length."
+    )
+    noise: _Positive | Literal["estimate"] | None = Field(
+        default=None,
+        description="Standard deviation of one reading, in `unit`. Left out, or with `estimate`, it is estimated "
+        "from the scatter from reading to reading.",
+    )
+    reads: Literal["position", "acceleration"] = Field(
+        default="position",
+        description="Whether the coordinate is read, or its second derivative, as an accelerometer does. In a "
+        "`system` its own `output` says what is read.",
+    )
+    zero: FiniteFloat = Field(
+        default=0.0,
+        description="What the column reads at an output of zero: a reading r counts as `scale * (r - zero)`.",
+    )
+    scale: _Scale = Field(
+        default=1.0, description="Factor from the numbers of the column to `unit`; it may be negative, but not zero."
+    )
 
 
 class ColumnsTable(_Table):
-    """The table ``[columns]`` of a system other than an arm."""
+    """What the columns of the recordings are. A ``flexible_arm`` has fixed ones; every other kind needs this table."""
 
-    header: Annotated[list[_Text], Field(min_length=1)] | None = None
-    time: _Time
-    input: _Input | None = None
-    output: _Output
-    every: Annotated[int, Field(ge=1)] = 1
+    header: Annotated[list[_Text], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Names of all columns, from left to right, of text files without a line of names. Left out, the "
+        "files name them.",
+    )
+    time: TimeTable = Field(description="When the readings were taken.")
+    input: InputTable | None = Field(
+        default=None,
+        description="What drives the system. Left out, it moves freely. `base_excited` and `drive` need it, a "
+        "`falling_body` has none, and a `system` has it where its equations do.",
+    )
+    output: OutputTable = Field(description="What the instrument read.")
+    every: Annotated[int, Field(ge=1)] = Field(
+        default=1, description="One row in so many is used, counted after `where` and `samples` have chosen theirs."
+    )
 
 
 class ControllerTable(_Table):
-    """The table ``[controller]`` of a drive that was recorded in closed loop."""
+    """The position loop around a ``drive``, command = kv (kp (input - output) - rate of the output).
 
-    kp: _Positive
-    kv: _Positive
-    limit: _Positive | None = None
-    unit: _Text = "1"
-    added: _Text | None = None
+    The input is then the reference. Left out, the input acts on the drive itself.
+    """
+
+    kp: _Positive = Field(description="Gain of the position loop, in 1/s.")
+    kv: _Positive = Field(description="Gain of the velocity loop, in `unit` s over the output's unit, such as V s/m.")
+    limit: _Positive | None = Field(
+        default=None, description="Largest magnitude of the command, in `unit`. Left out, the command has no limit."
+    )
+    unit: _Text = Field(default="1", description="Unit of the command; `1` for a pure number.")
+    added: _Text | None = Field(
+        default=None,
+        description="Column with what was added to the command, in `unit`. Left out, or in a file without this "
+        "column, nothing was.",
+    )
 
 
 class ViewTable(_Table):
-    """The table ``[view]``."""
+    """A ``drive`` or an ``oscillator`` seen as the force that its motion takes: inverse dynamics.
 
-    output: Literal["force"]
-    motion_cutoff_hz: _Positive
-    cutoff_hz: _Positive
-    decimation: Annotated[int, Field(ge=1)] | None = None
+    The input is then the motion, and the output the force. Both need even steps. Left out, the force is given and the
+    motion is compared. A file has either this table or ``[controller]``.
+    """
+
+    output: Literal["force"] = Field(description="What is compared: the force that was measured, and the computed one.")
+    motion_cutoff_hz: _Positive = Field(
+        description="The motion is differentiated after a low-pass of this frequency, at least `cutoff_hz`."
+    )
+    cutoff_hz: _Positive = Field(
+        description="Measured and computed force pass through the same low-pass of this frequency."
+    )
+    decimation: Annotated[int, Field(ge=1)] | None = Field(
+        default=None,
+        description="One sample of the force in so many is compared. Left out, or smaller than that, so many that "
+        "two are left in a period of `cutoff_hz`: their noise is then white.",
+    )
 
 
-class _Model(_Table):
-    effects: list[_Text]
+class ModelTable(_Table):
+    """The model that you declare."""
+
+    effects: list[_Text] = Field(
+        description="Its effects, by their names in the catalogue; of a `system`, EFFECT_at_PLACE. The list may be "
+        "empty for `drive`, `falling_body` and `system`."
+    )
 
 
-class _Part(_Table):
-    file: _Text
-    samples: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=2, max_length=2)] | None = None
-    where: dict[str, str | FiniteFloat] = {}
-    name: Annotated[str, Field(pattern=r"^[\w.+-]+$")] | None = None
+class PartTable(_Table):
+    """One recording of any of these lists: a file, or some of its rows."""
+
+    file: _Text = Field(
+        description="File of the recording. It is looked for beside the rig file, then in the folders of "
+        "`DISCOVERY_DATA`."
+    )
+    samples: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=2, max_length=2)] | None = Field(
+        default=None,
+        description="`[start, stop]`: rows from `start` to the one before `stop`, counted from 0 among those that "
+        "`where` leaves. Left out, all of them.",
+    )
+    where: dict[str, str | FiniteFloat] = Field(
+        default={}, description="Columns, and the values that they have in the rows to take. Left out, all rows."
+    )
+    name: Annotated[str, Field(pattern=r"^[\w.+-]+$")] | None = Field(
+        default=None,
+        description="Name of the recording on pages: letters, digits and `_ . + -`. Left out, it is made from the "
+        "file's.",
+    )
 
 
 class RecordsTable(_Table):
-    """The table ``[records]``."""
+    """The recordings.
 
-    train: list[_Part] = []
-    holdout: list[_Part] = []
-    test: list[_Part] = []
+    Where a command is given ``--train``, none of these is used. ``--holdout`` alone takes the place of ``holdout``, and
+    ``test`` is then left out.
+    """
+
+    train: list[PartTable] = Field(default=[], description="They are fitted.")
+    holdout: list[PartTable] = Field(
+        default=[],
+        description="They judge, and are never fitted. Without any, the last third of each training recording, or "
+        "of its motion where that ends sooner, is kept out of the fit.",
+    )
+    test: list[PartTable] = Field(
+        default=[], description="They are scored only: neither a fit nor a decision sees them."
+    )
 
 
 class RigTable(_Table):
     """The whole file, without the keys that carry a unit."""
 
-    name: _Name
-    kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system"] = (
-        "flexible_arm"
+    name: _Name = Field(description="Name of the system on pages.")
+    kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system"] = Field(
+        default="flexible_arm",
+        description="Kind of system. Left out beside a table `[system]`, it is `system`.",
     )
-    system: SystemTable | None = None
-    columns: ColumnsTable | None = None
-    controller: ControllerTable | None = None
-    view: ViewTable | None = None
-    model: _Model | None = None
-    records: RecordsTable = RecordsTable()
-
-
-def key_of(stem: str) -> str:
-    """Return the key of a quantity in its SI unit: ``"length"`` gives ``"length_m"``."""
-    unit = QUANTITIES[stem][0].replace(" ", "_").replace("/", "per").replace("^", "").replace("-", "")
-    return f"{stem}_{unit}"
-
-
-def line_of(text: str, keys: Sequence[str]) -> int | str:
-    """Line of the innermost of nested keys that can be found in the text, else ``?``."""
-    lines = text.splitlines()
-    position, found = 0, 0
-    for key in keys:
-        pattern = re.compile(rf"(?:\A\s*\[+\s*(?:\w+\.)*|\A\s*|[{{,.]\s*)[\"']?{re.escape(key)}[\"']?\s*(?:=|\]|\.)")
-        for number in range(position, len(lines)):
-            if pattern.search(lines[number].split("#", 1)[0]):
-                position, found = number, number + 1
-                break
-    return found or "?"
-
-
-def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...] = (), *, bare: bool = False) -> str:
-    """Return one paragraph from pydantic's first complaint, on a key that is not known before one that is missing.
-
-    `outer` are the keys around what was validated; `bare` says that the innermost of them has the value itself.
-    """
-    detail = next((d for d in error.errors() if d["type"] == "extra_forbidden"), error.errors()[0])
-    keys = outer if bare else (*outer, *(str(part) for part in detail["loc"] if isinstance(part, str)))
-    name = ".".join(keys)
-    more = f" ({error.error_count() - 1} more after this one.)" if error.error_count() > 1 else ""
-    if detail["type"] == "missing":
-        where = f", line {line_of(text, keys[:-1])}," if len(keys) > 1 else ""
-        return f"The rig file {path}{where} lacks the key {name!r}. Add it.{more}"
-    where = f"The rig file {path}, line {line_of(text, keys)}:"
-    if detail["type"] == "extra_forbidden":
-        return f"{where} the key {name!r} is not known.{_known_instead(keys, detail['input'])}{more}"
-    value = detail["input"]
-    if detail["type"] == "literal_error" and isinstance(value, str):
-        known = re.findall("'([^']*)'", detail["ctx"]["expected"])
-        return (
-            f"{where} the key {name!r} is {value!r}, which is not known.{suggestion(value, known)} Known here: "
-            f"{', '.join(known)}.{more}"
-        )
-    return f"{where} the key {name!r} is {value!r}, but {_lower(detail['msg'])}. Correct the value.{more}"
-
-
-#: The table that holds the keys below each key.
-_TABLES: dict[str, type[BaseModel]] = {
-    "columns": ColumnsTable,
-    "time": _Time,
-    "input": _Input,
-    "output": _Output,
-    "model": _Model,
-    "controller": ControllerTable,
-    "view": ViewTable,
-    "records": RecordsTable,
-    "system": SystemTable,
-    "train": _Part,
-    "holdout": _Part,
-    "test": _Part,
-}
-
-
-def _known_instead(keys: Sequence[str], value: object) -> str:
-    """Return what is known where a key is not."""
-    if len(keys) > 1:
-        constant = keys[:2] == ("system", "constants")
-        parent = ConstantTable if constant and len(keys) > 2 else _TABLES.get(keys[-2], QuantityTable)
-        known = list(parent.model_fields)
-        return f"{suggestion(keys[-1], known)} Known here: {', '.join(known)}."
-    stem = next((stem for stem in QUANTITIES if keys[0].startswith(stem)), None)
-    if stem is not None:
-        right = key_of(stem)
-        return (
-            f" Write {right} = 1.0, or with its standard deviation {right} = {{ value = 1.0, sd = 0.01 }}; any unit of "
-            "that kind may be the suffix."
-        )
-    known = [*RigTable.model_fields, *(key_of(stem) for stem in QUANTITIES)]
-    hint = suggestion(keys[0], known)
-    if value in get_args(RigTable.model_fields["kind"].annotation):
-        hint = f' Did you mean kind = "{value}"?'
-    return f"{hint} Known here: {', '.join(known)}."
-
-
-def _lower(message: str) -> str:
-    return message[:1].lower() + message[1:].rstrip(".")
+    system: SystemTable | None = Field(default=None, description="The equations of a `system`; no other kind has it.")
+    columns: ColumnsTable | None = Field(
+        default=None, description="The columns of the recordings. A `flexible_arm` has none, every other kind needs it."
+    )
+    controller: ControllerTable | None = Field(
+        default=None, description="The controller of a `drive` that was recorded in closed loop."
+    )
+    view: ViewTable | None = Field(
+        default=None, description="A `drive` or an `oscillator` is seen as the force that its motion takes."
+    )
+    model: ModelTable | None = Field(default=None, description="The declared model. Left out, it is that of the kind.")
+    records: RecordsTable = Field(
+        default=RecordsTable(), description="The recordings. Left out, the command names them."
+    )

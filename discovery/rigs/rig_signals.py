@@ -9,7 +9,8 @@ from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
-from discovery.rigs.rig_schema import ColumnsTable, RigTable, line_of
+from discovery.rigs.rig_mistakes import line_of
+from discovery.rigs.rig_schema import ColumnsTable, RigTable
 
 __all__ = ["check_tables", "columns_of", "controller_of", "view_of"]
 

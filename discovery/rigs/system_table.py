@@ -17,12 +17,19 @@ class _Table(BaseModel):
 
 
 class ConstantTable(_Table):
-    """A constant: its value, perhaps within a standard deviation, or a guess from which it is fitted."""
+    """A constant of the equations: known by a ``value``, known within an ``sd``, or fitted from a ``guess``."""
 
-    unit: _Text
-    value: FiniteFloat | None = None
-    sd: Annotated[FiniteFloat, Field(gt=0)] | None = None
-    guess: FiniteFloat | None = None
+    unit: _Text = Field(description="Unit of the numbers here, any that measures the constant.")
+    value: FiniteFloat | None = Field(
+        default=None, description="What it is. Without an `sd` it is not fitted. Left out, a `guess` is needed."
+    )
+    sd: Annotated[FiniteFloat, Field(gt=0)] | None = Field(
+        default=None,
+        description="Standard deviation of the value: the constant is fitted, with both as its prior.",
+    )
+    guess: FiniteFloat | None = Field(
+        default=None, description="Where its fit begins. It is not zero, and the constant keeps its sign."
+    )
 
     @model_validator(mode="after")
     def _one_of_two(self) -> ConstantTable:
@@ -34,15 +41,37 @@ class ConstantTable(_Table):
 
 
 class SystemTable(_Table):
-    """A system in its own equations, or a ready-made one under ``like`` of which some of these are stated anew."""
+    """A system in its own equations, or a ready-made one under ``like``: what is left out is then as it is there."""
 
-    like: _Text | None = None
-    coordinates: Annotated[dict[str, _Text], Field(min_length=1, max_length=3)] | None = None
-    input: _One | None = None
-    constants: dict[str, ConstantTable] = {}
-    kinetic: _Text | None = None
-    potential: _Text | None = None
-    dissipation: _Text | None = None
-    forces: dict[str, _Text] | None = None
-    output: _Text | None = None
-    places: Annotated[dict[str, _Text], Field(min_length=1, max_length=6)] | None = None
+    like: _Text | None = Field(
+        default=None,
+        description="A ready-made system to begin with. Every other key replaces its own, and constants those of the "
+        "same name. Left out, `coordinates`, `kinetic`, `output` and `places` are needed.",
+    )
+    coordinates: Annotated[dict[str, _Text], Field(min_length=1, max_length=3)] | None = Field(
+        default=None, description="Names of the coordinates, each with its SI unit."
+    )
+    input: _One | None = Field(
+        default=None,
+        description="Name of the recorded input, with its SI unit. Left out, there is none, and `[columns]` has none.",
+    )
+    constants: dict[str, ConstantTable] = Field(
+        default={}, description="The constants of the equations, each a table of its own."
+    )
+    kinetic: _Text | None = Field(default=None, description="Kinetic energy, in J.")
+    potential: _Text | None = Field(default=None, description="Potential energy, in J. Left out, it is zero.")
+    dissipation: _Text | None = Field(
+        default=None, description="Rayleigh's function, half the power of linear losses, in W. Left out, it is zero."
+    )
+    forces: dict[str, _Text] | None = Field(
+        default=None,
+        description="Generalised forces by coordinate, in J over the coordinate's unit. Left out, there are none.",
+    )
+    output: _Text | None = Field(
+        default=None,
+        description="What the instrument reads: a coordinate, `dot(x)`, `ddot(x)`, or an expression of them.",
+    )
+    places: Annotated[dict[str, _Text], Field(min_length=1, max_length=6)] | None = Field(
+        default=None,
+        description="Where effects may act: names, each with the coordinate or expression that moves there.",
+    )
