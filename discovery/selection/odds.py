@@ -1,11 +1,9 @@
 """Whether a set of effects takes the place of a smaller one: the one rule of the search.
 
-An effect is accepted by its log odds. They are the smallest of three: the evidence that it gains in training; what it
-gains on training and held-out recordings together, where the held-out ones must gain as well; and the odds that it is
-larger than what the model error would do in its direction. For real systems deviate from any catalogue in ways that
-look like what a catalogue holds: a model error of size a is expected to move the residual by form x a in the direction
-of any one effect, so an effect that moves it by s has log odds of (s / (form x a))^2 / 2 against being that. The laws
-that were accepted before idealise too: a share of what they moved counts as model error.
+An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
+there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
+the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2. Accepted laws err
+too: a share of what they moved counts as model error.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings
 
-__all__ = ["Odds", "odds_of"]
+__all__ = ["Odds", "between_rivals", "candidacy", "odds_of"]
 
 
 @dataclass(frozen=True)
@@ -72,6 +70,19 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
     against = 0.5 * (size / _form(larger, smaller, settings)) ** 2
     train, held = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in (train, held))
     return Odds(train, held, size, against, float(gain))
+
+
+def between_rivals(found: Contender, rival: Contender, settings: LoopSettings, *, complete: bool) -> float:
+    """Return the log odds of a set against one with another effect in its place.
+
+    Where it is not complete, its model error may hide a better fit; what is not fit, as Occam's factor, counts beside.
+    """
+    if complete:
+        return found.joint - rival.joint
+    odds = odds_of(found, rival, rival, settings)
+    joint, held = odds.train + odds.held, rival.evidence.chi2_held - found.evidence.chi2_held
+    fit = 0.5 * max(odds.gain, odds.gain + held)
+    return min(joint, odds.against_error + max(joint - fit, 0.0))
 
 
 def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> float:

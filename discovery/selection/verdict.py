@@ -10,19 +10,10 @@ import numpy as np
 
 from discovery.selection.contender import Contender
 from discovery.selection.context import Context
-from discovery.selection.odds import Odds, odds_of
+from discovery.selection.odds import Odds, between_rivals, odds_of
 from discovery.selection.search import Search
 
-__all__ = [
-    "VERDICTS",
-    "Lead",
-    "Named",
-    "is_complete",
-    "least_error",
-    "named",
-    "strongest_lead",
-    "verdict_of",
-]
+__all__ = ["VERDICTS", "Lead", "Named", "is_complete", "least_error", "named", "strongest_lead", "verdict_of"]
 
 VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
 
@@ -37,14 +28,10 @@ class Named:
         Id.
     odds : Odds
         Against its absence.
-    probability : float
-        Of the effect, among its absence and everything else in its place.
-    group_probability : float
-        Of the effect or one of those that serve as well in its place.
-    group : tuple of str
-        These others.
-    rivals : tuple of Contender
-        The sets with these in its place.
+    probability, group_probability : float
+        Of the effect among its absence and everything else in its place; of it or one of those that serve as well.
+    group, rivals : tuple of str, tuple of Contender
+        These others, and the sets with them.
     force : mapping of str to float
         Log odds of the effect beside an unknown force, and of that force in its place [nats]; empty where the model
         leaves noise. See `discovery.selection.unknown`.
@@ -117,16 +104,19 @@ def verdict_of(added: Sequence[str], geometry: Sequence[str], *, complete: bool)
 
 def named(search: Search) -> list[Named]:
     """Return how sure every effect of the set found is: against its absence and against what else serves."""
-    settings = search.context.settings
+    settings, complete = search.context.settings, is_complete(search.best, search.root, search.context)
     found = []
     for effect in search.best.added:
         smaller = search.neighbours.without(search.best, effect)
         odds = odds_of(search.best, smaller, search.root, settings)
         others = search.neighbours.instead_of(search.best, effect)
-        weights = {c: float(np.exp(min(c.joint - search.best.joint, 0.0))) for c in others}
+        behind = {c: between_rivals(search.best, c, settings, complete=complete) for c in others}
+        weights = {c: float(np.exp(-max(behind[c], 0.0))) for c in others}
         absent = float(np.exp(-max(odds.total, 0.0)))
         total = 1.0 + absent + sum(weights.values())
-        group = [c for c in others if search.best.joint - c.joint < settings.nats]
+        group = [c for c in others if behind[c] < settings.nats]
+        if not complete:
+            group = [c for c in group if odds_of(c, smaller, search.root, settings).against_error >= settings.nats]
         names = tuple(next(e for e in c.added if e not in smaller.added) for c in group)
         shared = 1.0 + sum(weights[c] for c in group)
         force, doubtful = {}, False
