@@ -113,6 +113,13 @@ class HoldOut:
         """Recordings that `predictions` refers to."""
         return self.train if self.continued else self.separate
 
+    @property
+    def noise_floor(self) -> float:
+        """Rms error that a perfect model leaves of the held-out recordings, in the unit of the output."""
+        recordings = [e.recording for e in self.experiments]
+        variances = [np.sum(np.square(r.noise)) for r in recordings]
+        return float(np.sqrt(np.average(variances, weights=[r.time.size for r in recordings])))
+
     def outputs(self) -> list[FloatArray]:
         """Return measured outputs, NaN where a sample was fitted."""
         found = []

@@ -73,7 +73,7 @@ class LoopViews:
         for when, colour in _COLOURS.items():
             ax.scatter([sizes[when][role] for role in roles], list(rows), s=60, color=colour, label=when, zorder=2)
         if self.errors.get("noise_floor") is not None:
-            ax.axvline(self.errors["noise_floor"], color="0.3", linestyle="--", label="noise floor")
+            ax.axvline(self.errors["noise_floor"], color="0.3", linestyle="--", label="noise floor, held out")
         ax.set(xscale="log", title=f"{self.verdict}: {', '.join(self.added) or 'nothing'}")
         ax.set_yticks(rows, [_WORDS.get(role, role) for role in roles])
         ax.set_ylim(len(roles) - 0.5, -0.5)

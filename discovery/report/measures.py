@@ -71,7 +71,7 @@ def errors_table(run: Run) -> Table:
         else "absolute error"
     )
     kind = f"{errors['holdout_kind']}, moving by {significant(errors['holdout_motion'])} times the noise"
-    caption = f"Free-run errors: {what}. A perfect model would leave {floor} rms. Held out: {kind}."
+    caption = f"Free-run errors: {what}. A perfect model would leave {floor} rms of what is held out: {kind}."
     return Table("errors", caption, head, cells, keys, raw)
 
 

@@ -267,10 +267,9 @@ def _result(
 
 def _errors_head(context: Context) -> dict[str, Any]:
     """Return what all errors share: unit, noise floor, and what kind of hold-out there is."""
-    recording = context.train[0].recording
     return {
-        "unit": recording.units[0],
-        "noise_floor": float(np.sqrt(np.sum(np.square(recording.noise)))),
+        "unit": context.train[0].recording.units[0],
+        "noise_floor": context.judge.noise_floor,
         "holdout_kind": context.judge.kind,
         "holdout_motion": context.judge.motion,
     }

@@ -32,7 +32,7 @@ def draw(run: Run) -> Picture | None:
             axes, row, [(m[group]["rms"] * scale.factor, m[group]["peak"] * scale.factor) for m in (before, after)]
         )
     floor = errors["noise_floor"] * scale.factor
-    axes.axvline(floor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise floor")
+    axes.axvline(floor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise floor, held out")
     axes.set_xscale("log")
     axes.set_xlim(left=0.6 * min(floor, *(m[g]["rms"] * scale.factor for m in (before, after) for g in groups)))
     plain_log(axes.xaxis)
@@ -45,7 +45,7 @@ def draw(run: Run) -> Picture | None:
     words = (
         f"rms {significant(before[last]['rms'] * scale.factor)} {scale.symbol} before and "
         f"{significant(after[last]['rms'] * scale.factor)} {scale.symbol} after; "
-        f"the noise floor is {significant(floor)} {scale.symbol}"
+        f"the held-out noise floor is {significant(floor)} {scale.symbol}"
     )
     return Picture(
         "errors",

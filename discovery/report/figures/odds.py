@@ -31,7 +31,7 @@ def draw(run: Run) -> Picture | None:
     axes.set_yticks(range(len(shown)), [effect_name(e["id"]).replace(" ", "\n", 1) for e in shown])
     axes.set_ylim(len(shown) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("log odds over its absence [nats]")
+    axes.set_xlabel("log odds [nats]")
     handles = [
         Patch(facecolor=BLUE, edgecolor=BLUE, label="training"),
         Patch(facecolor="white", edgecolor=BLUE, hatch="//////", label="with held out"),
