@@ -97,6 +97,8 @@ def _where(effect_id: str, effect: Effect) -> str:
     systems = "arms" if effect.systems == {ARM} else "arms and oscillators" if ARM in effect.systems else "oscillators"
     bases = [b for b in base_names() if get_base(b).system in effect.systems]
     open_to = [f"`{b}`" for b in bases if effect_id in candidates(Model(b, ()))]
+    if not open_to:
+        return "Acts at a place of a declared system."
     return f"Acts on {systems}." if len(open_to) == len(bases) else f"Acts on {systems} (bases: {', '.join(open_to)})."
 
 

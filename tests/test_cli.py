@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -27,9 +27,11 @@ from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
 from discovery.cli.options import Seconds, progress
 from discovery.cli.say import say_loop
-from discovery.cli.sources import MANOEUVRES, SYSTEMS
+from discovery.cli.sources import KINDS as NAMED_KINDS
+from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
 from discovery.declarations.registry import catalogue
+from discovery.declarations.systems import System
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.recordings.flags import UNDERSTATED, Flag
@@ -37,6 +39,7 @@ from discovery.recordings.reading_flags import bend_flags
 from discovery.recordings.reading_noise import noise_flags
 from discovery.report import build_report
 from discovery.results.provenance import surroundings
+from discovery.rigs.rig_schema import RigTable
 from discovery.runs.loop_result import UPGRADES
 from discovery.simulation.kernel import compile as compiled
 
@@ -135,8 +138,8 @@ def test_what_is_named_beside_a_model_error_is_said_with_its_odds(capsys: pytest
     assert capsys.readouterr().out == (
         "verdict: partly_explained\n"
         "mechanics: elastica_geometry\n"
-        "added: quadratic_drag (c_2 = 0.100 +- 0.010 m^-1); as well explained by coulomb_friction; odds of 400 to 1 "
-        "over its absence, probability 0.60, of the group 0.997\n"
+        "added: quadratic_drag (c_2 = 0.100 +- 0.010 m^-1); as well explained by coulomb_friction; odds of 400 to 1, "
+        "probability 0.60, of the group 0.997\n"
         "model error: 0.650 -> 0.0503 mm, 7.7 % is left; it depends on deflection; up to 0.0450 mm counts as none\n"
         "before: holdout rms 2 (mean 1.5) m\n"
         " after: holdout rms 1 (mean 0.5) m\n"
@@ -740,16 +743,19 @@ def test_noise_must_be_known_and_apply(case: Case, tmp_path: Path, capsys: pytes
 def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "effects")
     assert [line.split()[0] for line in listed.out.splitlines()] == sorted({*catalogue(), *(n for _, n in UPGRADES)})
-    for system in SYSTEMS:
-        listed = {line.split()[0] for line in call(capsys, "effects", "--system", system).out.splitlines()}
-        steps = {name for _, name in UPGRADES} if system == "flexible_arm" else set()
-        assert listed == {i for i, e in catalogue().items() if system in e.systems} | steps
-    assert {s for e in catalogue().values() for s in e.systems} == {*SYSTEMS}
+    assert list(NAMED_KINDS) == list(get_args(RigTable.model_fields["kind"].annotation))
+    for kind in NAMED_KINDS:
+        listed = {line.split()[0] for line in call(capsys, "effects", "--system", kind).out.splitlines()}
+        steps = {name for _, name in UPGRADES} if kind == "flexible_arm" else set()
+        assert listed == {i for i, e in catalogue().items() if System.of(kind) in e.systems} | steps
     assert call(capsys, "effects", "coulomb_friction", "--system", "oscillator").status == 2
     card = call(capsys, "effects", "coulomb_friction")
     assert card.status == 0
     for part in ("dissipation", "f_c", "q s^-2", "dry friction", "Coulomb (1785)"):
         assert part in card.out
+    assert ":math:" not in card.out
+    assert ".. math::" not in card.out
+    assert "The paper: Experimental Validation" in call(capsys, "effects", "cubic_stiffness").out
     unknown = call(capsys, "effects", "coulomb_frcition")
     assert unknown.status == 2
     assert "Did you mean coulomb_friction" in unknown.err
@@ -776,7 +782,7 @@ def test_effects_shows_what_the_loop_calls_a_step_of_the_mechanics(
 ) -> None:
     card = call(capsys, "effects", name)
     assert card.status == 0
-    for part in (f"{name} (mechanics;", ".. math::", f"base to `{base}`", "no free parameter", "Lagrange"):
+    for part in (f"{name} (mechanics;", "\n    ", f"base to `{base}`", "no free parameter", "Lagrange"):
         assert part in card.out
     misspelt = call(capsys, "effects", f"{name[:-2]}x")
     assert misspelt.status == 2

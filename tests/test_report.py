@@ -208,7 +208,7 @@ def test_what_is_named_beside_a_model_error_is_named(tmp_path: Path) -> None:
     assert '<p class="verdict partly_explained">' in page
     assert ".verdict.partly_explained {" in page
     text = _Reader(page).text
-    assert "Odds of 400 to 1 over its absence, probability 0.97." in text
+    assert "Odds of 400 to 1, probability 0.97." in text
     assert "The verdict rests on the model error: 1.00 → 0.0800 mm, 8 % is left" in text
 
 
@@ -473,7 +473,7 @@ def test_methods_that_a_run_did_not_use_are_not_cited(arm: Made) -> None:
         "2.38",  # held-out mean before [mm]
         "0.378",  # held-out mean after [mm]
         "187\N{NARROW NO-BREAK SPACE}000",  # chi-square that friction removes
-        "Odds of more than 10 000 to 1 over its absence, probability 0.77, of the group more than 0.9999.",
+        "Odds of more than 10 000 to 1, probability 0.77, of the group more than 0.9999.",
         "Coulomb friction: more than 10 000 to 1, probability 0.77, of the group more than 0.9999",  # first screen
         "65.3",  # log odds of friction against model error
         "1.16 → 0.00913 mm, 0.79 % is left; up to 0.0450 mm counts as none",

@@ -33,8 +33,7 @@ def table(content: Mapping[str, Any]) -> str:
         )
     lines += [
         "",
-        f"{content['workers']} workers; the page over all takes {content['page_s']:.0f} s. Load of the machine in the "
-        f"end: {content['load']:.0f} on {content['cores']} cores.",
+        f"{content['workers']} workers on {content['cores']} cores; the page over all takes {content['page_s']:.0f} s.",
     ]
     return "\n".join(lines) + "\n"
 
@@ -51,7 +50,7 @@ def main() -> None:
     with TemporaryDirectory() as made:
         content = study(given.rigs, given.workers, given.kill_every, Path(made))
     content |= {"workers": given.workers, "platform": platform.platform()}
-    content |= {"load": os.getloadavg()[0], "cores": os.cpu_count()}
+    content |= {"cores": os.cpu_count()}
     given.folder.mkdir(parents=True, exist_ok=True)
     (given.folder / "scale.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     text = table(content)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,16 +21,25 @@ __all__ = ["COMMANDS", "MANOEUVRES"]
 #: Manoeuvres of the twin, named here so that the help is there at once.
 MANOEUVRES = ("train_paper", "train_large", "holdout_inside", "holdout_beyond")
 
-#: Systems for which effects are declared, for the same reason.
-SYSTEMS = ("flexible_arm", "oscillator")
+_PAPER = "Experimental Validation of Nonlinear Dynamic Models for Single-Link Very Flexible Arms"
+#: Kinds of system that a rig file may name, for the same reason.
+KINDS = ("flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system")
+
+
+def _names(context: click.Context, _: click.Parameter, begun: str) -> list[str]:
+    """Return the effects whose names begin so, for completion in a shell."""
+    from discovery.declarations.registry import catalogue
+    from discovery.mechanics.upgrades import UPGRADES
+
+    return [name for name in sorted({**catalogue(), **UPGRADES}) if name.startswith(begun)]
 
 
 @click.command()
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=_names)
 @click.option(
     "--system",
-    type=click.Choice(SYSTEMS),
-    help="List only what applies to a flexible arm, or to any other system of one degree of freedom.",
+    type=click.Choice(KINDS),
+    help="List only what applies to a kind of system; the laws of all but the flexible arm are the same.",
 )
 @options("json")
 def effects(name: str | None, system: str | None, as_json: bool) -> None:
@@ -38,11 +48,12 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
     A loop screens those of its system that neither its mechanics nor its declared model contain.
     """
     from discovery.declarations.registry import catalogue, get_effect
+    from discovery.declarations.systems import System
     from discovery.mechanics.upgrades import UPGRADES, Upgrade
 
     if name is None:
         known = sorted({**catalogue(), **UPGRADES}.items())
-        listed = [(effect_id, effect) for effect_id, effect in known if system is None or system in effect.systems]
+        listed = [(effect_id, effect) for effect_id, effect in known if system is None or System.of(system) in effect.systems]
         if as_json:
             print_json([_card(effect_id, effect) for effect_id, effect in listed])
             return
@@ -58,12 +69,20 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
         print_json(_card(name, effect))
         return
     click.echo(f"{name} ({effect.kind}; {', '.join(sorted(effect.systems))})\n")
-    click.echo(inspect.getdoc(type(effect)))
+    click.echo(_plain(inspect.getdoc(type(effect)) or ""))
     if isinstance(effect, Upgrade):
         click.echo(f"\n{effect.switch()}")
     click.echo(f"\nSource: {effect.cite}")
+    if "source paper" in effect.cite or "paper's" in (inspect.getdoc(type(effect)) or ""):
+        click.echo(f"The paper: {_PAPER}")
     click.echo(f"{_applies(effect.systems)}\n")
     _print_parameters(effect)
+
+
+def _plain(text: str) -> str:
+    """Return a docstring without its markup: formulas stay as LaTeX, displayed ones indented."""
+    text = re.sub(r"^\.\. math:: ?", "    ", text, flags=re.MULTILINE)
+    return re.sub(r":math:`([^`]*)`|``([^`]*)``", lambda found: found[1] or found[2], text)
 
 
 def _print_parameters(effect: Any) -> None:
@@ -85,7 +104,7 @@ def _applies(systems: Collection[str]) -> str:
     """Say where an effect applies, and what to do where it does not."""
     words = {"flexible_arm": "a flexible arm", "oscillator": "any other system"}
     where = f"Applies to {' and to '.join(words[system] for system in sorted(systems))}."
-    others = sorted(set(SYSTEMS) - set(systems))
+    others = sorted({*words} - {*systems})
     if not others:
         return where
     return (

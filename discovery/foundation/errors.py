@@ -78,7 +78,7 @@ class NotConverged(ComputationError):
     ess : mapping of str to float, optional
         Effective number of samples of each parameter.
     r_hat : mapping of str to float, optional
-        Ratio of the variance between and within independent ensembles, of each parameter.
+        Root of the pooled variance over that within independent ensembles, of each parameter: 1 where they agree.
     """
 
     def __init__(

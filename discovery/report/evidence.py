@@ -212,7 +212,7 @@ def effects_table(run: Run) -> Table | None:
         "train": "log evidence gained, training [nats]",
         "held": "log predictive score gained, held out [nats]",
         "against_error": "log odds against being model error [nats]",
-        "odds": "odds over its absence",
+        "odds": "odds",
         "size": "size, over the model error that is left",
         "gain": "chi-square removed, training",
         "probability": "probability",

@@ -146,7 +146,7 @@ def effect_sentence(effect: Record) -> str:
     """Return how sure an added effect is; empty for better mechanics, which are no effects of the catalogue."""
     if not effect["evidence"]:
         return ""
-    words = f"{chances(effect['evidence']['odds'])} over its absence"
+    words = chances(effect["evidence"]["odds"])
     if effect["probability"] is None:
         return words
     words += f", {inclusion_words(effect)}"

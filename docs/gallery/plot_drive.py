@@ -3,7 +3,7 @@ Drive with dry friction
 =======================
 
 A motor pushes a carriage. Its force and the carriage's position are recorded. The declared model knows inertia and
-viscous friction. The guide also has dry friction, which is largest as the carriage starts to move.
+viscous friction. The guide also has dry friction of constant size.
 """
 
 from pathlib import Path

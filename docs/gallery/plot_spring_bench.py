@@ -11,7 +11,7 @@ from pathlib import Path
 import discovery
 
 # %%
-# The folder holds a rig file of twelve lines and three recordings. Two of them are fitted, the third is held out.
+# The folder holds a short rig file and three recordings. Two of them are fitted, the third is held out.
 data = discovery.load_dataset(Path("..", "..", "datasets", "spring_bench", "rig.toml"))
 _ = data.plot_recordings()
 
