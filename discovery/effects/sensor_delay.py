@@ -8,6 +8,8 @@ class SensorDelay(Sensor):
     r"""The reported output is older than its time stamp.
 
     .. math:: y_\mathrm{read}(t) = y(t - \tau)
+
+    A lag in what drives the system, such as the L/R of a motor that is left out, looks like it.
     """
 
     cite = "Ljung, System Identification (1999), section 4.2"
