@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_cli import call
 
-from discovery.cli.begin import SYSTEM_KINDS
+from discovery.drafting.base_motion import is_relative
 from discovery.drafting.law_of_motion import own_period
 from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
@@ -53,11 +53,6 @@ def drafted(path: Path, **more: object) -> dict:
     return tomllib.loads(place.read_text(encoding="utf-8"))
 
 
-def test_kinds_are_those_of_rig_files() -> None:
-    # No recording tells the equations of a declared system.
-    assert set(SYSTEM_KINDS) == set(KINDS) - {"system"}
-
-
 @pytest.mark.parametrize(
     ("name", "role", "unit"),
     [
@@ -67,7 +62,20 @@ def test_kinds_are_those_of_rig_files() -> None:
         ("x / mm", "motion", "mm"),
         ("cart_x_m", "moved", "m"),
         ("height_m", "height", "m"),
-        ("angular_velocity_rad_s", "other", "s"),
+        ("angular_velocity_rad_s", "speed", "rad/s"),
+        ("omega (rad/s)", "speed", "rad/s"),
+        ("omega_rad_per_s", "speed", "rad/s"),
+        ("v_m_s", "speed", "m/s"),
+        ("speed m/s", "speed", "m/s"),
+        ("v_mm_s", "speed", "mm/s"),
+        ("rate_deg_s", "speed", "deg/s"),
+        ("n_rpm", "speed", "rpm"),
+        ("a_m_s2", "acceleration", "m/s^2"),
+        ("acc_g", "acceleration", "g_0"),
+        ("torque_N_m", "cause", "N m"),
+        ("position_V", "motion", "V"),
+        ("lap_s", "time", "s"),
+        ("speed_s", "other", "s"),
         ("channel 3", "", None),
     ],
 )
@@ -112,6 +120,123 @@ def test_a_moved_base_is_an_input(tmp_path: Path) -> None:
     base = 0.1 * np.sin(2.0 * TIME)
     document = drafted(written(tmp_path, "a.csv", "time_s,hub_rad,deflection_rad", TIME, base, 0.1 * SWING))
     assert document["kind"] == "base_excited"
+
+
+def turning() -> np.ndarray:
+    """Return w' = 40 u - 5 w at the times."""
+    speed, found = 0.0, []
+    for u in HELD:
+        found.append(speed)
+        for _ in range(10):
+            speed += 1e-3 * (40.0 * u - 5.0 * speed)
+    return np.array(found) + RNG.normal(0.0, 0.02, TIME.size)
+
+
+@pytest.mark.parametrize("name", ["speed_rad_s", "omega (rad/s)", "speed_rpm"])
+def test_a_speed_at_a_voltage_is_a_motor(name: str, tmp_path: Path) -> None:
+    factor = 60.0 / (2.0 * np.pi) if "rpm" in name else 1.0
+    path = written(tmp_path, "a.csv", f"time_s,voltage_V,{name}", TIME, HELD, factor * turning())
+    document = drafted(path)
+    assert document["system"]["like"] == "dc_motor"
+    assert document["columns"]["input"]["name"] == "voltage_V"
+    assert document["columns"]["output"]["name"] == name
+    constants = document["system"]["constants"]
+    k, r = constants["torque_constant"]["value"], constants["resistance"]["value"]
+    inertia, loss = constants["inertia"]["guess"], constants["loss"]["guess"]
+    # The guesses move as the recording does.
+    assert k / r / inertia == pytest.approx(40.0, rel=0.05)
+    assert (k**2 / r + loss) / inertia == pytest.approx(5.0, rel=0.05)
+    assert "docs/YOUR_SYSTEM.md" in (tmp_path / "rig.toml").read_text()
+    assert overview(load_dataset(tmp_path / "rig.toml"))["recordings"][0]["own_period"] is None
+    with pytest.raises(InputError, match="is a speed, and drive reads none"):
+        draft([path], tmp_path, kind="drive")
+
+
+def test_other_speeds_are_read_by_a_body(tmp_path: Path) -> None:
+    document = drafted(written(tmp_path, "a.csv", "time_s,force_N,v_m_s", TIME, HELD, turning()))
+    assert document["system"]["output"] == "dot(x)"
+    assert document["system"]["constants"]["mass"]["guess"] == pytest.approx(1 / 40.0, rel=0.05)
+    document = drafted(written(tmp_path, "b.csv", "time_s,omega_rpm", TIME, 100.0 * np.exp(-TIME / 3.0)))
+    assert document["system"]["constants"]["damping"]["guess"] == pytest.approx(1 / 3.0, rel=0.01)
+
+
+def test_what_is_no_cause_is_the_output_and_no_time_is(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "time_s,u_V,y_V", TIME, HELD, driven(30.0))
+    assert drafted(path)["columns"]["output"]["name"] == "y_V"
+    path = written(tmp_path, "b.csv", "time_s,force_N,acc_m_s2", TIME, HELD, np.gradient(turning(), TIME))
+    assert drafted(path)["columns"]["output"]["reads"] == "acceleration"
+    path = written(tmp_path, "c.csv", "time_s,voltage_V,speed_s", TIME, HELD, turning())
+    with pytest.raises(InputError, match="Name one with --output"):
+        draft([path], tmp_path)
+    assert drafted(path, chosen={"output": "speed_s"})["columns"]["output"]["unit"] == "1"
+
+
+def test_equations_of_a_system_are_drafted_on_demand(tmp_path: Path) -> None:
+    document = drafted(written(tmp_path, "a.csv", "time_s,x_mm", TIME, 30.0 * SWING), kind="system")
+    assert document["system"]["constants"]["stiffness"]["guess"] == pytest.approx(25.0, rel=0.05)
+    assert "model" not in document
+    document = drafted(written(tmp_path, "b.csv", "time_s,voltage_V,x_m", TIME, HELD, driven(0.0)), kind="system")
+    assert document["system"]["constants"]["gain"]["guess"] == pytest.approx(1.0, rel=0.05)
+    with pytest.raises(InputError, match=r"docs/YOUR_SYSTEM\.md"):
+        draft([written(tmp_path, "c.csv", "time_s,x_pixel", TIME, SWING)], tmp_path, kind="system")
+
+
+def test_a_draft_offers_only_kinds_that_fit_and_says_how(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "time_s,angle_deg", TIME, 30.0 * SWING)
+    text = draft([path], tmp_path)
+    assert "on a torsion spring: `discovery init a.csv --kind oscillator`" in text
+    assert "# or oscillator: `" in text
+    assert drafted(path, kind="oscillator")["model"]["effects"] == ["viscous_damping", "linear_stiffness"]
+
+
+def shaken(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times, the motion of a base, and the way of a mass on a spring from it, from another start than rest."""
+    rng = np.random.default_rng(seed)
+    own = rng.uniform(2.0, 6.0)
+    time = np.arange(1200) / 60.0
+    rates, phases, loss = own * rng.uniform(0.1, 2.5, 6), rng.uniform(0.0, 6.0, 6), rng.uniform(0.01, 0.6) * own
+    sizes = rng.uniform(1.0, 4.0, 6)
+
+    def law(t: float, state: np.ndarray) -> tuple[float, float]:
+        return state[1], -(own**2) * state[0] - loss * state[1] + sizes * rates**2 @ np.sin(rates * t + phases)
+
+    way = solve_ivp(law, (0.0, time[-1]), (rng.normal(), 0.0), t_eval=time, rtol=1e-7, atol=1e-8).y[0]
+    return time, np.sin(np.multiply.outer(time, rates) + phases) @ sizes, way
+
+
+def test_recordings_tell_whether_a_motion_is_relative_to_its_base() -> None:
+    told = []
+    for seed in range(20):
+        time, base, way = shaken(seed)
+        noise = np.random.default_rng(seed).normal(size=time.size)
+        for motion in (way, way + base):
+            told.append(is_relative(time, motion + 0.01 * motion.std() * noise, base))
+    assert False not in told[0::2]
+    assert True not in told[1::2]
+    assert told.count(None) < 20
+    # One frequency fits both.
+    assert is_relative(TIME, 2.0 * np.sin(3.0 * TIME), np.sin(3.0 * TIME)) is None
+
+
+def test_a_base_says_that_the_output_is_relative_and_what_else_to_write(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    time, base, way = shaken(3)
+    path = written(tmp_path, "a.csv", "time_s,table_mm,mass_mm", time, base, base + way)
+    said = call(capsys, "init", path)
+    assert "read as relative to the base, 'table_mm'" in said.out
+    assert "But the recording looks like a motion against the floor." in said.out
+    text = (tmp_path / "rig.toml").read_text()
+    # What stands in the comment is a rig file that can be used.
+    start = text.index("# [system]")
+    lines = [line.removeprefix("# ").removeprefix("#") for line in text[start : text.index("\n[model]")].splitlines()]
+    head = "\n".join(line for line in text[:start].splitlines() if not line.startswith("kind"))
+    tail = text[text.index("[records]") :]
+    (tmp_path / "floor.toml").write_text("\n".join([head, *lines, "", tail]))
+    data = load_dataset(tmp_path / "floor.toml")
+    assert data.rig.kind == "system"
+    said = call(capsys, "fit", tmp_path / "floor.toml", "--out", tmp_path / "out", "--quiet")
+    assert said.status == 0, said.err
 
 
 def test_an_arm_keeps_its_columns(tmp_path: Path) -> None:

@@ -39,7 +39,9 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
     first, other = swing("first.csv", 0.05), swing("other.csv", 0.03)
     drafted(first, holdout=[other])
-    return load_dataset(folder / "rig.toml")
+    rig = folder / "rig.toml"
+    rig.write_text("mass_kg = 0.4\n" + rig.read_text())
+    return load_dataset(rig)
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +138,8 @@ def test_texts_are_short_and_tables_hold_what_was_found(dataset: Dataset, found:
     assert table.loc["beta", "effect"] == "cubic_stiffness"
     assert table.loc["beta", "value"] == found.after.values["beta"] == pytest.approx(2000.0, rel=0.05)
     assert table.loc["beta", "unit"] == "s^-2 m^-2"
+    assert table.loc["beta", "physical"] == pytest.approx(0.4 * table.loc["beta", "value"])
+    assert table.loc["beta", "physical_unit"] == "N m^-3"
     assert table.index.tolist() == ["xi", "alpha", "beta"]
     start = found.after.initial_states()
     assert start.index.tolist() == ["first"]

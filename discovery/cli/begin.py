@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.cli.options import PATH, note, options, print_json
+from discovery.cli.options import KINDS, PATH, note, options, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from discovery.recordings.dataset import Dataset
 
-__all__ = ["COMMANDS", "SYSTEM_KINDS"]
+__all__ = ["COMMANDS"]
 
-#: Kinds of systems, named here so that the help is there at once.
-SYSTEM_KINDS = ("flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body")
 #: Formats of a picture that matplotlib and a browser both know.
 _PICTURES = (".png", ".svg", ".pdf")
 
@@ -27,7 +25,7 @@ _PICTURES = (".png", ".svg", ".pdf")
 @click.argument("recordings", nargs=-1, required=True, type=PATH, metavar="RECORDING...")
 @click.option("--holdout", multiple=True, type=PATH, help="Recording that is never fitted; repeat for several.")
 @click.option("--out", type=PATH, help="Rig file to write; rig.toml beside the first recording otherwise.")
-@click.option("--kind", type=click.Choice(SYSTEM_KINDS), help="Kind of system; told from the signals otherwise.")
+@click.option("--kind", type=click.Choice(KINDS), help="Kind of system; told from the signals otherwise.")
 @click.option("--rate", type=click.FloatRange(0, min_open=True), help="Readings a second, for files without times.")
 @click.option("--time", help="Column of the times.")
 @click.option("--input", "given", help="Column of what drives the system.")

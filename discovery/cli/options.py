@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
 
 __all__ = [
+    "KINDS",
     "PATH",
     "SEED",
     "Seconds",
@@ -32,6 +33,10 @@ __all__ = [
     "progress",
     "results_folder",
 ]
+
+
+#: Kinds of system that a rig file may name, here so that the help is there at once.
+KINDS = ("flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system")
 
 
 class _Path(click.Path):

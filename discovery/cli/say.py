@@ -67,6 +67,7 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
     role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"
     values = ", ".join(
         " = ".join([n, *(estimate_text(q["value"], q["sd"], q["unit"]) for q in (p, p.get("physical")) if q)])
+        + (f", {p['reason']}" if "reason" in p else "")
         for n, p in effect["parameters"].items()
     )
     rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.cli.options import PATH, SEED, options, print_files, print_json
+from discovery.cli.options import KINDS, PATH, SEED, options, print_files, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -22,8 +22,6 @@ __all__ = ["COMMANDS", "MANOEUVRES"]
 MANOEUVRES = ("train_paper", "train_large", "holdout_inside", "holdout_beyond")
 
 _PAPER = "Experimental Validation of Nonlinear Dynamic Models for Single-Link Very Flexible Arms"
-#: Kinds of system that a rig file may name, for the same reason.
-KINDS = ("flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system")
 
 
 def _names(context: click.Context, _: click.Parameter, begun: str) -> list[str]:
@@ -53,7 +51,7 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
 
     if name is None:
         known = sorted({**catalogue(), **UPGRADES}.items())
-        listed = [(effect_id, effect) for effect_id, effect in known if system is None or System.of(system) in effect.systems]
+        listed = [(name, effect) for name, effect in known if system is None or System.of(system) in effect.systems]
         if as_json:
             print_json([_card(effect_id, effect) for effect_id, effect in listed])
             return

@@ -10,8 +10,9 @@ from discovery.declarations.units import si_symbol, split_suffix
 from discovery.drafting.law_of_motion import FloatArray, own_period
 from discovery.drafting.signals import Signals
 from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
+from discovery.rigs.kinds import Kind
 
-__all__ = ["Guess", "guess_kind", "has_columns_of_an_arm"]
+__all__ = ["Guess", "fits", "guess_kind", "has_columns_of_an_arm"]
 
 
 class Guess(NamedTuple):
@@ -34,6 +35,17 @@ def has_columns_of_an_arm(names: Iterable[str]) -> bool:
     return {"time", "motor_angle"} <= found and any(found.issuperset(outputs) for outputs in ARM_OUTPUTS)
 
 
+def fits(kind: Kind, found: Signals) -> bool:
+    """Whether a built-in kind could have been recorded like this: with such an input, and an output in such a unit."""
+    if kind.has_rod or kind.has_own_equations or kind.needs_input not in (None, found.input is not None):
+        return False
+    unit = si_symbol(found.output.unit)
+    moved = None if found.input is None else si_symbol(found.input.unit)
+    if kind.shaken and moved != unit and (moved, unit) != ("m", "rad"):
+        return False
+    return kind.unit in (None, unit)
+
+
 def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
     """Guess the kind of system.
 
@@ -47,15 +59,20 @@ def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
         Times [s].
     """
     unit = si_symbol(found.output.unit)
-    if found.height and found.input is None and unit == "m":
+    if found.reads == "speed":
+        return Guess("system", "a speed is read by a system in its own equations: docs/YOUR_SYSTEM.md")
+    if found.reads == "height" and found.input is None and unit == "m":
         return Guess("falling_body", "the output is a height, and nothing drives it")
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
     hanging = "pend" in f"{path.stem} {found.output.name}".lower()
     if found.input is None:
         if unit == "rad":
-            return Guess("pendulum", 'an angle that nothing drives; on a torsion spring it is an "oscillator"')
+            again = f"discovery init {path.name} --kind oscillator"
+            return Guess("pendulum", f"an angle that nothing drives; on a torsion spring: `{again}`")
         return Guess("oscillator", "nothing drives it")
+    if found.reads == "acceleration":
+        return Guess("oscillator", "an acceleration does not tell whether anything pulls it back")
     period = own_period(time, found.output.si, found.input.si)
     if period is None:
         return Guess("drive", "an input moves it, and nothing pulls it back to a place of rest")

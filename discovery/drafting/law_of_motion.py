@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-__all__ = ["own_period"]
+__all__ = ["least_squares", "own_period", "rates_of", "telling_part"]
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     >>> round(period, 2)
     1.0
     """
-    good = _part(np.flatnonzero(np.isfinite(output)), output)
+    good = telling_part(output)
     if good.size < 50:
         return None
     t, y = time[good] - time[good[0]], output[good]
@@ -51,16 +51,52 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     columns = [np.ones_like(t), t / scale, (t / scale) ** 2, integral(y)]
     if given is not None:
         columns.append(integral(integral(given[good])))
-    without = _squares(np.column_stack(columns), y)[0]
-    left, weights = _squares(np.column_stack([*columns, integral(integral(y))]), y)
+    without = least_squares(np.column_stack(columns), y)[0]
+    left, weights = least_squares(np.column_stack([*columns, integral(integral(y))]), y)
     if weights[-1] >= 0.0 or without < _GAIN * left:
         return None
     period = float(2.0 * np.pi / np.sqrt(-weights[-1]))
     return period if _PERIODS * period < scale else None
 
 
-def _part(good: NDArray[np.intp], output: FloatArray) -> NDArray[np.intp]:
+def rates_of(
+    time: FloatArray, output: FloatArray, given: FloatArray | None, *, speed: bool = False, spring: bool = False
+) -> tuple[float, float]:
+    """Return d [1/s] and b of q'' = -d q' - k q + b u: a place for a fit to begin.
+
+    Parameters
+    ----------
+    time, output : array, shape (n,)
+        Times [s] and q, or q' where a `speed` is read; NaN marks gaps.
+    given : array, shape (n,), or None
+        The input u; without one, b is 0.
+    speed, spring : bool
+        Whether the output is a speed, and whether something pulls back.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 5, 1001)
+    >>> d, b = rates_of(t, 3.0 * (1.0 - np.exp(-2.0 * t)), np.ones_like(t), speed=True)
+    >>> round(d, 2), round(b, 2)
+    (2.0, 6.0)
+    """
+    good = telling_part(output)
+    t, y = time[good] - time[good[0]], output[good]
+
+    def integral(values: FloatArray) -> FloatArray:
+        return cumulative_trapezoid(values, t, initial=0)
+
+    u = integral(np.zeros_like(t) if given is None else given[good])
+    columns = [integral(y), u if speed else integral(u), np.ones_like(t)]
+    columns += [] if speed else [t, t**2]
+    columns += [integral(integral(y))] if spring else []
+    weights = least_squares(np.column_stack(columns), y)[1]
+    return float(-weights[0]), float(weights[1])
+
+
+def telling_part(output: FloatArray) -> NDArray[np.intp]:
     """Return the readings around the largest one, with no more passages through the middle than are needed."""
+    good = np.flatnonzero(np.isfinite(output))
     side = output[good] > np.median(output[good])
     passages = np.flatnonzero(side[1:] != side[:-1])
     if passages.size <= _PASSAGES:
@@ -70,7 +106,7 @@ def _part(good: NDArray[np.intp], output: FloatArray) -> NDArray[np.intp]:
     return good[passages[first] : passages[first + _PASSAGES - 1]]
 
 
-def _squares(columns: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
+def least_squares(columns: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
     """Return the sum of squares that least squares leave, and the weight of each column."""
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0

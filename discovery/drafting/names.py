@@ -25,12 +25,21 @@ _SPELLED = {
     "mNm": "mN m",
     "volt": "V",
     "volts": "V",
+    "RPM": "rpm",
+    "U/min": "rpm",
+    "r/min": "rpm",
+    "1/min": "rpm",
+    "rev": "revolution",
+    "dps": "deg/s",
 }
 #: What may stand behind an underscore or a blank without brackets: other letters there are part of the name.
 _BARE = {
     *("s", "ms", "us", "min", "m", "mm", "cm", "um", "km", "deg", "rad", "mrad", "V", "mV", "A", "mA"),
-    *("N", "mN", "kN", "N m", "mN m", "pixel", "g"),
+    *("N", "mN", "kN", "N m", "mN m", "kN m", "pixel", "g", "rpm", "deg/s"),
 }
+#: What a speed is made of: `_rad_s` states rad/s, and `_m_s2` m/s^2.
+_MOVING = {"m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "rev", "degrees", "radians"}
+_RATE = re.compile(r"(?P<of>[^\W\d_]+)_(?:per_)?(?P<per>s|sec|seconds?|min|h)(?:\^?-?(?P<power>[12]))?")
 _BRACKETS = re.compile(r"(?P<stem>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|/\s*(?P<slash>\S+))\s*$")
 _TIMES = {"t", "time", "times", "timestamp", "zeit", "temps", "elapsed", "seconds", "clock"}
 _CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "current", "i", "input", "command", "cmd"}
@@ -39,7 +48,17 @@ _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support"}
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
 _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "position", "pos", "output", "y", "x", "z"}
 _MOTIONS |= {"q", "disp", "travel", "distance", "encoder", "tip", "swing", "rotation"}
-_RATES = {"velocity", "speed", "rate", "omega", "vel", "gyro", "acceleration", "acc", "accel", "temperature", "error"}
+_ACCELERATIONS = {"acceleration", "acc", "accel"}
+_SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm"}
+_OTHERS = {"temperature", "error"}
+#: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
+_WORDS = (
+    *(("acceleration", _ACCELERATIONS), ("speed", _SPEEDS), ("cause", _CAUSES)),
+    *(("moved", _MOVED), ("height", _HEIGHTS), ("motion", _MOTIONS)),
+)
+#: Roles by units, which no word contradicts.
+_RATES = {"m/s": "speed", "rad/s": "speed", "m/s^2": "acceleration", "rad/s^2": "acceleration"}
+_FORCES = ("V", "A", "N", "J", "N m")
 
 
 class Meaning(NamedTuple):
@@ -48,8 +67,8 @@ class Meaning(NamedTuple):
     Attributes
     ----------
     role : str
-        ``"time"``, ``"cause"``, ``"moved"`` (motion of a base), ``"height"``, ``"motion"``, ``"other"`` (a rate), or
-        ``""`` where the name says nothing.
+        ``"time"``, ``"cause"``, ``"moved"`` (motion of a base), ``"height"``, ``"motion"``, ``"speed"``,
+        ``"acceleration"``, ``"other"`` (neither cause nor motion), or ``""`` where the name says nothing.
     unit : str or None
         As the name states it, None where it does not.
     """
@@ -67,27 +86,47 @@ def meaning_of(name: str) -> Meaning:
     Meaning(role='motion', unit='deg')
     >>> meaning_of("Motor voltage [mV]")
     Meaning(role='cause', unit='mV')
+    >>> meaning_of("omega_rad_s")
+    Meaning(role='speed', unit='rad/s')
     >>> meaning_of("reading")
     Meaning(role='', unit=None)
     """
     stem, unit = _split(name)
     words = [word for word in re.split(r"[^a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", stem).lower()) if word]
-    return Meaning(_role(words, unit), unit)
+    role = _role(words, unit)
+    return Meaning(role, "g_0" if role == "acceleration" and unit == "g" else unit)  # g is no gram there
 
 
 def _split(name: str) -> tuple[str, str | None]:
-    """Return what is measured, and the unit that the name states."""
+    """Return what is measured, and the unit that the name states: the longest one."""
+    words = re.split(r"[_\s]+", name.strip())
+    for count in range(len(words), 0, -1):
+        unit = _bare("_".join(words[-count:]))
+        # A name that is nothing but a unit is a quantity of its own: m, s, and V are masses, places, and voltages.
+        if unit is not None and (count < len(words) or si_symbol(unit) in _RATES):
+            return " ".join(words[:-count]), unit
     found = _BRACKETS.match(name)
     if found:
         unit = _known(found["square"] or found["round"] or found["slash"] or "")
         if unit is not None:
             return found["stem"], unit
-    words = re.split(r"[_\s]+", name.strip())
-    for count in (2, 1):
-        unit = _known(" ".join(words[-count:])) if len(words) > count else None
-        if unit in _BARE:
-            return " ".join(words[:-count]), unit
     return name, None
+
+
+def _bare(suffix: str) -> str | None:
+    """Return the unit that a suffix states; None where it may be a part of the name."""
+    unit = _known(suffix.replace("_", " "))
+    if unit in _BARE:
+        return unit
+    suffix = re.sub(r"_*/_*", "_per_", suffix)
+    rate = _RATE.fullmatch(suffix)
+    if rate and rate["of"] in _MOVING:
+        per = {"sec": "s", "second": "s", "seconds": "s"}.get(rate["per"], rate["per"])
+        unit = f"{_SPELLED.get(rate['of'], rate['of'])}/{per}" + ("^2" if rate["power"] == "2" else "")
+        return "rpm" if unit == "revolution/min" else unit
+    of, _, per = suffix.partition("_per_")
+    of = _SPELLED.get(of, of).replace("_", " ")
+    return _known(f"{of}/({per.replace('_', ' ')})") if per and of in _BARE else None
 
 
 def _known(text: str) -> str | None:
@@ -100,13 +139,19 @@ def _known(text: str) -> str | None:
 
 
 def _role(words: list[str], unit: str | None) -> str:
-    if _TIMES.intersection(words[:1]) or (not words and unit is not None and si_symbol(unit) == "s"):
-        return "time"
     kind = None if unit is None else si_symbol(unit)
-    for role, known in (("other", _RATES), ("cause", _CAUSES), ("moved", _MOVED), ("height", _HEIGHTS)):
-        # A voltage that is no command, and the place of a base, are told by their units.
-        if known.intersection(words) and not (role == "moved" and kind in ("V", "A", "N", "N m")):
-            return role
-    if kind in ("V", "A", "N", "J", "N m"):
+    by_word = next((role for role, known in _WORDS if known.intersection(words)), "")
+    if _TIMES.intersection(words[:1]):
+        return "time"
+    if _OTHERS.intersection(words) or (kind == "s" and by_word):
+        return "other"
+    if kind == "s":
+        return "time"
+    if kind in _RATES:
+        return _RATES[kind]
+    # A voltage that is no command, and the place of a base, are told by their units.
+    if by_word and not (by_word == "moved" and kind in _FORCES):
+        return by_word
+    if kind in _FORCES:
         return "cause"
-    return "motion" if _MOTIONS.intersection(words) or kind in ("m", "rad") else ""
+    return "motion" if kind in ("m", "rad") else ""

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.units import quoted
+from discovery.declarations.units import quoted, si_symbol
+from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.law_of_motion import FloatArray, own_period
 from discovery.foundation.arguments import expect
 from discovery.recordings.dataset import Dataset
@@ -68,7 +69,9 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
     steps = np.diff(r.time)
     step = float(np.median(steps))
     steady = bool((np.abs(steps - step) <= _JITTER * step).all())
-    period = None if experiment.system.has_rod else own_period(r.time, experiment.deflection, r.input)
+    # The law that tells a period is one of positions.
+    position = not experiment.system.has_rod and si_symbol(experiment.rig.columns.output.unit) not in ("m/s", "rad/s")
+    period = own_period(r.time, experiment.deflection, r.input) if position else None
     return {
         "name": r.name,
         "role": role,
@@ -129,8 +132,23 @@ def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str
             yield _driven(found["input"], columns.input.unit) + _swing(found)
         for flag in found["flags"]:
             yield f"  flag: {flag}"
+    if dataset.rig.traits.shaken and columns.input is not None and is_one_line(columns.input.unit, columns.output.unit):
+        yield _base(dataset, columns.input.name)
     if not dataset.holdout:
         yield "holdout: none is named; what is not fitted judges. Another release or input judges better"
+
+
+def _base(dataset: Dataset, name: str) -> str:
+    """Say that the output counts from the base, and what its recordings tell of that."""
+    told = {_told(e) for e in dataset.train} - {None}
+    relative = told.pop() if len(told) == 1 else None
+    where = "docs/YOUR_RECORDING.md, section 7, has the table [system] for one against the floor"
+    return f"output: read as relative to the base, {name!r}; {where}. {LOOKS[relative]}"
+
+
+def _told(experiment: Experiment) -> bool | None:
+    r = experiment.recording
+    return None if r.input is None else is_relative(r.time, experiment.deflection, r.input)
 
 
 def _size(found: Mapping[str, Any]) -> str:

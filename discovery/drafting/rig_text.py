@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from discovery.declarations.units import si_factor, si_symbol, split_suffix
-from discovery.drafting.kind import Guess, guess_kind, has_columns_of_an_arm
+from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
+from discovery.drafting.equations import equations
+from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm
 from discovery.drafting.signals import FloatArray, Signal, Signals, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths
 from discovery.foundation.errors import InputError
@@ -77,13 +80,23 @@ def draft(
         found = find_signals(path, rate=rate, chosen=chosen)
         time = np.arange(found.output.values.size) / (rate or 1.0) if found.time is None else found.time.si
         guess = guess_kind(path, found, time) if kind is None else Guess(kind, "")
-        if KINDS[guess.kind].has_rod:
-            raise InputError(
-                f"{path} lacks the columns of a flexible arm: time_s, motor_angle_rad, and tip_x_m with tip_y_m, or "
-                "tip_angle_rad, or tip_deflection_m. Rename its columns, with any unit as the suffix."
-            )
+        _check(path, found, guess)
         lines = _system(path, found, guess, time, rate)
     return "\n".join([*lines, "", *_records(fitted, held, place)]) + "\n"
+
+
+def _check(path: Path, found: Signals, guess: Guess) -> None:
+    """Refuse a kind that does not read what was recorded."""
+    if found.reads == "speed" and not KINDS[guess.kind].has_own_equations:
+        raise InputError(
+            f"The output {found.output.name!r} of {path} is a speed, and {guess.kind} reads none. Leave --kind out "
+            "for a draft of a system in its own equations (docs/YOUR_SYSTEM.md), or name a position with --output."
+        )
+    if KINDS[guess.kind].has_rod:
+        raise InputError(
+            f"{path} lacks the columns of a flexible arm: time_s, motor_angle_rad, and tip_x_m with tip_y_m, or "
+            "tip_angle_rad, or tip_deflection_m. Rename its columns, with any unit as the suffix."
+        )
 
 
 def _text(value: str) -> str:
@@ -118,20 +131,37 @@ def _arm(path: Path) -> Iterator[str]:
 def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: float | None) -> Iterator[str]:
     yield from _top(path)
     yield f"kind = {_text(guess.kind)}" + (f"   # guessed: {guess.why}" if guess.why else "")
-    others = [other for other, its in KINDS.items() if other != guess.kind and not its.has_rod]
-    yield f"# other kinds: {', '.join(others)}; a flexible arm has columns of its own"
+    own = KINDS[guess.kind].has_own_equations
+    others = [other for other, its in KINDS.items() if other != guess.kind and fits(its, found)]
+    if found.reads != "speed":
+        if others:
+            yield f"# or {', '.join(others)}: `discovery init {path.name} --kind KIND` declares what fits the kind"
+        yield "# Any other system has equations of its own: docs/YOUR_SYSTEM.md"
     if KINDS[guess.kind].hangs:
         yield "# from the axis to the middle of a small bob; stated, it is held against the motion:"
         yield "# length_m = { value = 0.80, sd = 0.005 }"
     yield ""
+    if own:
+        yield from (*equations(found, time), "")
     yield "[columns]"
     yield from _columns(found, guess, time, rate)
     if found.unused:
         yield f"# not used: {', '.join(found.unused)[:300]}"
-    yield ""
-    yield "[model]"
-    yield "# what you declare; what it lacks is searched"
-    yield f"effects = [{', '.join(map(_text, KINDS[guess.kind].declared))}]"
+    if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
+        yield from _base(found, found.input, time)
+    if not own:
+        yield ""
+        yield "[model]"
+        yield "# what you declare; what it lacks is searched"
+        yield f"effects = [{', '.join(map(_text, KINDS[guess.kind].declared))}]"
+
+
+def _base(found: Signals, base: Signal, time: FloatArray) -> Iterator[str]:
+    """Say that the output counts from the base, and how a motion against the floor is declared."""
+    relative = is_relative(time, found.output.si, base.si)
+    yield f"# The output is read as relative to the base, {base.name!r}. {LOOKS[relative]}"
+    yield "# If it was measured against the floor, remove the line `kind` and the table [model], and declare instead:"
+    yield from (f"# {line}".rstrip() for line in equations(replace(found, moved=True), time))
 
 
 def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None) -> Iterator[str]:
@@ -144,10 +174,14 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
     else:
         yield f"{_column('time', found.time)}   # {_guessed(found.time)}{size}"
     if found.input is not None:
-        between, why = _between(found.input, guess)
+        differentiated = KINDS[guess.kind].shaken or found.moved or found.reads == "acceleration"
+        between, why = ("", []) if differentiated else _between(found.input)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
-    yield f"{_column('output', found.output, _zero(found, guess))}   # {_guessed(found.output)}{_range(found.output)}"
+    more = _zero(found, guess)
+    if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
+        more += ', reads = "acceleration"'
+    yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{_range(found.output)}"
     noise = estimate_noise(found.output.values, time)
     shown = f"{noise:.2g}" if noise > 0.0 else "0.1"
     if noise > 0.0:
@@ -157,10 +191,8 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
     yield "# Readings that were smoothed hide theirs: take raw ones."
 
 
-def _between(given: Signal, guess: Guess) -> tuple[str, list[str]]:
+def _between(given: Signal) -> tuple[str, list[str]]:
     """Say how an input runs between its samples, and why: held where it stays and jumps, else the recordings choose."""
-    if KINDS[guess.kind].shaken:
-        return "", []
     steps = np.abs(np.diff(given.values))
     if (steps == 0.0).mean() > _HELD and steps.max() > _JUMP * np.ptp(given.values):
         return ', interpolation = "hold"', ["# guessed: it stays and jumps, so that it is held between its samples"]

@@ -66,8 +66,8 @@ class Signals:
         The motion.
     moved : bool
         Whether the input is the motion of a base.
-    height : bool
-        Whether the output is a height.
+    reads : str
+        What the name of the output says: ``"height"``, ``"speed"``, ``"acceleration"``, or something else.
     unused : tuple of str
         Columns that are not used.
     """
@@ -77,7 +77,7 @@ class Signals:
     input: Signal | None
     output: Signal
     moved: bool
-    height: bool
+    reads: str
     unused: tuple[str, ...]
 
 
@@ -118,10 +118,11 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
             raise InputError(f"{path} has no column of numbers {name!r}.{suggestion(name, columns)} {_list(columns)}")
     meanings = {name: meaning_of(name) for name in columns}
     time = None if rate is not None and "time" not in wanted else _time(path, columns, meanings, wanted.get("time"))
-    rest = [n for n in columns if n != time and (meanings[n].role != "time" or n in wanted.values())]
+    # Neither a second column of times nor one that never changes is a signal, unless the user says so.
+    rest = [n for n in columns if n != time and (n in wanted.values() or _varies(n, columns, meanings))]
     given = wanted.get("input") or _first(rest, meanings, ("cause", "moved"), wanted.get("output"))
     output = wanted.get("output") or _output(path, [n for n in rest if n != given], meanings)
-    if output is None and given is not None and "input" not in wanted:
+    if output is None and len(rest) == 1 and given is not None and "input" not in wanted:
         output, given = given, None  # the only signal is what was measured
     if output is None:
         raise InputError(f"{path} has no column that could be the output. Name one with --output. {_list(columns)}")
@@ -134,9 +135,13 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
         input=None if given is None else _signal(given, columns, meanings, "input"),
         output=_signal(output, columns, meanings, "output"),
         moved=given is not None and meanings[given].role == "moved",
-        height=meanings[output].role == "height",
+        reads=meanings[output].role,
         unused=tuple(name for name in table.columns if name not in used),
     )
+
+
+def _varies(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> bool:
+    return meanings[name].role != "time" and bool(np.nanmax(columns[name]) > np.nanmin(columns[name]))
 
 
 def _numbers(table: Table) -> dict[str, FloatArray]:
@@ -181,22 +186,25 @@ def _first(
 
 
 def _output(path: Path, names: Sequence[str], meanings: Mapping[str, Meaning]) -> str | None:
-    """Return the column of the motion: by its name, or the only one whose name says nothing."""
+    """Return the column of the motion: by its name, else the only speed, acceleration, or name that says nothing."""
     known = _first(names, meanings, ("height", "motion", "moved"), None)
     if known is not None:
         return known
-    blank = [name for name in names if meanings[name].role == ""]
-    if len(blank) > 1:
-        raise InputError(
-            f"{path}: any of the columns {', '.join(blank)[:300]} could be the output. Name it with --output, and what "
-            "drives the system, if one of them does, with --input."
-        )
-    return next(iter(blank), None)
+    for role in ("speed", "acceleration", ""):
+        found = [name for name in names if meanings[name].role == role]
+        if len(found) > 1:
+            raise InputError(
+                f"{path}: any of the columns {', '.join(found)[:300]} could be the output. Name it with --output, and "
+                "what drives the system, if one of them does, with --input."
+            )
+        if found:
+            return found[0]
+    return None
 
 
 def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], role: str) -> Signal:
     values, unit = columns[name], meanings[name].unit
-    if unit is not None and (role != "time" or si_symbol(unit) == "s"):
+    if unit is not None and (role == "time") == (si_symbol(unit) == "s"):
         return Signal(name, unit, False, values)
     if role == "time":
         step = float(np.median(np.diff(values)))
@@ -206,6 +214,8 @@ def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
         unit = "deg" if float(np.nanmax(np.abs(values))) > _TURNS else "rad"
     elif role == "output" and meanings[name].role == "height":
         unit = "m"
+    elif role == "output" and meanings[name].role == "speed":
+        unit = "m/s" if "vel" in name.lower() else "rad/s"
     else:
-        unit = "1"
+        unit = "V" if role == "input" and "volt" in name.lower() else "1"
     return Signal(name, unit, True, values)

@@ -37,13 +37,20 @@ class FitViews:
     def to_pandas(self: Any) -> pd.DataFrame:
         """Return a row for every parameter: value, standard deviation (NaN where there is none) and unit, SI.
 
-        Initial states are no parameters of the physics: see `initial_states`.
+        Where parameters are also told as forces or torques, three columns more hold them: `physical`, `physical_sd`
+        and `physical_unit`. Initial states are no parameters of the physics: see `initial_states`.
         """
         import pandas as pd
 
-        found = {name: entry for name, entry in self.summary()["parameters"].items() if not is_start(name)}
+        content = self.summary()
+        found = {name: entry for name, entry in content["parameters"].items() if not is_start(name)}
         table = pd.DataFrame.from_dict(found, orient="index", columns=["value", "sd", "unit"])
-        return table.astype({"value": float, "sd": float}).rename_axis("parameter")
+        table = table.astype({"value": float, "sd": float}).rename_axis("parameter")
+        if "physical" not in content:
+            return table
+        forces = pd.DataFrame.from_dict(content["physical"], orient="index", columns=["value", "sd", "unit"])
+        forces.columns = pd.Index(["physical", "physical_sd", "physical_unit"])
+        return table.join(forces.astype({"physical": float, "physical_sd": float}))
 
     def initial_states(self: Any) -> pd.DataFrame:
         """Return a row for every recording: deflection and rate at its first time, standard deviations, units, SI."""

@@ -99,7 +99,7 @@ KINDS: Mapping[str, Kind] = {
             LINEAR_MODEL,
             True,
             "motion of the base or hub",
-            "deflection relative to it",
+            "deflection relative to the base",
             interpolation="motion",
             returns=True,
             shaken=True,

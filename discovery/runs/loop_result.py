@@ -177,6 +177,7 @@ class LoopResult(LoopViews):
                 "value": values[n],
                 "sd": None if n in self.after.reasons else sd[n],
                 "unit": experiment.unit_of(self.after.model.parameters[n]),
+                **({"reason": self.after.reasons[n]} if n in self.after.reasons else {}),
                 **({"physical": physical[n]} if n in physical else {}),
             }
             for n in names
