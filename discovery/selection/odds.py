@@ -72,13 +72,11 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
     return Odds(train, held, size, against, float(gain))
 
 
-def between_rivals(found: Contender, rival: Contender, settings: LoopSettings, *, complete: bool) -> float:
-    """Return the log odds of a set against one with another effect in its place.
+def between_rivals(found: Contender, rival: Contender, settings: LoopSettings) -> float:
+    """Return the log odds of a set against one with another effect in its place, where a model error is left.
 
-    Where it is not complete, its model error may hide a better fit; what is not fit, as Occam's factor, counts beside.
+    That may hide a better fit; what is not fit, as Occam's factor, counts beside.
     """
-    if complete:
-        return found.joint - rival.joint
     odds = odds_of(found, rival, rival, settings)
     joint, held = odds.train + odds.held, rival.evidence.chi2_held - found.evidence.chi2_held
     fit = 0.5 * max(odds.gain, odds.gain + held)

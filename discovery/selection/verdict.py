@@ -110,13 +110,15 @@ def named(search: Search) -> list[Named]:
         smaller = search.neighbours.without(search.best, effect)
         odds = odds_of(search.best, smaller, search.root, settings)
         others = search.neighbours.instead_of(search.best, effect)
-        behind = {c: between_rivals(search.best, c, settings, complete=complete) for c in others}
+        behind = {c: search.best.joint - c.joint for c in others}
+        for rival in others if not complete else ():
+            # What is itself no larger than the model error is no rival that this could hide.
+            if odds_of(rival, smaller, search.root, settings).against_error >= settings.nats:
+                behind[rival] = between_rivals(search.best, rival, settings)
         weights = {c: float(np.exp(-max(behind[c], 0.0))) for c in others}
         absent = float(np.exp(-max(odds.total, 0.0)))
         total = 1.0 + absent + sum(weights.values())
         group = [c for c in others if behind[c] < settings.nats]
-        if not complete:
-            group = [c for c in group if odds_of(c, smaller, search.root, settings).against_error >= settings.nats]
         names = tuple(next(e for e in c.added if e not in smaller.added) for c in group)
         shared = 1.0 + sum(weights[c] for c in group)
         force, doubtful = {}, False
