@@ -96,6 +96,17 @@ def test_a_drive_passes_what_lies_between_its_dead_zone_and_its_limit() -> None:
     )
 
 
+def test_forces_at_a_place_are_told_in_newtons() -> None:
+    """At an angle as torques; a drag, which has no time in its unit, in kilograms."""
+    for system, place, units in (
+        ("quarter_car", "suspension", {"beta": "N m^-3", "f_c": "N", "c_2": "kg m^-1"}),
+        ("two_mass_drive", "joint", {"beta": "N m", "f_c": "N m"}),
+    ):
+        effects = tuple(f"{e}_at_{place}" for e in ("cubic_stiffness", "coulomb_friction", "quadratic_drag"))
+        parameters = Model(system_base(ready_made()[system]).name, effects).parameters
+        assert {n: parameters[f"{n}_{place}"].value_unit for n in units} == units
+
+
 def test_buoyancy_is_asked_of_what_falls() -> None:
     asked = {b for b in ("oscillator", "falling_body", "servo") if "buoyancy" in candidates(Model(b, ()))}
     assert asked == {"falling_body"}

@@ -48,7 +48,7 @@ def test_a_force_tells_the_mass_of_an_oscillator() -> None:
     covariance = np.array([[0.01**2, 1.99 * 0.01], [1.99 * 0.01, 2.0**2]])
     found = physical_parameters(model, values, ("g", "alpha"), covariance, stand_in(pushed("N"), "m"))
     assert {n: (v, u) for n, (v, _, u) in found.items()} == {
-        "inertia": (2.0, "kg"), "alpha": (200.0, "N m^-1"), "xi": (0.4, "N m^-1 s"), "beta": (600.0, "N m^-3"),
+        "inertia": (2.0, "kg"), "alpha": (200.0, "N m^-1"), "xi": (0.4, "N s m^-1"), "beta": (600.0, "N m^-3"),
     }  # fmt: skip
     assert found["inertia"][1] == pytest.approx(2.0 * 0.02)
     assert found["alpha"][1] == pytest.approx(200 * np.sqrt(0.02**2 + 0.02**2 - 2 * 1.99 * 0.01 / 50))

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.foundation.errors import InputError
+from discovery.declarations.system import Constant, SystemDeclaration
+from discovery.diagnosis.missing_force import missing_force
+from discovery.equations.model import Model
+from discovery.foundation.errors import ComputationError, InputError
 from discovery.mechanics import base_names, get_base
+from discovery.mechanics.systems import declare
 from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, posterior, sentences, story
 from discovery.report.charts import chart_data
@@ -740,8 +745,88 @@ def test_the_equation_has_its_numbers_and_no_two_of_them_touch() -> None:
     assert _text(_with_numbers(taken, {symbol("beta"): -2.5})) == "x+2.500q"
     small = _with_numbers(f"<mrow>{power(symbol('v_c'), '<mn>2</mn>')}</mrow>", {symbol("v_c"): 7.974e-5})
     assert latex(small) == r"(7.974\times 10^{-5})^{2}"
+    double = f'<mrow><mn>2</mn><mspace width="0.12em"/>{power(symbol("w_h"), "<mn>2</mn>")}</mrow>'
+    assert latex(_with_numbers(double, {symbol("w_h"): 0.1007})) == r"2\cdot 0.1007^{2}"
     touching = _with_numbers(body, {symbol("alpha"): 7.974e-5, symbol("delta_0"): 0.5e-4})
     assert latex(touching) == r"7.974\times 10^{-5}\cdot 5.000\times 10^{-5}+\alpha_{m}"
+
+
+@pytest.fixture
+def shaken() -> str:
+    """Return the name of the base of a body of known mass on a shaken table."""
+    table = SystemDeclaration(
+        name="carriage on a table",
+        coordinates={"x": "m"},
+        constants={"mass": Constant("kg", 2.0), "stiffness": Constant("N / m", 800.0, free=True)},
+        kinetic="mass*dot(x)^2/2",
+        potential="stiffness*(x - table)^2/2",
+        forces={"x": "-stiffness*table/10"},
+        input=("table", "m"),
+        output="x",
+        places={"body": "x", "spring": "x - table", "x": "x"},
+    )
+    return declare(table)
+
+
+def test_the_final_equation_of_a_declared_system_is_complete(shaken: str, tmp_path: Path) -> None:
+    """Known constants have their numbers, and a place is defined where an effect acts there."""
+    from discovery.report.answer import equation_lines
+
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    effects = ["cubic_stiffness_at_spring", "input_dead_zone"]
+    model = {**Model(shaken, tuple(effects), {"mass": 2.0}).to_dict(), "effects": effects}
+    fitted = {"stiffness": 900.0, "beta_spring": 6e5, "w_u": 0.1}
+    numbers = {n: {"value": value, "sd": 0.1, "unit": "1"} for n, value in fitted.items()}
+    results["loop"]["model"]["after"] |= {"model": model, "parameters": numbers}
+    results["rig"]["kind"] = "system"
+    found = [_text(str(body)).translate(_PLAIN) for _, body, _ in equation_lines(Run(tmp_path, results))]
+    assert found[:5] == [
+        "T=2.000x.22", "V=900.0(x−table)22", "Qx=−900.0table10", "spring=x−table", "V=600 000spring44",
+    ]  # fmt: skip
+    assert found[5].startswith("table→table")
+
+
+def test_what_an_effect_takes_from_its_place_is_told(shaken: str) -> None:
+    *_, line = model_formulas(Model(shaken, ("hysteresis_at_spring",), {"mass": 2.0}).to_dict(), "system")
+    assert latex(line.body).endswith(r",\, k_{\mathrm{spring}}\text{ the stiffness at spring}")
+
+
+def test_a_rate_of_a_word_has_its_dot_above_all_of_it() -> None:
+    from discovery.report.mathml import symbol
+
+    (mover,) = ElementTree.fromstring(block(symbol("table", 1))).iter("mover")
+    assert ["".join(part.itertext()) for part in mover] == ["table", "."]
+    assert latex(symbol("table", 2)) == r"\ddot{\mathrm{table}}"
+
+
+def test_the_reading_of_two_modes_stands_beside_their_equations() -> None:
+    lines = model_formulas({"base": "oscillator", "effects": ["linear_stiffness", "second_mode"]}, "oscillator")
+    assert [_text(block(line.body)) for line in lines if line.needed] == ["q..+αq=gu", "yread=q+z2"]
+
+
+def test_minus_signs_are_operators() -> None:
+    for effect_id, effect in catalogue().items():
+        for system in effect.systems:
+            assert "-" not in _text(block(effect_formula(effect, system))), effect_id
+
+
+def test_states_of_a_shaken_system_have_names_of_its_own(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    error = synthetic_run.model_error(1e-3, 8e-5, "m", "deflection", "time")
+    results["loop"] = _loop(results, "unexplained") | {"model_error": error}
+    results["rig"]["kind"] = "base_excited"
+    assert "it depends on deflection relative to the base and time." in headline(Run(tmp_path, results))
+
+
+def test_a_force_that_cannot_be_reconstructed_is_said_to_be_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def grows(*_: Any) -> Any:
+        raise ComputationError("The motion grows.")
+
+    monkeypatch.setattr("discovery.diagnosis.missing_force.reconstruct", grows)
+    recorded = SimpleNamespace(experiments=[SimpleNamespace(coordinate_unit="m")])
+    fit = SimpleNamespace(problem=SimpleNamespace(units=SimpleNamespace(time=1.0), bench=recorded))
+    with pytest.raises(ComputationError, match="The missing force could not be reconstructed: the motion grows"):
+        missing_force(fit)  # type: ignore[arg-type]
 
 
 def test_a_formula_becomes_latex() -> None:
@@ -1080,7 +1165,7 @@ def test_what_effects_change_together_is_one_law() -> None:
     law = ["radius_law", "radius_quartic"]
     lines = model_formulas({"base": "constant_radius", "effects": effects + law}, "flexible_arm")[2:]
     texts = [_text(block(line.body)) for line in lines]
-    assert texts[0] == "xread=(s+1)(xtcos(θ0)-ytsin(θ0)),yread=(s+1)(xtsin(θ0)+ytcos(θ0))"
+    assert texts[0] == "xread=(s+1)(xtcos(θ0)−ytsin(θ0)),yread=(s+1)(xtsin(θ0)+ytcos(θ0))"
     assert re.fullmatch(r"tread=t−dtt−j\(.*\)−τ", texts[1])
     assert texts[2:] == ["θm→θh+θm(kh+1)", "ρt/l=r4δ4+cos(γδ)"]
     assert lines[3].words == f"{get_effect('radius_law').title()}. {get_effect('radius_quartic').title()}"
@@ -1090,8 +1175,9 @@ def test_an_inner_law_acts_on_each_place_of_the_rod() -> None:
     memory = {"effects": ["linear_stiffness", "hysteresis", "asymmetric_viscous_damping"]}
     (equation, _, hysteresis) = model_formulas({"base": "constant_radius", **memory}, "flexible_arm")
     assert _text(block(equation.body)) == "θ..t+αδ+3∫01(1−s)(αhbzh)ds+ξa|θ.t|=0"
-    assert _text(block(hysteresis.body)).startswith("P=3∫01(−αhbzhb.)ds,z.h=b.-")
-    line, _ = model_formulas({"base": "oscillator", **memory}, "oscillator")
+    assert _text(block(hysteresis.body)) == "P=3∫01(−αhbzhb.)ds,z.h=b.−zh2b.+zh|zh||b.|2wh2,b=13∂θ∂s"
+    line, inner = model_formulas({"base": "oscillator", **memory}, "oscillator")
+    assert _text(block(inner.body)) == "P=−αhbzhq.,z.h=q.−zh2q.+zh|zh||q.|2wh2"
     assert _text(block(line.body)) == "q..+αq+αhbzh+ξa|q.|=gu"
 
 

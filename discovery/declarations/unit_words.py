@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fractions import Fraction
 
-from discovery.declarations.units import dimension
+from discovery.declarations.units import dimension, powers_text
 
 __all__ = ["named_unit"]
 
@@ -17,15 +17,22 @@ _WORDS = (
 
 
 def named_unit(exponents: Mapping[str, Fraction]) -> str:
-    """Return a unit of given base units in the words of mechanics: ``"N m"``, or powers of the base units.
+    """Return a unit of given base units in the words of mechanics: ``"N m"``, or powers of newtons and base units.
+
+    What has mass and time is told in newtons, what has mass alone in kilograms.
 
     Examples
     --------
-    >>> named_unit(dimension("kg m^2 s^-2")), named_unit(dimension("N s^2 m^-2"))
-    ('N m', 'kg m^-1')
+    >>> named_unit(dimension("kg m^2 s^-2")), named_unit(dimension("N s^2 m^-2")), named_unit(dimension("N / m^3"))
+    ('N m', 'kg m^-1', 'N m^-3')
     """
     for word in _WORDS:
         if dimension(word) == exponents:
             return word
-    order = sorted(exponents.items(), key=lambda pair: (pair[1] < 0, pair[0]))
-    return " ".join(base if power == 1 else f"{base}^{power}" for base, power in order)
+    parts = dict(exponents)
+    if parts.get("kg") == 1 and parts.get("s"):
+        for base, power in dimension("N").items():
+            parts[base] = parts.get(base, Fraction(0)) - power
+        parts["N"] = Fraction(1)
+    order = sorted(parts.items(), key=lambda pair: (pair[1] < 0, pair[0] != "N", pair[0]))
+    return powers_text((base, power) for base, power in order if power)

@@ -27,6 +27,7 @@ __all__ = [
     "homogeneous",
     "in_coordinate",
     "known_dimension",
+    "powers_text",
     "quoted",
     "si_factor",
     "si_symbol",
@@ -231,7 +232,12 @@ def in_coordinate(unit: str, coordinate: str, given: str = "u") -> str:
         for own, exponent in _factors({"q": coordinate, "u": given}.get(symbol, symbol)):
             powers[own] = powers.get(own, Fraction(0)) + exponent * power
     ordered = sorted((n for n, power in powers.items() if power and n != "1"), key=lambda n: powers[n] < 0)
-    return " ".join(n if powers[n] == 1 else f"{n}^{powers[n]}" for n in ordered) or "1"
+    return powers_text((n, powers[n]) for n in ordered)
+
+
+def powers_text(powers: Iterable[tuple[str, Fraction]]) -> str:
+    """Write a product of powers of units as `dimension` reads it."""
+    return " ".join(n if p == 1 else f"{n}^{p}" if p.denominator == 1 else f"{n}^({p})" for n, p in powers) or "1"
 
 
 def _factors(unit: str) -> list[tuple[str, Fraction]]:

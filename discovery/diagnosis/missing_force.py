@@ -16,6 +16,7 @@ from discovery.diagnosis.force_dependence import ForceDependence, Sites, depende
 from discovery.diagnosis.force_law import Judge, Patch, sparse_law, spline_law, tried
 from discovery.diagnosis.latent_force import LatentForce, reconstruct
 from discovery.estimation.fit import Fit
+from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["MissingForce", "missing_force"]
@@ -85,7 +86,11 @@ def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
     """
     period = 2 * np.pi * fit.problem.units.time
     coordinate = fit.problem.bench.experiments[0].coordinate_unit
-    forces = tuple(reconstruct(fit, i) for i in range(len(fit.problem.bench.experiments)))
+    try:
+        forces = tuple(reconstruct(fit, i) for i in range(len(fit.problem.bench.experiments)))
+    except ComputationError as failure:
+        why = f"{str(failure)[:1].lower()}{str(failure)[1:]}"
+        raise ComputationError(f"The missing force could not be reconstructed: {why}") from failure
     if max(f.gain for f in forces) < LEAST_GAIN:
         return MissingForce(forces, (), (), (), coordinate)
     sites = Sites.of(forces, period)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.effect import Dissipation, Effect, Load, Memory, Potential
 from discovery.declarations.symbols import alpha
+from discovery.declarations.unit_words import named_unit
 from discovery.declarations.units import dimension, known_dimension, si_symbol
 from discovery.equations.model import Model
 from discovery.recordings.experiment import Experiment
@@ -30,15 +31,6 @@ def _product(*factors: tuple[Dimension, int]) -> Dimension:
         for base, exponent in unit.items():
             total[base] = total.get(base, Fraction(0)) + power * exponent
     return {base: exponent for base, exponent in total.items() if exponent}
-
-
-def _text(unit: Dimension) -> str:
-    """Return a unit in newtons where time is in it, in kilograms elsewhere."""
-    parts = dict(unit)
-    if parts.get("kg") == 1 and parts.get("s"):
-        parts = {"N": Fraction(1), **_product((parts, 1), (dimension("N"), -1))}
-    ordered = sorted(parts.items(), key=lambda part: ("N", "kg", "m", "s").index(part[0]))
-    return " ".join(b if e == 1 else f"{b}^{e}" if e.denominator == 1 else f"{b}^({e})" for b, e in ordered)
 
 
 def _amplitudes(effect: Effect) -> list[str]:
@@ -129,15 +121,15 @@ def physical_parameters(
 
     rows: dict[str, tuple[float, float, str]] = {}
     if "m" in model.parameters and model.mechanics.prescribed:
-        rows["inertia"] = (values["m"], spread(values["m"], ("m", 1)), _text(unit))
+        rows["inertia"] = (values["m"], spread(values["m"], ("m", 1)), named_unit(unit))
     else:
-        rows["inertia"] = (scale, spread(scale, (source, power)), _text(unit))
+        rows["inertia"] = (scale, spread(scale, (source, power)), named_unit(unit))
     for effect in model.terms:
         for name in _amplitudes(effect):
             value = scale * values[name]
             declared = model.parameters[name].unit
             exponents = _product((dimension(declared.replace("q", "rad")), 1), (unit, 1), (q, _power_of_q(declared)))
-            rows[name] = (value, spread(value, (name, 1), (source, power)), _text(exponents))
+            rows[name] = (value, spread(value, (name, 1), (source, power)), named_unit(exponents))
     return rows
 
 

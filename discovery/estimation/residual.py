@@ -175,7 +175,8 @@ def _states(experiment: Experiment, period: float) -> dict[str, FloatArray]:
         "rate": rate,
         "phase": np.arctan2(-rate * scale, smooth),
         "amplitude": np.hypot(rate * scale, smooth),
-        "angle": filled + experiment.motor_angle,
+        # Without a rod it is the deflection once more.
+        **({"angle": filled + experiment.motor_angle} if experiment.system.has_rod else {}),
     }
 
 

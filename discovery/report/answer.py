@@ -9,10 +9,11 @@ from typing import Any
 
 from markupsafe import Markup
 
+from discovery.report.declared_formulas import known_constants
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters
 from discovery.report.latex import latex
-from discovery.report.mathml import block, number, symbol
+from discovery.report.mathml import WORD, block, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import chances, inclusion_words
@@ -20,17 +21,15 @@ from discovery.report.words import effect_name, error_groups, error_scale
 
 __all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
 
-#: Formulas that are shown although no parameter stands in them, by how their words begin.
-_LAW = ("Equation of motion", "Lagrange")
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
 #: A negative number that is added, or taken away, at the begin of a term.
 _ADDED_NEGATIVE = re.compile(
     r"<mo>([+−])</mo>(<mrow>)?<mrow><mo>\(</mo><mrow><mo>−</mo>(<mn>[^<]*</mn>)</mrow><mo>\)</mo></mrow>"
 )
-_SIDE_BY_SIDE = re.compile(r'(</mn>(?:</mrow>|</msup>)*)<mspace width="[\d.]+em"/>(?=(?:<mrow>)*<mn>)')
+_SIDE_BY_SIDE = re.compile(r'(</mn>(?:</mrow>|</msup>)*)<mspace width="[\d.]+em"/>(?=(?:<mrow>|<msup>)*<mn>)')
 #: Before a symbol that is not the stem of one with an index or dots.
-_ALONE = r'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)'
+_ALONE = rf'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)(?<!{WORD})'
 
 
 def certainty(run: Run) -> list[tuple[str, str]]:
@@ -60,14 +59,15 @@ def equation_lines(run: Run) -> list[tuple[str, Markup, str]]:
     """Return the formulas of the final model with its numbers: words, mathematics, and the same as LaTeX."""
     after = run.loop["model"]["after"]
     declared = declared_parameters(after["model"])
-    values = {
+    values = {symbol(name): value for name, value in known_constants(after["model"]["base"]).items()}
+    values |= {
         symbol(declared[name].latex if name in declared and declared[name].latex else name): p["value"]
         for name, p in _parameters(run).items()
     }
     lines = []
     for formula in model_formulas(after["model"], run.results["rig"]["kind"]):
         body = _with_numbers(formula.body, values)
-        if body != formula.body or formula.words.startswith(_LAW):
+        if body != formula.body or formula.needed:
             lines.append((formula.words, Markup(block(body)), latex(body)))
     return lines
 

@@ -60,6 +60,20 @@ def _turned(by: str) -> str:
     return row(symbol("theta"), "<mo>→</mo>", symbol("theta"), "<mo>+</mo>", by)
 
 
+def _bending(effect: Any, name: str) -> list[str]:
+    """Return what b is in a law of the rod: the curvature at a place or at the root, else a part of the bending."""
+    from discovery.declarations import symbols as s
+
+    laws_of = [effect.expression(), *effect.states().values()]
+    if name == "q" or not {s.bend, s.bend_dot, s.root, s.root_dot} & set().union(*(x.free_symbols for x in laws_of)):
+        return []
+    if effect.kind == "memory" and not effect.local:
+        return [row(symbol("b"), "<mtext> each component of the bending</mtext>")]
+    slope = f"<mfrac>{row('<mo>∂</mo>', symbol('theta'))}{row('<mo>∂</mo>', symbol('s'))}</mfrac>"
+    where = "" if effect.kind == "memory" else "<mo>(</mo><mn>0</mn><mo>)</mo>"
+    return [equal(symbol("b"), row("<mfrac><mn>1</mn><mn>3</mn></mfrac>", slope, where))]
+
+
 def _states(effect: Any, name: str) -> list[str]:
     return [equal(symbol(z.name, 1), expression(rate, name)) for z, rate in effect.states().items()]
 
@@ -83,12 +97,14 @@ def effect_formula(effect: Effect, system: str) -> str:
         body = expression(declared(), name)
         if getattr(effect, "local", False) and System.of(system).has_rod:
             body = along_the_rod(body)
-        lines = [equal(symbol(letter), body), *(_states(effect, name) if effect.kind == "memory" else [])]
+        lines = [equal(symbol(letter), body)]
+        if effect.kind == "memory":
+            lines += [*_states(effect, name), *_bending(effect, name)]
         return row(NEXT.join(lines))
     if effect.kind == "joint":
         assert declared is not None
         turn = equal(symbol("p"), expression(declared(), name))
-        return row(NEXT.join([_turned(symbol("p")), turn, *_states(effect, name)]))
+        return row(NEXT.join([_turned(symbol("p")), turn, *_states(effect, name), *_bending(effect, name)]))
     if effect.kind == "shape":
         # Kappa_r is the curvature at the root.
         added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
@@ -133,7 +149,7 @@ def together(effects: Iterable[Effect]) -> list[list[Effect]]:
     return list(groups.values())
 
 
-def laws(effects: Sequence[Any], system: str) -> str:
+def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u", "q", "q_read")) -> str:
     """Return the one law that closures, drives, or sensors of one kind have together.
 
     Parameters
@@ -142,27 +158,33 @@ def laws(effects: Sequence[Any], system: str) -> str:
         A group as `together` returns it.
     system : str
         Kind of system.
+    names : (str, str, str)
+        Of the input of a system without a rod, of its output, and of what is told of that.
     """
     import sympy as sp
 
     from discovery.declarations import symbols as s
     from discovery.equations.contributions import radius_of
 
-    name, arm = coordinate_name(system), System.of(system).has_rod
-    kind = effects[0].kind
+    arm, kind = System.of(system).has_rod, effects[0].kind
+    # A declared system has the names of its user.
+    name = coordinate_name(system) if arm or names[1] == "q" else ""
     if kind == "closure":
         return equal(row(symbol("rho_t"), "<mo>/</mo>", symbol("l")), expression(radius_of(effects), name))
     if kind == "drive":
         law = received = s.theta_m if arm else s.u
         for effect in effects:
             law = effect.expression().subs(received, law)
-        return row(symbol(received.name), "<mo>→</mo>", expression(law, name))
+        if arm:
+            return row(symbol(received.name), "<mo>→</mo>", expression(law, name))
+        named = law.xreplace({s.u: sp.Symbol(names[0], real=True)})
+        return row(symbol(names[0]), "<mo>→</mo>", expression(named, name))
     late = sp.Add(*[effect.lateness() for effect in effects])
     if late != 0:
         since = [signed(expression(-term, name)) for term in late.as_ordered_terms()]
         return equal(symbol("t_read"), row(symbol("t"), *since))
-    read: tuple[sp.Expr, ...] = sp.symbols("tip_x tip_y", real=True) if arm else (sp.Symbol("q", real=True),)
+    read: tuple[sp.Expr, ...] = sp.symbols("tip_x tip_y", real=True) if arm else (sp.Symbol(names[1], real=True),)
     for effect in effects:
         read = effect.read(*read)
-    names = ("x_read", "y_read") if arm else ("q_read",)
-    return row(NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(names, read, strict=True)))
+    told = ("x_read", "y_read") if arm else names[2:]
+    return row(NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(told, read, strict=True)))

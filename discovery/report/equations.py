@@ -10,7 +10,7 @@ from discovery.declarations.effect import Mode, Sensor
 from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
-from discovery.report.declared_formulas import declared_formulas, placed_formula
+from discovery.report.declared_formulas import declared_formulas, fault_formula, placed_formula
 from discovery.report.effect_formulas import (
     LETTERS,
     along_the_rod,
@@ -45,10 +45,13 @@ class Formula:
         A clause that says what it is.
     body : str
         Presentation MathML without the enclosing element.
+    needed : bool
+        Whether the equation is incomplete without it, although no parameter may stand in it.
     """
 
     words: str
     body: str
+    needed: bool = False
 
 
 def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
@@ -141,7 +144,7 @@ def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
     for _, term in terms.terms:
         left += [signed(expression(part, "q")) for part in _rounded(term.xreplace(plain)).as_ordered_terms()]
     drive = terms.drive.subs(sp.Symbol("g", real=True), 0) if undriven(model) else terms.drive
-    found = [Formula("Equation of motion", equal(row(*left), expression(drive, "q")))]
+    found = [Formula("Equation of motion", equal(row(*left), expression(drive, "q")), needed=True)]
     told: list[Effect] = [e for e in described.terms if isinstance(e, Mode)]
     found += [Formula(mode.title(), mode_formula(mode, drive)) for mode in told]
     read = terms.output
@@ -150,7 +153,7 @@ def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
         for sensor in sensors:
             read = sensor.oscillator_reading(read)
         body = expression(read.xreplace(plain), "q")
-        found.append(Formula("What the instrument reads", equal(symbol("y_read"), body)))
+        found.append(Formula("What the instrument reads", equal(symbol("y_read"), body), needed=True))
         told += sensors
     return found, told
 
@@ -177,7 +180,7 @@ def _exact_arm() -> list[Formula]:
     )
     return [
         Formula("Shape of the rod, inextensible, in a few curvature modes", shape),
-        Formula("Lagrange’s equations, T the kinetic energy of the rod and of the tip", lagrange),
+        Formula("Lagrange’s equations, T the kinetic energy of the rod and of the tip", lagrange, needed=True),
         Formula("Elastic energy of the rod per unit of stiffness, s in lengths of the arm", equal(symbol("U"), energy)),
     ]
 
@@ -219,22 +222,26 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     told: list[Effect] = []
     scalar = not get_base(model["base"]).system.has_rod or model["base"] == "constant_radius"
     if "system" in model:
-        found = [Formula(*line) for line in declared_formulas(model["base"])]
+        found = [Formula(*line) for line in declared_formulas(model["base"], map(get_effect, model["effects"]))]
     elif not get_base(model["base"]).system.has_rod:
         found, told = _on_a_line(model)
     elif scalar:
         deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))
-        found = [Formula("Equation of motion", _scalar_equation(model)), Formula("with the deflection", deflection)]
+        equation = Formula("Equation of motion", _scalar_equation(model), needed=True)
+        found = [equation, Formula("with the deflection", deflection)]
     else:
         found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
     effects = [e for e in map(get_effect, model["effects"]) if e not in told]
     shown = [e for e in effects if not scalar or "system" in model or e.kind not in LETTERS or e.kind == "memory"]
-    return found + [Formula(". ".join(e.title() for e in group), _of(group, system)) for group in together(shown)]
+    groups = together(shown)
+    return found + [Formula(". ".join(e.title() for e in group), _of(group, model, system)) for group in groups]
 
 
-def _of(group: Sequence[Effect], system: str) -> str:
+def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:
     if group[0].place:
         return placed_formula(group[0])
+    if "system" in model:
+        return fault_formula(group, model["base"], system)
     return effect_formula(group[0], system) if len(group) == 1 else laws(group, system)
 
 

@@ -37,8 +37,10 @@ def latex(body: str) -> str:
 def _written(node: Element) -> str:
     parts = [_written(child) for child in node]
     match node.tag:
-        case "mi" | "mn" | "mo" | "mtext":
+        case "mi" | "mn" | "mo":
             return _token(node)
+        case "mtext":
+            return f"\\text{{{(node.text or '').translate(_PLAIN)}}}"
         case "mspace":
             return "\\, "
         case "msup":

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from markupsafe import escape
 
-__all__ = ["GREEK", "block", "inline", "number", "power", "row", "symbol", "total"]
+__all__ = ["GREEK", "WORD", "block", "inline", "number", "power", "row", "symbol", "total"]
 
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
@@ -15,6 +15,11 @@ GREEK = {
     "omega": "ω", "Omega": "Ω", "Delta": "Δ", "Phi": "Φ",
     "Gamma": "Γ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "chi": "χ", "pi": "π",
 }  # fmt: skip
+
+
+#: A word below the dots of a time derivative, and the size of these.
+WORD = '<mpadded height="1em">'
+_WORD_DOT = ' mathsize="140%"'
 
 
 def row(*parts: str) -> str:
@@ -58,10 +63,14 @@ def symbol(name: str, dots: int = 0) -> str:
     """
     # A name comes from a file: nothing in it is markup.
     head, *tail = str(escape(re.sub(r"\\mathrm|[\\{}]", "", name))).split("_")
-    core = f"<mi>{GREEK.get(head, head)}</mi>"
+    letter = GREEK.get(head, head)
+    core = f"<mi>{letter}</mi>"
     if dots:
-        # Full stops, raised: without a mathematical font, true accents sink into the letter.
-        core = f'<mover accent="false">{core}<mo accent="false">{"." * dots}</mo></mover>'
+        # Full stops, raised: without a mathematical font, true accents sink into the letter. Above a word they are
+        # larger and clear of its tall letters, so that they belong to none of them.
+        word = len(letter) > 1
+        over = f'<mo accent="false"{_WORD_DOT if word else ""}>{"." * dots}</mo>'
+        core = f'<mover accent="false">{f"{WORD}{core}</mpadded>" if word else core}{over}</mover>'
     subscript = ",".join(GREEK.get(t, t) for t in tail if t)
     return f"<msub>{core}<mi>{subscript}</mi></msub>" if subscript else core
 

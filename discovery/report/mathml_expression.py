@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import Any
 from xml.dom.minidom import parseString
@@ -13,9 +14,11 @@ from sympy.printing.precedence import precedence
 from discovery.declarations.registry import catalogue
 from discovery.declarations.symbols import v2
 from discovery.mechanics import base_names, get_base
-from discovery.report.mathml import power, symbol
+from discovery.report.mathml import power, row, symbol
 
 __all__ = ["expression"]
+
+_NEGATIVE = re.compile("<mn>-([^<]*)</mn>")
 
 
 def _states(coordinate: str) -> dict[str, tuple[str, int]]:
@@ -23,12 +26,13 @@ def _states(coordinate: str) -> dict[str, tuple[str, int]]:
     if not coordinate:
         return {}
     oscillator = coordinate == "q"
-    moving = "q" if oscillator else "delta"
+    moving, bending = ("q", "q") if oscillator else ("delta", "b")
     return {
         "theta": (coordinate, 0), "omega": (coordinate, 1), "q": ("q", 0), "delta": (moving, 0),
         "delta_dot": (moving, 1),
-        "theta_m": ("theta_m", 0), "omega_m": ("theta_m", 1), "alpha_m": ("theta_m", 2), "bend": ("b", 0),
-        "bend_dot": ("b", 1), "w2": ("w^2", 0), "tip_speed": ("q" if oscillator else "v_t", int(oscillator)),
+        "theta_m": ("theta_m", 0), "omega_m": ("theta_m", 1), "alpha_m": ("theta_m", 2),
+        "bend": (bending, 0), "bend_dot": (bending, 1), "w2": ("w^2", 0),
+        "tip_speed": ("q" if oscillator else "v_t", int(oscillator)),
         "root": ("b", 0), "root_dot": ("b", 1),
         "x": ("x_t", 0), "y": ("y_t", 0), "x_g": ("x_g", 0), "y_g": ("y_g", 0), "v_x": ("x_t", 1), "v_y": ("y_t", 1),
         "tip_x": ("x_t", 0), "tip_y": ("y_t", 0), "U": ("U", 0), "rho": ("rho", 0), "t": ("t", 0), "u": ("u", 0),
@@ -63,6 +67,15 @@ class _Printer(MathMLPresentationPrinter):
         if expr.base.is_Symbol and expr.exp.is_Integer and expr.exp > 1 and expr.base.name != "w2":
             return self._node(power(self._print(expr.base).toxml(), f"<mn>{expr.exp}</mn>"))
         return super()._print_Pow(expr)
+
+    def _print_Add(self, expr, order=None):
+        terms = self._as_ordered_terms(expr, order=order)
+        first = next((term for term in terms if term.as_coeff_Mul()[0] > 0), terms[0])
+        parts = [self._print(first).toxml()]
+        for term in (term for term in terms if term is not first):
+            minus = term.as_coeff_Mul()[0] < 0
+            parts += [f"<mo>{'−' if minus else '+'}</mo>", self._print(-term if minus else term).toxml()]
+        return self._node(row(*parts))
 
     def _print_Mul(self, expr):
         number, _ = expr.as_coeff_Mul()
@@ -124,4 +137,5 @@ def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
     """
     # The speed itself, so that its square root and its powers look as one writes them.
     shown = sp.sympify(value).subs(v2, sp.Symbol("tip_speed", positive=True) ** 2)
-    return _printer(coordinate)._print(shown).toxml()
+    # A negative exponent of sympy has a hyphen in its number.
+    return _NEGATIVE.sub(r"<mrow><mo>−</mo><mn>\1</mn></mrow>", _printer(coordinate)._print(shown).toxml())

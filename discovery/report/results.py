@@ -137,6 +137,18 @@ class Run:
         return _READS.get(self._base, "output" if kind.name == "oscillator" else kind.output)
 
     @property
+    def told(self) -> Mapping[str, Any]:
+        """The content of loop.json, what the model error depends on named by what the system has.
+
+        Without a rod, what is called deflection is what is read.
+        """
+        error = self.loop["model_error"]
+        if self.system.has_rod:
+            return self.loop
+        names = [self.output_name if name == "deflection" else name for name in error["depends_on"]]
+        return {**self.loop, "model_error": {**error, "depends_on": names}}
+
+    @property
     def input_name(self) -> str:
         """What drives the system, in the words of a reader."""
         kind = KINDS[self.results["rig"]["kind"]]

@@ -120,9 +120,9 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] if text[:2].isascii() and text[1:2] not in tuple("_<") else text
 
 
-def clause(text: str) -> str:
-    """Return a title as part of a sentence."""
-    return text[:1].lower() + text[1:]
+def clause(text: str) -> Markup:
+    """Return a title as part of a sentence of a page."""
+    return page_prose(text[:1].lower() + text[1:])
 
 
 def effect_title(effect_id: str) -> str:
@@ -169,7 +169,7 @@ def error_scale(run: Run) -> Scale:
 
 def headline(run: Run) -> str:
     """Return the verdict in a few sentences."""
-    loop = run.loop
+    loop = run.told
     verdict, why = loop["verdict"], sentence(verdict_sentence(loop))
     left, floor, change = _errors_in_words(run)
     added = [_with_rivals(e) for e in loop["effects"]]

@@ -258,5 +258,5 @@ def unexplained(result: LoopResult, dataset: Dataset, *, progress: Tell = silent
     try:
         return missing_force(result.after, dataset.holdout)
     except ComputationError as failure:
-        progress(f"no missing force: {failure}")
+        progress(str(failure))
         return None
