@@ -12,7 +12,7 @@ __all__ = ["named_unit"]
 #: Units of mechanics by what they measure, the shortest first.
 _WORDS = (
     *("1", "m", "s", "kg", "N", "N m", "N s", "N m s", "N m^-1", "N s m^-1", "m s^-1", "m s^-2", "kg m^2", "kg m"),
-    *("A", "V", "ohm", "N m A^-1", "N A^-1"),
+    *("A", "C", "V", "ohm", "H", "F", "N m A^-1", "N A^-1"),
 )
 
 

@@ -57,6 +57,8 @@ _COHERENT: dict[str, dict[str, int]] = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
     "C": {"A": 1, "s": 1},
     "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
+    "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
 }
 # What ordinary columns and keys end in: it needs no pint, whose import takes longer than the reading.
 _SUFFIXES = frozenset({"s", "m", "rad", "kg", "N m^2"})
