@@ -23,14 +23,13 @@ def test_the_table_has_a_row_for_each_way() -> None:
         "dask": of_one_way(lost=1),
         "workers": 2,
         "page_s": 3.2,
-        "load": 1.6,
         "cores": 2,
     }
     text = table(content)
     row = "100 | 4 | 104 | {} | 0 | 0 | 61 | 83 % | 1.2 | 250 → 252 | 300 |"
     assert f"| processes of this machine | {row.format(0)}" in text
     assert f"| local Dask cluster | {row.format(1)}" in text
-    assert "2 workers; the page over all takes 3 s. Load of the machine in the end: 2 on 2 cores." in text
+    assert "2 workers on 2 cores; the page over all takes 3 s." in text
 
 
 def test_what_the_clock_says_is_no_difference() -> None:

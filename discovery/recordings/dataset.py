@@ -54,7 +54,7 @@ class Dataset(DatasetViews):
     >>> data
     <Dataset 'spring bench' (oscillator): 2 to fit, 1 held out>
     >>> [axes.get_ylabel() for axes in data.plot_recordings()]
-    ['output', 'output', 'output']
+    ['output [mm]', 'output [mm]', 'output [mm]']
     """
 
     rig: Rig
