@@ -21,8 +21,6 @@ __all__ = ["COMMANDS", "MANOEUVRES"]
 #: Manoeuvres of the twin, named here so that the help is there at once.
 MANOEUVRES = ("train_paper", "train_large", "holdout_inside", "holdout_beyond")
 
-_PAPER = "Experimental Validation of Nonlinear Dynamic Models for Single-Link Very Flexible Arms"
-
 
 def _names(context: click.Context, _: click.Parameter, begun: str) -> list[str]:
     """Return the effects whose names begin so, for completion in a shell."""
@@ -71,8 +69,10 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
     if isinstance(effect, Upgrade):
         click.echo(f"\n{effect.switch()}")
     click.echo(f"\nSource: {effect.cite}")
-    if "source paper" in effect.cite or "paper's" in (inspect.getdoc(type(effect)) or ""):
-        click.echo(f"The paper: {_PAPER}")
+    if "source paper" in effect.cite:
+        from discovery.report.paper import paper_numbers
+
+        click.echo(f"The paper: {paper_numbers()['source']}")
     click.echo(f"{_applies(effect.systems)}\n")
     _print_parameters(effect)
 

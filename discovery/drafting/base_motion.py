@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from discovery.declarations.units import si_symbol
-from discovery.drafting.law_of_motion import FloatArray, least_squares, telling_part
+from discovery.drafting.law_of_motion import FloatArray, integral_over, least_squares, telling_part
 
 __all__ = ["LOOKS", "is_one_line", "is_relative"]
 
@@ -63,9 +62,9 @@ def is_relative(time: FloatArray, output: FloatArray, base: FloatArray) -> bool 
 
 def _error(t: FloatArray, z: FloatArray, u: FloatArray) -> float:
     """Return the squared error of the law; infinite where its spring would push."""
-    once = cumulative_trapezoid(z, t, initial=0)
-    scale = float(t[-1])
-    twice = cumulative_trapezoid(once, t, initial=0)
+    integral, scale = integral_over(t), float(t[-1])
+    once = integral(z)
+    twice = integral(once)
     columns = [np.ones_like(t), t / scale, (t / scale) ** 2, once, twice]
     squares, weights = least_squares(np.column_stack([*columns, u]), z)
     share = float(np.clip(-weights[-1], *_SHARE))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-__all__ = ["least_squares", "own_period", "rates_of", "telling_part"]
+__all__ = ["integral_over", "least_squares", "own_period", "rates_of", "telling_part"]
 
 FloatArray = NDArray[np.float64]
 
@@ -43,10 +46,7 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     if good.size < 50:
         return None
     t, y = time[good] - time[good[0]], output[good]
-
-    def integral(values: FloatArray) -> FloatArray:
-        return cumulative_trapezoid(values, t, initial=0)
-
+    integral = integral_over(t)
     scale = float(t[-1])
     columns = [np.ones_like(t), t / scale, (t / scale) ** 2, integral(y)]
     if given is not None:
@@ -82,16 +82,18 @@ def rates_of(
     """
     good = telling_part(output)
     t, y = time[good] - time[good[0]], output[good]
-
-    def integral(values: FloatArray) -> FloatArray:
-        return cumulative_trapezoid(values, t, initial=0)
-
+    integral = integral_over(t)
     u = integral(np.zeros_like(t) if given is None else given[good])
     columns = [integral(y), u if speed else integral(u), np.ones_like(t)]
     columns += [] if speed else [t, t**2]
     columns += [integral(integral(y))] if spring else []
     weights = least_squares(np.column_stack(columns), y)[1]
     return float(-weights[0]), float(weights[1])
+
+
+def integral_over(time: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return a function that integrates values over these times, from zero."""
+    return partial(cumulative_trapezoid, x=time, initial=0)
 
 
 def telling_part(output: FloatArray) -> NDArray[np.intp]:

@@ -147,8 +147,6 @@ def dependence_table(run: Run) -> Table | None:
     after = {d["variable"]: d for d in residual["after"]["dependence"]}
     cells, raw = [], []
     for d in residual["before"]["dependence"]:
-        if d["variable"] == "angle" and not run.system.has_rod:
-            continue  # the output itself, once more
         other = after.get(d["variable"], {"share": None, "p_value": None})
         both = [told for x in (d, other) for told in (significant(x["share"], 2), chance(x["p_value"]))]
         cells.append([d["variable"], *both])

@@ -48,7 +48,11 @@ def _not_zero(value: float) -> float:
     return value
 
 
-_Scale = Annotated[FiniteFloat, AfterValidator(_not_zero)]
+_Scale = Annotated[
+    FiniteFloat,
+    AfterValidator(_not_zero),
+    Field(description="Factor from the numbers of the column to `unit`; it may be negative, but not zero."),
+]
 
 
 class QuantityTable(_Table):
@@ -99,9 +103,7 @@ class InputTable(_Table):
         default=0.0,
         description="What the column reads at an input of zero: a reading r counts as `scale * (r - zero)`.",
     )
-    scale: _Scale = Field(
-        default=1.0, description="Factor from the numbers of the column to `unit`; it may be negative, but not zero."
-    )
+    scale: _Scale = 1.0
 
 
 class OutputTable(_Table):
@@ -126,9 +128,7 @@ class OutputTable(_Table):
         default=0.0,
         description="What the column reads at an output of zero: a reading r counts as `scale * (r - zero)`.",
     )
-    scale: _Scale = Field(
-        default=1.0, description="Factor from the numbers of the column to `unit`; it may be negative, but not zero."
-    )
+    scale: _Scale = 1.0
 
 
 class ColumnsTable(_Table):

@@ -15,6 +15,7 @@ from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Memory, Mode, Sensor, Shape
 from discovery.declarations.parameters import natural_scale
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.systems import System
 from discovery.declarations.units import dimension
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
@@ -78,13 +79,10 @@ def expressions(effect: Effect, system: str) -> Iterator[tuple[sp.Expr, str, Map
     import sympy as sp
 
     if isinstance(effect, Sensor):
-        if system == ARM:
-            tip = sp.symbols("read_x read_y", real=True)
-            for expression in effect.arm_reading(*tip):
-                yield sp.sympify(expression), "m", {tip[0]: "m", tip[1]: "m"}
-        else:
-            output = sp.Symbol("read", real=True)
-            yield sp.sympify(effect.oscillator_reading(output)), "q", {output: "q"}
+        true = sp.symbols([f"read_{channel}" for channel in System.of(system).channels], real=True)
+        unit = "m" if System.of(system).has_rod else "q"
+        for expression in effect.read(*true):
+            yield sp.sympify(expression), unit, dict.fromkeys(true, unit)
         yield sp.sympify(effect.lateness()), "s", {}
         return
     if isinstance(effect, Shape):
