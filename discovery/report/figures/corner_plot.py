@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from typing import Any
 
@@ -26,7 +27,10 @@ def _inner(ticks: Iterable[float], low: float, high: float) -> list[float]:
 
 
 def _draw_pairs(figure: Any, draws: Any, labels: list[str], fitted: list[float]) -> None:
-    import corner
+    with warnings.catch_warnings():
+        # Where ArviZ is installed, corner imports it, and ArviZ announces its next version once a day.
+        warnings.simplefilter("ignore", FutureWarning)
+        import corner
 
     corner.corner(
         draws,
