@@ -330,7 +330,7 @@ def test_a_declared_model_without_a_finite_error_is_told(arm: Made, broken: floa
     loop = {**arm[1]["loop"], "model_error": error}
     told = sentences.verdict_sentence(loop)
     assert told.startswith("the model error falls from ")
-    assert "to 0.0200 mm, which counts as none (up to 0.0450 mm)" in told
+    assert "to 20.0 µm, which counts as none (up to 45.0 µm)" in told
     picture = model_error.draw(Run(arm[0], {**arm[1], "loop": loop}))
     assert [t.get_text() for t in picture.figure.axes[0].texts] == ["blows up", "0.0200 mm"]
 

@@ -239,6 +239,7 @@ def test_records_of_a_registered_set_are_not_those_of_another(records):
         ("length_m = 1.0", "length_m = ", "not valid TOML.*line 3"),
         ("3e-4", "0.05\nlength_mm = 400", "second time"),
         ("7e-5", "7.0", "'angle_noise_rad' is 7 rad, which is not plausible"),
+        ("3e-4", "{ value = 3e-4, sd = 1e-5 }", "position_noise_m' has an sd, which nothing uses. Write .* = 0.0003"),
         ("3e-4", "0.3", "'position_noise_m' is 0.3 m, which is not plausible"),
         ('name = "fibreglass arm"', 'name = "a"\nkind = "osc"', "line 3: the key 'kind' is 'osc'.*flexible_arm"),
         ('name = "fibreglass arm"', 'name = "a"\nkind = "oscillator"', r"no table \[columns\]"),

@@ -87,9 +87,12 @@ def test_quantities_of_another_kind_are_refused(read):
 
 def test_an_encoder_may_state_its_error_wherever_its_motion_is_smoothed(read):
     head = 'name = "a"\nkind = "base_excited"\nangle_noise_deg = 0.1\n'
-    assert read(head + MOVED).angle_noise == pytest.approx(np.radians(0.1))
+    turned = MOVED.replace('"cm"', '"deg"').replace('"mm"', '"deg"')
+    assert read(head + turned).angle_noise == pytest.approx(np.radians(0.1))
     with pytest.raises(InputError, match="line 3: the key 'angle_noise_deg' belongs to flexible_arm"):
-        read(head + MOVED.replace('"cm" }', '"cm", interpolation = "spline" }'))
+        read(head + turned.replace('name = "u", unit = "deg"', 'name = "u", unit = "deg", interpolation = "spline"'))
+    with pytest.raises(InputError, match=r"line 3: .* is the error of an angle, and the input is in 'cm'\. Remove it"):
+        read(head + MOVED)
 
 
 def test_a_falling_body_may_be_declared_bare(read):

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from discovery.foundation.prefixes import prefix_for
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -17,8 +19,6 @@ __all__ = ["axes_below", "detached_axes", "one_axes", "with_unit"]
 
 #: Width of a figure and height of one picture in it [inch].
 _WIDTH, _HEIGHT = 8.0, 2.4
-#: SI units that take a prefix as they stand, and below what size.
-_PREFIXED, _SMALL = ("m", "rad", "s", "V", "A", "N", "N m"), 0.1
 
 
 def one_axes(given: Axes | None) -> Axes:
@@ -31,12 +31,12 @@ def one_axes(given: Axes | None) -> Axes:
 
 
 def with_unit(axis: Axis, label: str, unit: str) -> None:
-    """Label an axis on which SI values are drawn: its ticks are thousandths of the unit where all are small (mm)."""
+    """Label an axis on which SI values are drawn: its ticks are in mm or µm where all values are small."""
     from matplotlib.ticker import FuncFormatter
 
-    prefix = "m" if unit in _PREFIXED and np.abs(axis.get_view_interval()).max() < _SMALL else ""
+    factor, prefix = prefix_for(unit, float(np.abs(axis.get_view_interval()).max()))
     if prefix:
-        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{1e3 * x:g}"))
+        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{factor * x:g}"))
     axis.set_label_text(f"{label} [{prefix}{unit}]" if unit not in ("", "1") else label)
 
 

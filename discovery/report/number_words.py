@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-__all__ = ["plain", "sizes"]
+from discovery.foundation.prefixes import prefix_for
 
-#: Units that take a prefix where a size is below a tenth.
-_PREFIXED = ("m", "rad", "V", "s")
+__all__ = ["plain", "sizes"]
 
 
 def plain(value: float | None, digits: int = 3) -> str:
@@ -25,8 +24,7 @@ def plain(value: float | None, digits: int = 3) -> str:
 
 
 def sizes(values: Sequence[float | None], unit: str) -> tuple[list[str], str]:
-    """Return sizes in one unit, thousandths of it where all of them are small, and that unit."""
+    """Return sizes in one unit, with a prefix that makes the largest easy to read, and that unit."""
     known = [v for v in values if v is not None and math.isfinite(v)]
-    small = unit in _PREFIXED and 0 < max(known, default=0.0) < 0.1
-    scaled = [v * 1e3 if small and v is not None else v for v in values]
-    return [plain(v) for v in scaled], f"m{unit}" if small else "" if unit == "1" else unit
+    factor, prefix = prefix_for(unit, max(known, default=0.0))
+    return [plain(None if v is None else factor * v) for v in values], "" if unit == "1" else prefix + unit

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from discovery.foundation.estimate_text import decimals, places
+from discovery.foundation.prefixes import prefix_for
 
 __all__ = [
     "MISSING",
@@ -36,8 +37,6 @@ _LEAST = 1e-4
 #: A size below so much of its unit is written in a smaller one.
 _READABLE = 0.01
 _NARROW = "\N{NARROW NO-BREAK SPACE}"
-#: Prefixes by unit: an error of a few millimetres is not written in metres.
-_PREFIXED = {"m": ("m", "µm", "mm"), "rad": ("rad", "µrad", "mrad"), "V": ("V", "µV", "mV"), "s": ("s", "µs", "ms")}
 
 
 @dataclass(frozen=True)
@@ -58,10 +57,8 @@ def scale_for(unit: str, typical: float) -> Scale:
     typical : float
         Their size.
     """
-    if unit not in _PREFIXED or not math.isfinite(typical) or not 0 < abs(typical) < 0.1:
-        return Scale(1.0, unit_text(unit))
-    _, micro, milli = _PREFIXED[unit]
-    return Scale(1e6, micro) if abs(typical) < 1e-4 else Scale(1e3, milli)
+    factor, prefix = prefix_for(unit, typical)
+    return Scale(factor, prefix + unit_text(unit))
 
 
 def scale_for_change(unit: str, before: float, after: float) -> Scale:

@@ -19,17 +19,17 @@ from pydantic import ValidationError
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.system import SystemDeclaration
-from discovery.declarations.units import known_dimension, si_factor, si_symbol, split_suffix
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
 from discovery.mechanics import get_base
 from discovery.mechanics.places import check_place
 from discovery.mechanics.systems import declare
 from discovery.rigs.kinds import KINDS
-from discovery.rigs.quantities import QUANTITIES, key_of
+from discovery.rigs.quantities import QUANTITIES
+from discovery.rigs.quantity_keys import check_kind, check_signals, quantities_of
 from discovery.rigs.rig import Columns, Quantity, RecordPart, Rig
 from discovery.rigs.rig_mistakes import explain, line_of
-from discovery.rigs.rig_schema import QuantityTable, RecordsTable, RigTable
+from discovery.rigs.rig_schema import RecordsTable, RigTable
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.rigs.rig_system import read_columns, system_of
 
@@ -66,13 +66,13 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     """
     path = Path(path)
     content, text, document = _parsed(path)
-    rest, quantities, keys = _quantities(path, text, document)
+    rest, quantities, keys = quantities_of(path, text, document)
     table = _validated(path, text, rest)
     arm = KINDS[table.kind].has_rod
     if arm and "length" not in quantities:
         raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
     check_tables(path, text, table)
-    _check_quantities(path, text, table, keys)
+    check_kind(path, text, table, keys)
     system = system_of(path, text, table)
     _check_effects(path, text, table, KINDS[table.kind].base if system is None else declare(system))
     values = {stem: quantity.value for stem, quantity in quantities.items()}
@@ -140,80 +140,12 @@ def _validated(path: Path, text: str, rest: dict[str, Any]) -> RigTable:
         raise InputError(explain(path, text, error)) from error
 
 
-def _quantities(
-    path: Path, text: str, document: Mapping[str, Any]
-) -> tuple[dict[str, Any], dict[str, Quantity], dict[str, str]]:
-    """Take the keys with a unit out of the document: return the rest, and quantities in SI units and keys by stem."""
-    rest: dict[str, Any] = {}
-    quantities: dict[str, Quantity] = {}
-    keys: dict[str, str] = {}
-    for key, value in document.items():
-        split = split_suffix(key, QUANTITIES)
-        if split is None:
-            rest[key] = value
-            continue
-        stem, unit = split
-        known = QUANTITIES[stem]
-        where = f"The rig file {path}, line {line_of(text, (key,))}:"
-        if not unit:
-            raise InputError(f"{where} the key {key!r} lacks its unit. Write it as a suffix, {key_of(stem)!r}.")
-        if key == key_of(stem):  # a bare key has no sign for the negative power of an acceleration
-            unit = known.unit
-        if stem in quantities:
-            raise InputError(f"{where} the key {key!r} gives {stem} a second time. Keep one of them.")
-        try:
-            factor = si_factor(unit, known.unit)
-            given = QuantityTable.model_validate(value if isinstance(value, dict) else {"value": value})
-        except InputError as error:
-            raise InputError(f"{where} key {key!r}: {error} In SI units the key is {key_of(stem)!r}.") from error
-        except ValidationError as error:
-            raise InputError(explain(path, text, error, (key,), bare=not isinstance(value, dict))) from error
-        si = given.value * factor
-        if si > known.largest:
-            same = "" if factor == 1.0 else f"{given.value:g} {unit}, that is "
-            raise InputError(
-                f"{where} {key!r} is {same}{si:g} {known.unit}, which is not plausible. Give it in {known.unit}, or "
-                "change the suffix of the key to the unit that the number is in."
-            )
-        quantities[stem] = Quantity(si, known.usual_sd(si) if given.sd is None else given.sd * factor)
-        keys[stem] = key
-    return rest, quantities, keys
-
-
-def _check_quantities(path: Path, text: str, table: RigTable, keys: Mapping[str, str]) -> None:
-    """Refuse quantities of another kind of system: nothing would come of them."""
-    given = table.columns.input if table.columns else None
-    # The error of an encoder says how much its motion is smoothed, on whatever kind of system.
-    smoothed = given is not None and (given.interpolation or KINDS[table.kind].interpolation) == "motion"
-    for stem, key in keys.items():
-        if table.kind in QUANTITIES[stem].kinds or (stem == "angle_noise" and smoothed):
-            continue
-        noise = "State the noise of a reading as noise = ... of the output in [columns]: remove"
-        raise InputError(
-            f"The rig file {path}, line {line_of(text, (key,))}: the key {key!r} belongs to "
-            f"{' or '.join(QUANTITIES[stem].kinds)}; kind {table.kind!r} has no use for it. "
-            f"{noise if stem.endswith('_noise') else 'Remove'} it, make it a comment, or correct the kind."
-        )
-
-
 def _columns(
     path: Path, text: str, table: RigTable, system: SystemDeclaration | None, keys: Mapping[str, str]
 ) -> Columns:
     columns = columns_of(path, text, table) if system is None else read_columns(path, text, table, system)
-    _check_inertia(path, text, columns.output.unit, keys)
+    check_signals(path, text, table, columns, keys)
     return columns
-
-
-def _check_inertia(path: Path, text: str, output: str, keys: Mapping[str, str]) -> None:
-    """Refuse a mass of what turns, and a moment of inertia of what does not."""
-    turns = known_dimension(si_symbol(output)) == {}
-    for stem, other in (("mass", "inertia"), ("inertia", "mass")):
-        if stem in keys and turns == (stem == "mass"):
-            moves = "turns: its output is an angle" if turns else "does not turn: its output is no angle"
-            raise InputError(
-                f"The rig file {path}, line {line_of(text, (keys[stem],))}: the key {keys[stem]!r} gives no force "
-                f"on what {moves}. State {key_of(other)!r} instead, or remove it."
-            )
 
 
 def _check_effects(path: Path, text: str, table: RigTable, base: str) -> None:
