@@ -238,6 +238,15 @@ def test_a_slow_passage_that_two_releases_share_in_coarse_steps_is_no_repetition
     assert len(load_dataset(folder / "rig.toml", [folder / "wide.csv"], [folder / "narrow.csv"]).holdout) == 1
 
 
+def test_simulated_motions_that_begin_alike_are_no_repetition(folder: Path) -> None:
+    time = 0.02 * np.arange(640)
+    for name, later in (("slow.csv", 1.0), ("quick.csv", 3.0)):
+        push = np.where(time < 0.8, 1.0, np.sin(later * time))
+        motion = np.cos(3 * time) + np.where(time < 0.8, 0.0, (1 - np.cos(later * (time - 0.8))) ** 2)
+        pd.DataFrame({"t": time, "u": push, "y": motion}).to_csv(folder / name, index=False)
+    assert len(load_dataset(folder / "rig.toml", [folder / "slow.csv"], [folder / "quick.csv"]).holdout) == 1
+
+
 def test_two_signals_of_one_column_are_refused(folder: Path) -> None:
     (folder / "rig.toml").write_text(RIG.replace('name = "y"', 'name = "t"'))
     with pytest.raises(InputError, match="time and output are both read from the column 't'"):

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.recordings.copies import copied
+from discovery.recordings.reading_noise import white_noise
 from discovery.recordings.recording import Recording
 
 __all__ = ["shared_samples"]
@@ -15,6 +16,8 @@ FloatArray = npt.NDArray[np.float64]
 _ROW, _DIFFERENT = 30, 20
 #: Share of the shorter recording that is repeated by no accident.
 _MUCH = 0.1
+#: Part of the largest reading below which noise is that of rounding to seven digits.
+_EXACT = 1e-6
 #: Share of the readings at equal times that must be equal. Repeated trials read in coarse steps agree in fewer.
 _EQUAL = 0.99
 #: Pairs of equal readings that tell by which time one recording may be shifted against the other.
@@ -59,14 +62,17 @@ def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32]) -> 
 def _is_cut(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], i: int, j: int) -> bool:
     """Return whether what is equal from two places on is no accident of slow motion read in coarse steps.
 
-    What is cut from one recording is equal up to an end of a part, on either side, or over much of it.
+    What is cut from one recording is equal up to an end of a part, on either side, or over much of it. Simulated
+    motions without noise are equal as long as they were begun alike.
     """
     before, after = min(i, j), min(len(seen) - i, len(judged) - j)
     one, other = seen[i - before : i + after], judged[j - before : j + after]
     differ = np.flatnonzero((one != other).any(axis=1) & np.isfinite(one).all(axis=1) & np.isfinite(other).all(axis=1))
     first = differ[differ < before].max(initial=-1) + 1
     last = differ[differ > before].min(initial=before + after)
-    reaches = first == 0 or last == before + after
+    channels = [c[np.isfinite(c)] for c in judged.T]
+    begun_alike = i == j and all((white_noise(c) or 0.0) <= _EXACT * np.abs(c).max(initial=0.0) for c in channels)
+    reaches = (first == 0 and not begun_alike) or last == before + after
     return bool(reaches or last - first >= _MUCH * min(len(seen), len(judged)))
 
 
