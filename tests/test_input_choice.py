@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from discovery.estimation.input_choice import choose_interpolation
@@ -52,6 +53,28 @@ def test_the_recording_tells_how_its_input_ran(tmp_path, interpolation):
         assert experiment.rig is dataset.rig
         assert experiment.fitted_samples == 400
         assert f'interpolation = "{interpolation}"' in experiment.recording.notes[-1]
+
+
+def test_a_law_that_is_missing_does_not_decide(tmp_path):
+    """Half a sample of an input that is held is a lag, and so is what dry friction does."""
+    rng = np.random.default_rng(14)
+    time = 0.004 * np.arange(3000)
+    size, rate, phase = rng.uniform(1.0, 3.0, (10, 1)), rng.uniform(0.4, 5.0, (10, 1)), rng.uniform(0, 6.28, (10, 1))
+
+    def push(t):
+        return (size * np.sin(2 * np.pi * rate * t + phase)).sum(0) * np.minimum(1, t / 0.3)
+
+    def motion(t, y):
+        force = push(np.array([t]))[0] - 420.0 * y[0] - 8.0 * y[1] - 1.5 * np.tanh(y[1] / 1e-3)
+        return [y[1], force / 1.35]
+
+    found = solve_ivp(motion, (0, time[-1]), [0, 0], "LSODA", time, rtol=1e-8, atol=1e-10, max_step=0.004)
+    output = 1e3 * found.y[0] + 0.03 * rng.standard_normal(time.size)
+    table = np.column_stack([time, push(time), output])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t_s,u_V,y_mm", comments="")
+    (tmp_path / "rig.toml").write_text(RIG % ("auto", 0.03))
+    dataset = choose_interpolation(load_dataset(tmp_path / "rig.toml", [tmp_path / "run.csv"]))
+    assert dataset.rig.columns.input.interpolation == "spline"
 
 
 def test_where_noise_hides_it_the_usual_one_is_kept(tmp_path):

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
+from discovery.declarations.place import placed
+from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
 from discovery.foundation.errors import DiscoveryError, InputError
@@ -19,8 +23,11 @@ _MOTIONS = ("motion", "spline", "band_limited")
 _FORCES = ("spline", "band_limited", "linear", "hold")
 #: Samples of a recording that are fitted: enough to tell, and quick.
 _SAMPLES = 8192
-#: Smallest gain in chi-square, in units of the best fit's noise, that tells one from another.
-_GAIN = 10.0
+#: Smallest gain in chi-square, in units of the best fit's noise, that tells one from another, and in what the best fit
+#: leaves beyond the noise: half a sample is a lag, and a law that lacks damping has one.
+_GAIN, _LEFT = 10.0, 1.2
+#: Laws that the declared one most often lacks.
+_LAWS = ("coulomb_friction", "quadratic_drag", "cubic_stiffness")
 _WORDS = {
     "motion": "a motion",
     "spline": "a smooth curve (spline)",
@@ -31,7 +38,9 @@ _WORDS = {
 
 
 def choose_interpolation(dataset: Dataset) -> Dataset:
-    """Settle an input's ``interpolation = "auto"`` by fits of the declared model to the training recordings.
+    """Settle an input's ``interpolation = "auto"`` by fits to the training recordings.
+
+    Fitted is the declared model, with friction, drag and a cubic spring beside it where that can be.
 
     Parameters
     ----------
@@ -54,29 +63,51 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
     if dataset.rig.view is not None:
         # Prescribed motion is differentiated: only a smooth curve can be.
         return _with(dataset, "spline")
-    cost: dict[str, float] = {}
-    samples = 0
-    moved = dataset.rig.traits.interpolation == "motion"
-    for name in _MOTIONS if moved else _FORCES[: 2 if dataset.train[0].reads_acceleration else None]:
-        try:
-            parts = [_shortened(e) for e in _with(replace(dataset, holdout=(), test=()), name).train]
-            fitted = fit(declared_model(parts[0]), parts)
-        except DiscoveryError:
-            continue
-        cost[name], samples = fitted.chi2, fitted.problem.bench.n_data
-    if not cost:
-        raise InputError(
-            f"{dataset.rig.name}: the declared model cannot be fitted, however the input is interpolated. Set "
-            '`interpolation` of the input in the rig file, for example to "spline", to see why.'
-        )
+    cost, samples = _costs(dataset)
     best = min(cost, key=lambda n: cost[n])
     first = next(iter(cost))
-    if (cost[first] - cost[best]) * samples < _GAIN * cost[best]:
+    needed = max(_GAIN * cost[best] / samples, _LEFT * (cost[best] - samples))
+    if cost[first] - cost[best] < needed:
         best = first
     against = ", ".join(f"{_WORDS[n]} {(c / cost[best]) ** 0.5:.4g}" for n, c in cost.items() if n != best)
     flag = Flag("input_chosen", numbers={"words": _WORDS[best], "against": against, "interpolation": best})
     train = (replace(e, recording=replace(e.recording, flags=(*e.recording.flags, flag))) for e in dataset.train)
     return _with(replace(dataset, train=tuple(train)), best)
+
+
+def _costs(dataset: Dataset) -> tuple[dict[str, float], int]:
+    """Return the chi-square of a fit with each interpolation, and the number of readings that are fitted."""
+    declared: dict[str, float] = {}
+    wide: dict[str, float] = {}
+    samples = 0
+    moved = dataset.rig.traits.interpolation == "motion"
+    for name in _MOTIONS if moved else _FORCES[: 2 if dataset.train[0].reads_acceleration else None]:
+        parts = [_shortened(e) for e in _with(replace(dataset, holdout=(), test=()), name).train]
+        with suppress(DiscoveryError):
+            fitted = fit(declared_model(parts[0]), parts)
+            declared[name], samples = fitted.chi2, fitted.problem.bench.n_data
+            wide[name] = fit(_widened(fitted.model), parts, start=fitted.values).chi2
+    if not declared:
+        raise InputError(
+            f"{dataset.rig.name}: the declared model cannot be fitted, however the input is interpolated. Set "
+            '`interpolation` of the input in the rig file, for example to "spline", to see why.'
+        )
+    return wide if wide.keys() == declared.keys() else declared, samples
+
+
+def _widened(model: Model) -> Model:
+    """Return the model with the laws beside it that it has not."""
+    base = model.mechanics
+    for name in _LAWS:
+        effect = get_effect(name)
+        if base.places():
+            names = [placed(name, place) for place, at in base.places().items() if at.suits(effect)]
+        else:
+            acts = base.system in effect.systems and (base.anchored or not effect.anchored)
+            names = [name] if acts and name not in base.provides else []
+        for new in names:
+            model = model if new in model.effects else model.with_effect(new)
+    return model
 
 
 def _with(dataset: Dataset, interpolation: str) -> Dataset:
