@@ -59,7 +59,7 @@ def test_a_law_that_is_missing_does_not_decide(tmp_path):
     """Half a sample of an input that is held is a lag, and so is what dry friction does."""
     rng = np.random.default_rng(14)
     time = 0.004 * np.arange(3000)
-    size, rate, phase = rng.uniform(1.0, 3.0, (10, 1)), rng.uniform(0.4, 5.0, (10, 1)), rng.uniform(0, 6.28, (10, 1))
+    rate, phase, size = (rng.uniform(*ends, (10, 1)) for ends in ((0.4, 5.0), (0.0, 6.28), (0.9, 3.0)))
 
     def push(t):
         return (size * np.sin(2 * np.pi * rate * t + phase)).sum(0) * np.minimum(1, t / 0.3)
