@@ -89,6 +89,24 @@ def test_a_spring_is_felt_and_its_absence_too() -> None:
     assert own_period(TIME, driven(0.0), HELD) is None
 
 
+@pytest.mark.parametrize(("damping", "drag", "friction"), [(1.1, 8.0, 0.0), (8.0, 0.0, 1.5), (1.1, 0.0, 1.5)])
+def test_a_spring_is_felt_beside_friction_and_drag(damping: float, drag: float, friction: float) -> None:
+    rng = np.random.default_rng(14)
+    time = 0.004 * np.arange(3000)
+    rate, phase, size = (rng.uniform(*ends, (10, 1)) for ends in ((0.4, 5.0), (0.0, 6.28), (0.9, 3.0)))
+
+    def push(t: np.ndarray) -> np.ndarray:
+        return (size * np.sin(2 * np.pi * rate * t + phase)).sum(0) * np.minimum(1, t / 0.3)
+
+    def motion(t: float, y: np.ndarray) -> list[float]:
+        lost = damping * y[1] + drag * abs(y[1]) * y[1] + friction * np.tanh(y[1] / 1e-3)
+        return [y[1], (push(np.array([t]))[0] - 420.0 * y[0] - lost) / 1.35]
+
+    found = solve_ivp(motion, (0, time[-1]), [0, 0], "LSODA", time, rtol=1e-8, atol=1e-10, max_step=0.004).y[0]
+    noisy = found + (0.002 * found.std() + 5e-6) * rng.standard_normal(time.size)
+    assert own_period(time, noisy, push(time)) == pytest.approx(2 * np.pi * (1.35 / 420.0) ** 0.5, rel=0.03)
+
+
 def test_a_free_swing_in_other_units(tmp_path: Path) -> None:
     document = drafted(written(tmp_path, "a.csv", "t_ms,x_mm", 1e3 * TIME, 30.0 * SWING))
     assert document["kind"] == "oscillator"
