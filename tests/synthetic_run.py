@@ -93,7 +93,15 @@ def candidate(*effects: str, train: float, held: float, chi2: float = 812.0, err
 def model_error(before: float, after: float, unit: str, *depends: str) -> dict[str, Any]:
     """Return the model error before and after, as in loop.json."""
     share = after / before
-    return {"before": before, "after": after, "unit": unit, "share": share, "least": 4.5e-5, "depends_on": [*depends]}
+    return {
+        "before": before,
+        "after": after,
+        "unit": unit,
+        "share": share,
+        "least": 4.5e-5,
+        "held": after,
+        "depends_on": [*depends],
+    }
 
 
 def _arm_steps() -> list[dict[str, Any]]:

@@ -543,7 +543,7 @@ def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
         for parameter in effect["parameters"].values():
             assert set(parameter) in ({"value", "sd", "unit"}, {"value", "sd", "unit", "physical"})
             assert set(parameter.get("physical", ())) in (set(), {"value", "sd", "unit"})
-    assert set(result["model_error"]) == {"before", "after", "unit", "share", "least", "depends_on"}
+    assert set(result["model_error"]) == {"before", "after", "unit", "share", "least", "held", "depends_on"}
     assert result["complete"] is True
     for step in result["steps"]:
         assert set(step) == {"action", "effects", "accepted", "code", "numbers", "candidates"}

@@ -208,7 +208,7 @@ def test_the_summary_keeps_the_contract(name: str) -> None:
     result = closed(name)
     text = json.loads(json.dumps(plain(result.summary()), allow_nan=False))
     assert set(text) >= {"verdict", "declared", "effects", "errors", "model_error", "complete"}
-    assert set(text["model_error"]) == {"before", "after", "unit", "share", "least", "depends_on"}
+    assert set(text["model_error"]) == {"before", "after", "unit", "share", "least", "held", "depends_on"}
     assert [e["id"] for e in text["effects"]] == list(result.added)
     for effect in text["effects"]:
         assert set(effect) >= {"id", "parameters", "evidence", "ambiguous_with", "probability", "group_probability"}

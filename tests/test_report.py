@@ -217,6 +217,16 @@ def test_what_is_named_beside_a_model_error_is_named(tmp_path: Path) -> None:
     assert "The verdict rests on the model error: 1.00 → 0.0800 mm, 8 % is left" in text
 
 
+def test_a_model_error_that_shows_held_out_alone_is_told(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    results["loop"] = _loop(results, "partly_explained", DELAY)
+    results["loop"]["model_error"] |= {"after": 4e-5, "share": 0.04, "held": 6e-5}
+    assert headline(Run(tmp_path, results)).endswith(
+        "What is left is a model error of 0.0400 mm, 4 % of that before, and of 0.0600 mm held out; it depends on "
+        "deflection and rate."
+    )
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_what_is_not_explained_tells_its_strongest_lead(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)

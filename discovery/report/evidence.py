@@ -235,7 +235,7 @@ def effects_table(run: Run) -> Table | None:
 def model_error_table(run: Run) -> Table:
     """Return the model error before and after, and the size up to which it counts as none."""
     error = run.loop["model_error"]
-    sizes = {"before": "declared model", "after": "final model", "least": "counts as none, up to"}
+    sizes = {"before": "declared model", "after": "final model", "held": "held out", "least": "counts as none, up to"}
     scale = scale_for(error["unit"], max((error[k] or 0.0 for k in sizes), default=0.0))
     cells = [
         [text, significant(None if error[key] is None else error[key] * scale.factor), scale.symbol]

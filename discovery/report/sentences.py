@@ -95,7 +95,7 @@ def model_error_words(error: Record) -> str:
     (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
     words = f"{before} -> {after} {unit}".strip()
     words += f", {share_words(error)} is left" if share_words(error) else ""
-    return f"{words}{_depends(error)}; up to {least} {unit}".strip() + " counts as none"
+    return f"{words}{_held(error)}{_depends(error)}; up to {least} {unit}".strip() + " counts as none"
 
 
 def share_words(error: Record) -> str:
@@ -120,6 +120,7 @@ def verdict_sentence(loop: Record) -> str:
     if any(step["code"] == "impossible" for step in loop.get("steps", ())):
         return f"{_REASONS['impossible']({})}, so nothing was searched"
     part = f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else ""
+    part += _held(error)
     if loop["verdict"] == "partly_explained":
         return f"what is left is a model error of {after} {unit}{part}{_depends(error)}"
     return f"a model error of {after} {unit} is left{part}, and no effect is likely enough to be named{_depends(error)}"
@@ -249,6 +250,15 @@ def _as_none(error: Record) -> str:
         return "counts as none"
     (limit,), unit = sizes([least], error["unit"])
     return f"counts as none (up to {limit} {unit})"
+
+
+def _held(error: Record) -> str:
+    """Return the model error held out, where that alone is more than none."""
+    after, held, least = error["after"], error.get("held"), error["least"]
+    if after is None or held is None or not after <= least < held:
+        return ""
+    (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
+    return f", and of {size} {unit}".rstrip() + " held out"
 
 
 def _depends(error: Record) -> str:

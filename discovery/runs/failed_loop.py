@@ -76,7 +76,7 @@ class FailedLoop:
                 "noise_floor": float(np.sqrt(np.sum(np.square(recording.noise)))),
                 **dict.fromkeys(("before", "after"), infinite),
             },
-            "model_error": {**error, "least": 0.0, "depends_on": []},
+            "model_error": {**error, "least": 0.0, "held": error["after"], "depends_on": []},
             "complete": False,
             "model": {when: {"model": self.model.to_dict(), "parameters": {}} for when in ("before", "after")},
             "steps": [Decision("stop", (), accepted=False, code=self.code, numbers=self.numbers).summary()],

@@ -285,7 +285,8 @@ def _model_error(
     depends = tuple(d.variable for d in left.dependence if d.share > _DEPENDS and d.p_value < 1e-3)
     share = sizes[1] / sizes[0] if sizes[0] > 0 and np.isfinite(sizes[0]) else 1.0
     least = least_error(after, root, context) * noise
-    return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, depends)
+    held = after.evidence.error_held * noise
+    return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, held=held, depends_on=depends)
 
 
 def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]) -> dict[str, float]:

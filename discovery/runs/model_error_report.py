@@ -22,6 +22,8 @@ class ModelErrorReport:
         After over before.
     least : float
         Size up to which it counts as none [unit of the output].
+    held : float
+        Size for the final model on the held-out recordings [unit of the output]; zero without any.
     depends_on : tuple of str
         States that explain a part of what the final model leaves, the strongest first.
     """
@@ -31,6 +33,7 @@ class ModelErrorReport:
     unit: str
     share: float
     least: float
+    held: float
     depends_on: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
