@@ -49,7 +49,9 @@ class Posterior(Sample):
         """Return some of the draws with everything that ArviZ asks for.
 
         The groups posterior, sample_stats, posterior_predictive and log_likelihood are of the same draws; observed_data
-        has the fitted readings. A chain is an independent ensemble. For ArviZ below 1.0, see the example.
+        has the fitted readings. A chain is an independent ensemble. The log likelihood is one variable over all
+        recordings, so that `arviz.loo` and `arviz.compare` judge the whole fit. ArviZ below 1.0 takes the tree through
+        ``arviz.from_datatree``.
 
         Parameters
         ----------
@@ -58,7 +60,7 @@ class Posterior(Sample):
         draws : int
             Draws, evenly from all ensembles.
         pointwise : bool
-            With the log likelihood of every reading, which `arviz.loo` and `arviz.compare` need.
+            With the log likelihood of every reading.
 
         Returns
         -------

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["arranged", "as_chains", "attributes", "by_name", "of_readings", "of_walkers"]
+__all__ = ["arranged", "as_chains", "attributes", "by_name", "of_all_readings", "of_readings", "of_walkers"]
 
 FloatArray = NDArray[np.float64]
 _DIMENSIONS = ("chain", "draw")
@@ -150,3 +150,27 @@ def of_readings(
         coordinates[f"time_{name}"] = (own, time[recording], {"units": "s"})
         coordinates[f"channel_{name}"] = (own, np.asarray(channel[recording], dtype=str))
     return xr.Dataset(variables, coordinates)
+
+
+def of_all_readings(
+    values: Mapping[str, FloatArray], time: Mapping[str, FloatArray], channel: Mapping[str, Sequence[str]]
+) -> xr.Dataset:
+    """Return what belongs to single readings as one variable, recordings one after the other: leave-one-out needs one.
+
+    Parameters
+    ----------
+    values : mapping of str to ndarray, shape (chains, draws, n)
+        By recording.
+    time, channel : mapping of str to ndarray and sequence of str
+        As in `of_readings`.
+    """
+    import xarray as xr
+
+    of = [name for name in values for _ in range(len(time[name]))]
+    coordinates: dict[str, Any] = {
+        "recording": ("reading", np.asarray(of, dtype=str)),
+        "time": ("reading", np.concatenate([time[name] for name in values]), {"units": "s"}),
+        "channel": ("reading", np.asarray([c for name in values for c in channel[name]], dtype=str)),
+    }
+    together = np.concatenate(list(values.values()), axis=-1)
+    return xr.Dataset({"readings": ((*_DIMENSIONS, "reading"), together)}, coordinates)

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.problem import NaturalUnits
-from discovery.posterior.inference_data import arranged, as_chains, attributes, by_name, of_readings, of_walkers
+from discovery.posterior.inference_data import (
+    arranged,
+    as_chains,
+    attributes,
+    by_name,
+    of_all_readings,
+    of_readings,
+    of_walkers,
+)
 from discovery.posterior.replication import replicated
 
 if TYPE_CHECKING:
@@ -87,7 +95,7 @@ def readings(posterior: Sample, experiments: Sequence[Experiment], *, pointwise:
     }
     if pointwise:
         scores = {r.name: by_draw(r.log_likelihood) for r in found}
-        groups["log_likelihood"] = of_readings(scores, time, channel)
+        groups["log_likelihood"] = of_all_readings(scores, time, channel)
     return groups
 
 
