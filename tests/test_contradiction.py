@@ -272,6 +272,18 @@ def test_a_spring_that_gravity_hides_is_named_by_the_length_of_a_pendulum(tmp_pa
     assert abs(stiffness - 4.0) < 3 * sd
 
 
+def test_gravity_that_pushes_a_pendulum_up_has_its_sign(tmp_path: Path) -> None:
+    """A spring beside it that takes the part of a cubic one leaves gravity the wrong way round."""
+    rig, recording, _ = swing(
+        tmp_path, lambda v: 0.05 * v, release=0.85, duration=30.0, strength=31.0,
+        length=f"length_m = {9.80665 / 31.0:.6f}", restoring=lambda angle: 14.0 * angle**3,
+    )  # fmt: skip
+    train = load_dataset(rig, [recording], keep_third=False).train
+    (found,) = check(fit(declared_model(train[0]).with_effect("linear_stiffness"), train), None).contradictions
+    assert found.check.value == pytest.approx(-56.0, rel=0.1)
+    assert found.check.predicted == pytest.approx(31.0, rel=1e-3)
+
+
 def test_gravity_is_found_in_the_smallest_swing(tmp_path: Path) -> None:
     rig, recording, _ = swing(tmp_path, lambda v: 0.05 * v, release=0.01, strength=9.80665 / 0.6, noise=1e-5)
     train = load_dataset(rig, [recording], keep_third=False).train

@@ -77,8 +77,12 @@ def _check(parameter: str, unit: str, value: tuple[float, float], predicted: tup
 
 
 def against_length(fit: Fit) -> tuple[Check, ...]:
-    """Test how strongly gravity pulls on a simple pendulum, k_g = sqrt(g_c^2 + g_s^2), against g / L of the rig."""
-    rig = fit.problem.bench.experiments[0].rig
+    """Test how strongly gravity pulls on a simple pendulum, k_g = sqrt(g_c^2 + g_s^2), against g / L of the rig.
+
+    It is negative where gravity pushes away from where the pendulum swings, as on one that a spring holds upright.
+    """
+    first = fit.problem.bench.experiments[0]
+    rig = first.rig
     names = ("g_c", "g_s")
     # Beside a spring that holds it at its bound, or another law that takes its part, gravity is not known.
     if rig.length is None or rig.gravity is None or not {*names} <= {*fit.problem.free} - {*fit.reasons}:
@@ -86,7 +90,10 @@ def against_length(fit: Fit) -> tuple[Check, ...]:
     at = [fit.problem.names.index(n) for n in names]
     torque = fit.minimum.x[at]
     size = float(np.linalg.norm(torque))
-    sd = math.sqrt(float(torque @ fit.covariance[np.ix_(at, at)] @ torque)) / size
+    sd = math.sqrt(float(torque @ fit.covariance[np.ix_(at, at)] @ torque)) / abs(size)
+    around = float(np.nanmedian(first.recording.output))
+    if torque @ (math.cos(around), math.sin(around)) < 0.0:
+        size = -size
     predicted = rig.gravity.value / rig.length.value
     spread = predicted * math.hypot(rig.gravity.sd / rig.gravity.value, rig.length.sd / rig.length.value)
     return (_check("k_g", "s^-2", (size, sd), (predicted, spread), "g / L of the rig"),)

@@ -182,5 +182,8 @@ def contradictions_table(run: Run) -> Table | None:
         "effect that free parameters absorb leaves no residual, but contradicts a prediction."
     )
     if any(c["parameter"] == "k_g" for c in tested["checks"]):
-        caption += " k_g = √(g_c² + g_s²): the pull of gravity, gravity over length of a simple pendulum."
+        caption += (
+            " k_g = √(g_c² + g_s²): the pull of gravity, gravity over length of a simple pendulum. It is negative "
+        )
+        caption += "where gravity pushes away from where the pendulum swings."
     return Table("contradictions", caption, header=head, rows=cells, raw_header=raw_head, raw_rows=raw, text=(0, 3, 6))
