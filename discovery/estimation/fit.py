@@ -99,6 +99,12 @@ class Fit(FitViews):
         """Sum of squared normalised residuals."""
         return 2 * self.minimum.cost
 
+    @cached_property
+    def untold(self) -> dict[str, str]:
+        """Why a value has no interval of its own: `reasons`, and shapes of laws that are as far as they may be."""
+        shapes = {n for n, p in self.model.parameters.items() if p.shape} & {*self.minimum.bound(self.problem.names)}
+        return {**dict.fromkeys(shapes, "at its bound"), **self.reasons}
+
     @property
     def reduced_chi2(self) -> float:
         """Chi-square over degrees of freedom."""
@@ -111,7 +117,7 @@ class Fit(FitViews):
             return "The data leave a combination of parameters undetermined."
         if not self.minimum.converged:
             return f"The iteration stopped after {self.minimum.iterations} Jacobians without meeting its stopping rule."
-        bound = [n for n, b in zip(self.problem.names, self.minimum.at_bound, strict=True) if b]
+        bound = self.minimum.bound(self.problem.names)
         ended = f"Converged; at a bound: {', '.join(bound)}." if bound else "Converged."
         if self.solver_shift > SHIFT:
             ended += f" The solver still shifts an estimate by {self.solver_shift:.2g} standard deviations."
@@ -152,22 +158,18 @@ class Fit(FitViews):
         values = dict(zip(problem.bench.names, parameters[:, 0].tolist(), strict=True))
         return physical_parameters(self.model, values, problem.names, self.covariance, problem.bench.experiments[0])
 
+    def told(self, name: str) -> dict[str, Any]:
+        """Return value, sd and unit of a parameter or an initial state, JSON-ready, and why there is no sd."""
+        first, parameter = self.problem.bench.experiments[0], self.model.parameters.get(name)
+        unit = first.unit_of(parameter) if parameter else first.coordinate_unit + " s^-1" * name.startswith("rate")
+        row = {"value": self.values[name], "sd": self.sd[name], "unit": unit}
+        return {**row, "sd": None, "reason": self.untold[name]} if name in self.untold else row
+
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready report row."""
-        coordinate = self.problem.bench.experiments[0].coordinate_unit
-        units = {n: self.problem.bench.experiments[0].unit_of(p) for n, p in self.model.parameters.items()}
-        units |= {n: coordinate + " s^-1" * n.startswith("rate") for n in self.problem.names if "[" in n}
         return {
             "model": self.model.free_parameter(*self.problem.free).to_dict(),
-            "parameters": {
-                n: {
-                    "value": v,
-                    "sd": None if n in self.reasons else self.sd[n],
-                    "unit": units[n],
-                    **({"reason": self.reasons[n]} if n in self.reasons else {}),
-                }
-                for n, v in self.values.items()
-            },
+            "parameters": {n: self.told(n) for n in self.values},
             **({"physical": physical} if (physical := physical_rows(self.physical)) else {}),
             "chi2": self.chi2,
             "n_data": self.problem.bench.n_data,

@@ -56,6 +56,10 @@ class Minimum:
     iterations: int
     blown: bool = False
 
+    def bound(self, names: Sequence[str]) -> list[str]:
+        """Return which of the names of what was fitted are at a bound."""
+        return [name for name, at in zip(names, self.at_bound, strict=True) if at]
+
 
 def levenberg_marquardt(
     start: FloatArray,

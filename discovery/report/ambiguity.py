@@ -23,6 +23,11 @@ __all__ = [
     "undecided",
 ]
 
+_PULL = (
+    " k_g = √(g_c² + g_s²): the pull of gravity, gravity over length of a simple pendulum. It is negative where "
+    "gravity pushes away from where the pendulum swings."
+)
+
 
 def undecided(run: Run) -> list[str]:
     """Return for each added effect that others explain as well, or an error of the rig file, one sentence."""
@@ -182,8 +187,5 @@ def contradictions_table(run: Run) -> Table | None:
         "effect that free parameters absorb leaves no residual, but contradicts a prediction."
     )
     if any(c["parameter"] == "k_g" for c in tested["checks"]):
-        caption += (
-            " k_g = √(g_c² + g_s²): the pull of gravity, gravity over length of a simple pendulum. It is negative "
-        )
-        caption += "where gravity pushes away from where the pendulum swings."
+        caption += _PULL
     return Table("contradictions", caption, header=head, rows=cells, raw_header=raw_head, raw_rows=raw, text=(0, 3, 6))

@@ -248,7 +248,7 @@ def _as_none(error: Record) -> str:
     after, least = error["after"], error["least"]
     if after is None or after > least:
         return "counts as none"
-    (limit,), unit = sizes([least], error["unit"])
+    (*_, limit), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
     return f"counts as none (up to {limit} {unit})"
 
 

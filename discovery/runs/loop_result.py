@@ -165,24 +165,18 @@ class LoopResult(LoopViews):
 
     def _described(self, effect: str) -> dict[str, Any]:
         """Return what loop.json holds of an added effect."""
-        sd, values, other = dict(self.after.sd), self.after.values, self.stand_ins.get(effect)
-        if other:
-            # No reading is surer than the ruler.
-            sd[other.parameter] = float(np.hypot(sd[other.parameter], other.relative_sd))
+        other = self.stand_ins.get(effect)
         names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
         physical = physical_rows(self.after.physical)
-        experiment = self.after.problem.bench.experiments[0]
         parameters = {
-            n: {
-                "value": values[n],
-                "sd": None if n in self.after.reasons else sd[n],
-                "unit": experiment.unit_of(self.after.model.parameters[n]),
-                **({"reason": self.after.reasons[n]} if n in self.after.reasons else {}),
-                **({"physical": physical[n]} if n in physical else {}),
-            }
+            n: {**self.after.told(n), **({"physical": physical[n]} if n in physical else {})}
             for n in names
-            if n in values
+            if n in self.after.values
         }
+        if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
+            # No reading is surer than the ruler.
+            row = parameters[other.parameter]
+            row["sd"] = float(np.hypot(row["sd"], other.relative_sd))
         found = self.named.get(effect)
         return {
             "id": effect,
