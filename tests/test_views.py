@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -66,6 +68,17 @@ def test_a_mistake_gets_a_sentence(wrong: object) -> None:
         discovery.close_loop(wrong)  # type: ignore[arg-type]
 
 
+def model(data: Dataset) -> discovery.Model:
+    return discovery.declared_model(data)
+
+
+@cache
+def arm() -> Dataset:
+    """Recordings of another system."""
+    folder = Path(__file__).parents[1] / "datasets" / "arm"
+    return load_dataset(folder / "rig.toml", folder / "train_paper.csv", folder / "holdout_inside.csv")
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
@@ -99,6 +112,25 @@ def test_a_mistake_gets_a_sentence(wrong: object) -> None:
         (lambda d, f: discovery.draft_rig([]), "no recording to draft a rig file from"),
         (lambda d, f: discovery.to_sympy(f), "Of a loop give its `after`"),
         (lambda d, f: f.before.predict(d), "Give `initial`"),
+        # Recordings of different systems.
+        (lambda d, f: discovery.close_loop(d.train, arm()), "'holdout_inside' is of another system than 'first'"),
+        (lambda d, f: discovery.fit_model(model(d), [*d.train, *arm().train]), "flexible arm in rad with an input in"),
+        (lambda d, f: discovery.fit_model(model(d), arm()), "not of the base 'oscillator'"),
+        (lambda d, f: discovery.fit_model(model(arm()), d), "not of the base 'constant_radius'"),
+        (lambda d, f: discovery.predict_motion(f.before, arm().train[0]), "another system than 'first'"),
+        (lambda d, f: discovery.close_loop(replace(d, train=())), "has no training recording"),
+        # Names that nothing has.
+        (lambda d, f: model(d).without(["viscous_dampin"]), "no effect viscous_dampin; it has viscous_damping"),
+        (lambda d, f: model(d).without(None), "`effect_ids` is a list of names"),
+        (lambda d, f: discovery.fit_model(model(d), d, start={"alfa": 1.0}), "parameter alfa; it has"),
+        (lambda d, f: discovery.fit_model(model(d), d, start={"alpha": np.nan}), "`start['alpha']` is a number"),
+        (lambda d, f: discovery.fit_model(model(d), d, gaussian={"zz": (1, 2)}), "no parameter zz"),
+        (lambda d, f: discovery.fit_model(model(d), d, gaussian={"xi": 1}), "a pair of numbers, a mean and its sd"),
+        (lambda d, f: discovery.fit_model(model(d), d, tolerance=0), "`tolerance` is a number above 0"),
+        (lambda d, f: discovery.Model("oscillator", (), {"zzz": 1.0}), "no parameter zzz"),
+        (lambda d, f: discovery.Model("oscillator", (), {"g": "a"}), "`known['g']` is a number, but it is 'a'"),
+        (lambda d, f: discovery.Model("oscillator", (), None), "`known` is a mapping"),
+        (lambda d, f: discovery.Model("oscillator", 3), "`effects` is a list of names, but 3 is"),
     ],
 )
 def test_each_mistake_gets_its_sentence(call, told, dataset: Dataset, found: discovery.LoopResult) -> None:  # type: ignore[no-untyped-def]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
+from discovery.foundation.arguments import check_names
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -220,9 +221,7 @@ def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str,
         For a name that is not a parameter of the model, or a value that is not a finite number.
     """
     given = {n: _plain(n, v) for n, v in (values or {}).items() if not _INITIAL.fullmatch(n)}
-    strangers = sorted(given.keys() - model.parameters.keys())
-    if strangers:
-        raise InputError(f"The model has no parameter {', '.join(strangers)}; it has {', '.join(model.parameters)}.")
+    check_names(given, model.parameters, "The model", "parameter")
     bad = [n for n, v in given.items() if not math.isfinite(v)]
     if bad:
         raise InputError(f"The value of {', '.join(bad)} is not finite; give a number.")

@@ -17,6 +17,7 @@ from discovery.estimation.starts import fitted_states
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
 from discovery.recordings.chosen import Recordings, training_of
+from discovery.recordings.one_system import check_model
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
@@ -114,6 +115,7 @@ def predictive(
     if not hasattr(posterior, "flat"):
         raise InputError(f"`posterior` is a Posterior, but {posterior!r:.60} is none. Draw one with sample(fit).")
     experiments, rng = training_of(experiments), np.random.default_rng(seed)
+    check_model(posterior.model, experiments)
     flat = posterior.flat()
     chosen = rng.choice(next(iter(flat.values())).size, size=n, replace=False)
     draws = {name: values[chosen] for name, values in flat.items()}

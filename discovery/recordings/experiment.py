@@ -53,6 +53,11 @@ class Experiment:
         """Samples that may be fitted."""
         return slice(0, self.fitted_samples)
 
+    @property
+    def initial_names(self) -> tuple[str, str]:
+        """Names of the deflection and the rate at its first sample, as a fit has them beside its parameters."""
+        return f"delta_0_init[{self.recording.name}]", f"rate_0_init[{self.recording.name}]"
+
     def first(self, count: int) -> Experiment:
         """Return the experiment of the first so many samples, all of them fitted."""
         r = self.recording
