@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
 from discovery.equations.known_names import check_declared
-from discovery.foundation.arguments import as_words, check_names, check_number, expect
+from discovery.foundation.arguments import as_words, check_keys, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.places import check_place
@@ -144,6 +144,7 @@ class Model:
     @classmethod
     def from_dict(cls, description: Mapping[str, Any]) -> Model:
         """Return the model that `to_dict` described."""
+        check_keys(description, ("base", "effects", "known"), "description", "Give what `Model.to_dict` returned.")
         know_system(description)
         return cls(description["base"], tuple(description["effects"]), dict(description["known"]))
 

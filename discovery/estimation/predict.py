@@ -21,7 +21,7 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.problem import NaturalUnits, Problem
 from discovery.estimation.starts import fitted_states
 from discovery.estimation.step import choose_step
-from discovery.foundation.arguments import expect
+from discovery.foundation.arguments import check_pair, expect
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.one_system import check_one_system
@@ -220,6 +220,13 @@ def predict(
     ndarray, shape (n, c), and ndarray, shape (n, c)
         Channels and standard deviations (measurement noise not included).
 
+    Raises
+    ------
+    InputError
+        For a recording of another system, or an initial state that is no pair of numbers.
+    ComputationError
+        If the model has no rest position to start from, or its motion blows up.
+
     Examples
     --------
     >>> data = load_dataset("datasets/spring_bench/rig.toml")
@@ -230,6 +237,8 @@ def predict(
     """
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset).")
     expect(experiment, Experiment, "experiment", "Take one of dataset.train or dataset.holdout.")
+    if initial is not None:
+        initial = check_pair(initial, "initial", "the deflection and the rate at the first time")
     problem = fit.problem
     check_one_system([experiment], like=problem.bench.experiments[0])
     names = problem.free

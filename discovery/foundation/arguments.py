@@ -7,15 +7,21 @@ import os
 from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, SupportsFloat
+from typing import TYPE_CHECKING, Any, SupportsFloat
 
 from discovery.foundation.errors import InputError, suggestion
 
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
 __all__ = [
+    "as_folder",
+    "as_generator",
     "as_path",
     "as_paths",
     "as_words",
     "check_callable",
+    "check_keys",
     "check_names",
     "check_number",
     "check_pair",
@@ -45,13 +51,12 @@ def expect(given: object, kind: type, name: str, remedy: str) -> None:
         For anything else.
     """
     if not isinstance(given, kind):
-        wanted = _KINDS.get(kind, kind.__name__)
-        article = "an" if wanted[0] in "AEIO" else "a"
-        raise _refused(given, name, f"{article} {wanted}", remedy)
+        article = "an" if kind.__name__[0] in "AEIO" else "a"
+        raise _refused(given, name, _KINDS.get(kind, f"{article} {kind.__name__}"), remedy)
 
 
-#: Kinds whose names are no words.
-_KINDS: dict[type, str] = {str: "text", bool: "truth value", Mapping: "mapping"}
+#: Kinds of Python in words.
+_KINDS: dict[type, str] = {str: "text", bool: "True or False", Mapping: "a mapping"}
 
 
 def _refused(given: object, name: str, wanted: str, remedy: str) -> InputError:
@@ -72,6 +77,16 @@ def as_paths(given: Any, name: str, remedy: str) -> list[Path]:
     return [as_path(path, name, remedy) for path in listed]
 
 
+def as_folder(given: Any, name: str, remedy: str) -> Path:
+    """Return a folder that was given by its path, and is made if need be."""
+    folder = as_path(given, name, remedy)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"`{name}` is a folder, but {folder} cannot be one: {error.strerror}. {remedy}") from None
+    return folder
+
+
 def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
     """Return names: one alone is taken as a list of one.
 
@@ -83,7 +98,7 @@ def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
     found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
     for word in found:
         if not isinstance(word, str):
-            raise _refused(given, name, "a list of names", remedy)
+            raise _refused(word, name, "a list of names", remedy)
     return found
 
 
@@ -112,6 +127,20 @@ def check_names(given: Iterable[object], known: Iterable[str], owner: str, what:
         listed = f"it has {', '.join(there)}" if there else "it has none"
         near = suggestion(strangers[0], there)
         raise InputError(f"{owner} has no {what} {', '.join(sorted(strangers))}; {listed}.{near}")
+
+
+def check_keys(given: object, wanted: Iterable[str], name: str, remedy: str) -> None:
+    """Refuse what is no mapping with all of these keys.
+
+    Raises
+    ------
+    InputError
+        With the keys that it lacks.
+    """
+    expect(given, Mapping, name, remedy)
+    missing = [key for key in wanted if key not in given]  # type: ignore[operator]
+    if missing:
+        raise InputError(f"`{name}` lacks {', '.join(missing)}. {remedy}")
 
 
 def check_number(
@@ -178,6 +207,16 @@ def check_seed(seed: object) -> None:
     integer = hasattr(seed, "__index__") and not isinstance(seed, bool)
     if not integer or seed.__index__() < 0:  # type: ignore[attr-defined]
         raise InputError(f"`seed` is an integer from 0 on, but it is {seed!r:.60}.")
+
+
+def as_generator(seed: Any) -> Generator:
+    """Return the source of random numbers of a seed; one that is given is used as it is."""
+    import numpy as np
+
+    if isinstance(seed, np.random.Generator):
+        return seed
+    check_seed(seed)
+    return np.random.default_rng(seed)
 
 
 def check_callable(given: object, name: str) -> None:

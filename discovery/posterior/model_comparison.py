@@ -10,11 +10,11 @@ import numpy as np
 
 from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
-from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.arguments import check_number, check_seed, check_whole, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.likelihood import log_posterior
-from discovery.posterior.marginal_likelihood import Evidence, log_evidence
+from discovery.posterior.marginal_likelihood import FEWEST_DRAWS, Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN
 
 if TYPE_CHECKING:
@@ -131,12 +131,17 @@ def compare_models(
         if not hasattr(candidate, "problem"):
             expect(candidate, Fit, f"fits[{name!r}]", "Make one with fit_model(model, dataset).")
     check_seed(seed)
+    check_whole(draws, "draws", FEWEST_DRAWS)
+    if held_out is not None:
+        expect(held_out, Mapping, "held_out", 'Give the error of each by name, as in {"declared": 0.1}.')
     tell = teller(progress)
     data = {tuple((e.recording.sha256, e.fitted_samples) for e in f.problem.bench.experiments) for f in fits.values()}
     if len(data) != 1:
         raise InputError("Evidences compare only on the same readings: fit all candidates on the same recordings.")
     if held_out is not None and (missing := fits.keys() - held_out.keys()):
         raise InputError(f"There is no held-out error of {', '.join(sorted(missing))}.")
+    for name, error in (held_out or {}).items():
+        check_number(error, f"held_out[{name!r}]")
     streams = np.random.default_rng(seed).spawn(len(fits))
     weighed = counted(
         list(zip(fits.items(), streams, strict=True)), tell, "weighing models by their evidence", "models"

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from discovery.estimation.fit import Fit
-from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.arguments import as_words, check_seed, check_whole, expect
 from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import log_posterior
-from discovery.posterior.marginal_likelihood import Evidence, log_evidence
+from discovery.posterior.marginal_likelihood import FEWEST_DRAWS, Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN, applicable
 
 __all__ = ["NoiseChoice", "choose_noise"]
@@ -107,6 +107,9 @@ def choose_noise(
     """
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
     check_seed(seed)
+    check_whole(draws, "draws", FEWEST_DRAWS)
+    if models is not None:
+        models = as_words(models, "models", "Name noise models, or leave it out for all that apply.")
     tell = teller(progress)
     parts = instruments(fit.problem.bench.experiments)
     names = applicable(fit.problem, parts) if models is None else (GAUSSIAN, *(m for m in models if m != GAUSSIAN))

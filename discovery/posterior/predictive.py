@@ -14,6 +14,7 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
+from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
 from discovery.recordings.chosen import Recordings, training_of
@@ -98,7 +99,8 @@ def predictive(
     Raises
     ------
     InputError
-        If a recording has channels whose noise was not sampled.
+        If a recording has channels whose noise was not sampled, is of another system, or there are fewer draws; for an
+        initial state of no recording.
     SimulationFailure
         If a draw's motion blows up.
 
@@ -114,10 +116,12 @@ def predictive(
     """
     if not hasattr(posterior, "flat"):
         raise InputError(f"`posterior` is a Posterior, but {posterior!r:.60} is none. Draw one with sample(fit).")
-    experiments, rng = training_of(experiments), np.random.default_rng(seed)
+    experiments, rng = training_of(experiments), as_generator(seed)
     check_model(posterior.model, experiments)
     flat = posterior.flat()
-    chosen = rng.choice(next(iter(flat.values())).size, size=n, replace=False)
+    drawn = next(iter(flat.values())).size
+    chosen = rng.choice(drawn, size=check_whole(n, "n", 1, drawn), replace=False)
+    _check_initial(initial, experiments)
     draws = {name: values[chosen] for name, values in flat.items()}
     bands = []
     for experiment, channels in zip(experiments, simulated(posterior, experiments, draws, initial), strict=True):
@@ -135,6 +139,17 @@ def predictive(
             )
         )
     return bands
+
+
+def _check_initial(initial: object, experiments: Sequence[Experiment]) -> None:
+    """Refuse initial states of other recordings, and what is no deflection with a rate."""
+    if initial is None:
+        return
+    expect(initial, Mapping, "initial", 'Name the recordings, as in {"holdout": (0.01, 0.0)}.')
+    assert isinstance(initial, Mapping)
+    check_names(initial, [e.recording.name for e in experiments], "The data set", "recording")
+    for name, state in initial.items():
+        check_pair(state, f"initial[{name!r}]", "the deflection and the rate at the start")
 
 
 def simulated(

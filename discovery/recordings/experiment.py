@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.systems import System
 from discovery.declarations.units import in_coordinate, si_symbol
+from discovery.foundation.arguments import check_whole
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
 from discovery.recordings.recording import Recording
@@ -59,7 +60,8 @@ class Experiment:
         return f"delta_0_init[{self.recording.name}]", f"rate_0_init[{self.recording.name}]"
 
     def first(self, count: int) -> Experiment:
-        """Return the experiment of the first so many samples, all of them fitted."""
+        """Return the experiment of the first so many samples, at least one, all of them fitted."""
+        check_whole(count, "count", 1)
         r = self.recording
         inputs = None if r.input is None else r.input[:count]
         part = replace(r, time=r.time[:count], output=r.output[:count], input=inputs)

@@ -105,7 +105,7 @@ def close_loop(
     everything = _given(train, holdout)
     train, holdout = (searched_part(part) for part in everything)
     units = natural_units(train)
-    settings = settings or LoopSettings()
+    settings = LoopSettings() if settings is None else settings
     expect(settings, LoopSettings, "settings", "Make some with LoopSettings(name=value).")
     check_seed(settings.seed if seed is None else seed)
     course = Course(teller(progress))

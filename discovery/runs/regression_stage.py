@@ -73,6 +73,19 @@ def can_discover(rig: Rig) -> bool:
 def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -> Discovered:
     """Find the equation of motion, and an arm's radius law, by sparse regression.
 
+    Parameters
+    ----------
+    dataset : Dataset
+        Its training recordings are used.
+    seed : int
+        Seed of everything random.
+    progress : callable, optional
+        Receives one sentence before every longer piece of work.
+
+    Returns
+    -------
+    Discovered
+
     Raises
     ------
     InputError

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from discovery.foundation.arguments import expect
+from discovery.foundation.arguments import as_generator, check_number, check_whole, expect
 from discovery.foundation.errors import InputError
 from discovery.rigs.rig import Rig
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
@@ -193,7 +193,9 @@ def predict(
     ('alpha', 's^-2', 9)
     """
     expect(rig, Rig, "rig", "Read one with read_rig(path), or take dataset.rig.")
-    rng = np.random.default_rng(seed)
+    rng, draws = as_generator(seed), check_whole(draws, "draws", 2)
+    if delta_max is not None:
+        check_number(delta_max, "delta_max", above=0.0)
     missing = [name for name in _NEEDED if getattr(rig, name) is None]
     if missing:
         raise InputError(
