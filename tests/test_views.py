@@ -164,7 +164,7 @@ def arm() -> Dataset:
         (lambda d, f: d.train[0].first(0), "`count` is a whole number from 1 on"),
         (lambda d, f: discovery.predict_elastica(arm().rig, draws=0), "`draws` is a whole number from 2 on"),
         (lambda d, f: discovery.predict_elastica(arm().rig, "x"), "`seed` is an integer"),
-        (lambda d, f: discovery.predict_elastica(arm().rig, delta_max="x"), "`delta_max` is a number above 0"),
+        (lambda d, f: discovery.predict_elastica(arm().rig, delta_max="x"), "`delta_max` is a number, but"),
         (lambda d, f: discovery.draft_rig(file(d), rate=-1), "`rate` is a number above 0"),
         (lambda d, f: discovery.draft_rig(file(d), kind="pendulun"), "Did you mean 'pendulum'?"),
         (lambda d, f: discovery.draft_rig(file(d), chosen={"in": "x"}), "no column for in; it has time"),
@@ -247,6 +247,35 @@ def test_texts_are_short_and_tables_hold_what_was_found(dataset: Dataset, found:
     assert start.loc["first", "deflection"] == pytest.approx(0.05, abs=1e-3)
     assert start.loc["first", ["deflection_unit", "rate_unit"]].tolist() == ["m", "m s^-1"]
     assert "_init" not in found.after._repr_html_()
+
+
+def test_what_is_large_is_told_in_a_line(dataset: Dataset, found: discovery.LoopResult) -> None:
+    fit, data = found.before.specialised(), found.before.problem.bench.experiments
+    posterior = discovery.sample(fit, min_effective=400)
+    weighed = discovery.choose_noise(fit, models=["student_t"], draws=200)
+    compared = discovery.compare_models(
+        {"declared": fit, "again": fit}, held_out={"declared": 1, "again": 2}, draws=200
+    )
+    searched = discovery.discover(dataset)
+    told = [
+        (dataset.rig, "<Rig 'first' (oscillator): "),
+        (dataset.train[0], "<Experiment 'first' of 'first' (oscillator): 600 readings"),
+        (numbers(found), "<FittedModel oscillator + viscous_damping + linear_stiffness: g = 0, xi = "),
+        (
+            discovery.predict_elastica(arm().rig, draws=100),
+            "<Prediction of 'fibreglass arm': 100 draws of static_small",
+        ),
+        (discovery.predict_bands(posterior, data, 10)[0], "<Band of 'first': 600 times of output [m]>"),
+        (weighed, "<NoiseChoice "),
+        (compared, "<Comparison of 2 models: behind by [nats] "),
+        (searched, "<Discovered "),
+    ]
+    for given, beginning in told:
+        assert repr(given).startswith(beginning)
+        assert len(repr(given)) < 300
+    assert weighed._repr_html_().count("<tr>") == compared._repr_html_().count("<tr>") == 3
+    assert "held-out error" in compared._repr_html_()
+    assert "<td>linear_stiffness</td>" in searched._repr_html_()
 
 
 def test_recordings_as_pandas_and_xarray(dataset: Dataset) -> None:

@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 _INITIAL = re.compile(r"(?:delta|rate)_0_init\[.*\]", re.DOTALL)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FittedModel:
     """A model with the value of every parameter.
 
@@ -110,6 +110,12 @@ class FittedModel:
         missing = [n for n in self.model.parameters if not math.isfinite(self.values.get(n, math.nan))]
         if missing:
             raise InputError(f"The model has no value of {', '.join(missing)}; give a number for each.")
+
+    def __repr__(self) -> str:
+        """Return the base, the effects and the values of the parameters."""
+        values = ", ".join(f"{name} = {self.values[name]:.4g}" for name in self.model.parameters)
+        fitted = sum(name in self.model.parameters for name in self.fitted)
+        return f"<FittedModel {' + '.join((self.model.base, *self.model.effects))}: {values}; {fitted} fitted>"
 
     @property
     def sd(self) -> dict[str, float]:
@@ -192,7 +198,7 @@ class FittedModel:
     def from_dict(cls, description: Mapping[str, Any]) -> FittedModel:
         """Return the model that `to_dict` described."""
         wanted = ("model", "parameters", "covariance", "reasons", "initial", "step_s", "provenance")
-        check_keys(description, wanted, "description", "Give what `FittedModel.to_dict` returned.")
+        check_keys(description, wanted, "description", "Export it again, or give what `FittedModel.to_dict` returned.")
         names = description["covariance"]["names"]
         matrix = [[_number(v) for v in row] for row in description["covariance"]["matrix"]]
         return cls(

@@ -12,6 +12,7 @@ from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
 from discovery.foundation.arguments import check_number, check_seed, check_whole, expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import FEWEST_DRAWS, Evidence, log_evidence
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Comparison", "compare_models"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Evidence of candidate models on the same recordings.
 
@@ -37,6 +38,17 @@ class Comparison:
 
     evidences: Mapping[str, Evidence]
     held_out: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        """Return the candidates by decreasing evidence, and by how much each is behind."""
+        rows = ", ".join(f"{row['name']} {row['behind']:.4g}" for row in self.summary()["models"])
+        return f"<Comparison of {len(self.evidences)} models: behind by [nats] {rows}>"
+
+    def _repr_html_(self) -> str:
+        keys = ("name", "behind", "error", "free", "held_out", "reliable")
+        rows = ([row[key] for key in keys] for row in self.summary()["models"])
+        header = ("model", "behind [nats]", "error [nats]", "free parameters", "held-out error", "reliable")
+        return html_table(f"{self.ranking[0]} has the largest evidence", header, rows)
 
     @property
     def ranking(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from discovery.estimation.fit import Fit
 from discovery.foundation.arguments import as_words, check_seed, check_whole, expect
+from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import log_posterior
@@ -21,7 +22,7 @@ __all__ = ["NoiseChoice", "choose_noise"]
 _DOING = "weighing noise models by their evidence"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NoiseChoice:
     """Evidence of every noise model on one fit.
 
@@ -32,6 +33,16 @@ class NoiseChoice:
     """
 
     evidences: tuple[Evidence, ...]
+
+    def __repr__(self) -> str:
+        """Return the choice, and by how much each of the others is behind."""
+        rows = ", ".join(f"{row['noise']} {row['behind']:.4g}" for row in self.summary()["models"])
+        return f"<NoiseChoice {self.noise}: behind by [nats] {rows}>"
+
+    def _repr_html_(self) -> str:
+        rows = ((row["noise"], row["behind"], row["error"], row["reliable"]) for row in self.summary()["models"])
+        header = ("noise model", "behind [nats]", "error [nats]", "reliable")
+        return html_table(f"{self.noise} has the largest evidence", header, rows)
 
     @property
     def chosen(self) -> Evidence:

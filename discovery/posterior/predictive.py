@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 QUANTILES = (0.05, 0.5, 0.95)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Band:
     """Pointwise quantiles of one recording.
 
@@ -55,6 +55,11 @@ class Band:
     units: tuple[str, ...]
     motion: FloatArray
     reading: FloatArray
+
+    def __repr__(self) -> str:
+        """Return name, size and channels."""
+        channels = ", ".join(f"{name} [{unit}]" for name, unit in zip(self.channels, self.units, strict=True))
+        return f"<Band of {self.name!r}: {self.time.size} times of {channels}>"
 
     def coverage(self, measured: FloatArray) -> FloatArray:
         """Return the share of measured values (n, c) within the 90 % band of the reading, shape (c,); NaN is no value.

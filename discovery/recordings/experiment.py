@@ -25,7 +25,7 @@ __all__ = ["Experiment", "make_experiment"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Experiment:
     """One recording with its smooth input.
 
@@ -48,6 +48,12 @@ class Experiment:
     rig: Rig
     fitted_samples: int | None = None
     pace: Pace | None = None
+
+    def __repr__(self) -> str:
+        """Return the recording, its rig and how much of it is fitted."""
+        size = self.recording.time.size
+        part = f", {self.fitted_samples} of them fitted" if self.fitted_samples is not None else ""
+        return f"<Experiment {self.recording.name!r} of {self.rig.name!r} ({self.rig.kind}): {size} readings{part}>"
 
     @property
     def fitted(self) -> slice:
