@@ -216,7 +216,9 @@ def test_refusals(prediction: Prediction) -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match=r"'paper'.*does not state tip_mass, beam_mass"):
         predict(replace(PAPER_RIG, tip_mass=None, beam_mass=None), rng)
-    for delta_max in (DEFLECTION_MAX + 0.01, 0.0, np.nan):
+    with pytest.raises(InputError, match="`delta_max` is a number, but it is nan"):
+        predict(PAPER_RIG, rng, delta_max=np.nan)
+    for delta_max in (DEFLECTION_MAX + 0.01, 0.0):
         with pytest.raises(InputError, match="deflections that reach between"):
             predict(PAPER_RIG, rng, delta_max=delta_max)
     with pytest.raises(InputError, match="got none"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -66,6 +68,26 @@ def test_a_mistake_gets_a_sentence(wrong: object) -> None:
         discovery.close_loop(wrong)  # type: ignore[arg-type]
 
 
+def model(data: Dataset) -> discovery.Model:
+    return discovery.declared_model(data)
+
+
+def numbers(found: discovery.LoopResult, **more: float) -> discovery.FittedModel:
+    fitted = discovery.FittedModel.from_fit(found.before)
+    return replace(fitted, values={**fitted.values, **more})
+
+
+def file(data: Dataset) -> Path:
+    return data.rig.path.parent / "first.csv"  # type: ignore[union-attr]
+
+
+@cache
+def arm() -> Dataset:
+    """Recordings of another system."""
+    folder = Path(__file__).parents[1] / "datasets" / "arm"
+    return load_dataset(folder / "rig.toml", folder / "train_paper.csv", folder / "holdout_inside.csv")
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
@@ -99,6 +121,85 @@ def test_a_mistake_gets_a_sentence(wrong: object) -> None:
         (lambda d, f: discovery.draft_rig([]), "no recording to draft a rig file from"),
         (lambda d, f: discovery.to_sympy(f), "Of a loop give its `after`"),
         (lambda d, f: f.before.predict(d), "Give `initial`"),
+        # Recordings of different systems.
+        (lambda d, f: discovery.close_loop(d.train, arm()), "'holdout_inside' is of another system than 'first'"),
+        (lambda d, f: discovery.fit_model(model(d), [*d.train, *arm().train]), "flexible arm in rad with an input in"),
+        (lambda d, f: discovery.fit_model(model(d), arm()), "not of the base 'oscillator'"),
+        (lambda d, f: discovery.fit_model(model(arm()), d), "not of the base 'constant_radius'"),
+        (lambda d, f: discovery.predict_motion(f.before, arm().train[0]), "another system than 'first'"),
+        (lambda d, f: discovery.close_loop(replace(d, train=())), "has no training recording"),
+        # Names that nothing has.
+        (lambda d, f: model(d).without(["viscous_dampin"]), "no effect viscous_dampin; it has viscous_damping"),
+        (lambda d, f: model(d).without(None), "`effect_ids` is a list of names"),
+        (lambda d, f: discovery.fit_model(model(d), d, start={"alfa": 1.0}), "parameter alfa; it has"),
+        (lambda d, f: discovery.fit_model(model(d), d, start={"alpha": np.nan}), "`start['alpha']` is a number"),
+        (lambda d, f: discovery.fit_model(model(d), d, gaussian={"zz": (1, 2)}), "no parameter zz"),
+        (lambda d, f: discovery.fit_model(model(d), d, gaussian={"xi": 1}), "a pair of numbers, a mean and its sd"),
+        (lambda d, f: discovery.fit_model(model(d), d, tolerance=0), "`tolerance` is a number above 0"),
+        (lambda d, f: discovery.Model("oscillator", (), {"zzz": 1.0}), "no parameter zzz"),
+        (lambda d, f: discovery.Model("oscillator", (), {"g": "a"}), "`known['g']` is a number, but it is 'a'"),
+        (lambda d, f: discovery.Model("oscillator", (), None), "`known` is a mapping"),
+        (lambda d, f: discovery.Model("oscillator", 3), "`effects` is a list of names, but 3 is"),
+        (lambda d, f: numbers(f, zz=2.0), "The model has no parameter zz"),
+        (lambda d, f: replace(numbers(f), fitted=("alfa",)), "no parameter alfa; it has"),
+        (lambda d, f: replace(numbers(f), covariance=np.eye(9)), "give a row and a column for each"),
+        (lambda d, f: numbers(f).unit_of("alfa"), "Did you mean 'alpha'?"),
+        (lambda d, f: discovery.get_effect("coulomb_friction").fitted("zz"), "it has flexible_arm, oscillator"),
+        # Pictures.
+        (lambda d, f: d.plot_recordings(plt.subplots()[1]), "2 axes are needed, and 1 are given"),
+        (lambda d, f: f.before.plot_residuals(3), "`axes` is an Axes, but 3 is of type int"),
+        (lambda d, f: f.plot_errors("x"), "`axes` is an Axes, but 'x' is of type str"),
+        # Numbers out of range.
+        (lambda d, f: discovery.LoopSettings(nats=-5), "`nats` is a number from 0 on, but it is -5"),
+        (lambda d, f: discovery.LoopSettings(form=np.nan), "`form` is a number from 0 on, but it is nan"),
+        (lambda d, f: discovery.LoopSettings(chance=7), "`chance` is a number from 0 to 1"),
+        (lambda d, f: discovery.LoopSettings(tolerance=0), "`tolerance` is a number above 0"),
+        (lambda d, f: discovery.LoopSettings(seed="x"), "`seed` is an integer from 0 on"),
+        (lambda d, f: discovery.LoopSettings(budget=3), "`budget` is a Budget"),
+        (lambda d, f: discovery.LoopSettings(follow_up=3), "`follow_up` is True or False"),
+        (lambda d, f: discovery.close_loop(d, settings={}), "`settings` is a LoopSettings"),
+        (lambda d, f: discovery.Parameter("kgg", "m"), "The unit 'kgg' cannot be read"),
+        (lambda d, f: discovery.Parameter(None, "m"), "`unit` is text"),
+        (lambda d, f: discovery.Parameter("kg", "mass", (2, 1)), "give the lower one first"),
+        (lambda d, f: d.train[0].first(0), "`count` is a whole number from 1 on"),
+        (lambda d, f: discovery.predict_elastica(arm().rig, draws=0), "`draws` is a whole number from 2 on"),
+        (lambda d, f: discovery.predict_elastica(arm().rig, "x"), "`seed` is an integer"),
+        (lambda d, f: discovery.predict_elastica(arm().rig, delta_max="x"), "`delta_max` is a number, but"),
+        (lambda d, f: discovery.draft_rig(file(d), rate=-1), "`rate` is a number above 0"),
+        (lambda d, f: discovery.draft_rig(file(d), kind="pendulun"), "Did you mean 'pendulum'?"),
+        (lambda d, f: discovery.draft_rig(file(d), chosen={"in": "x"}), "no column for in; it has time"),
+        (lambda d, f: Dataset(d.rig, "x", ()), "`train` is an Experiment, but 'x' is"),
+        (lambda d, f: Dataset(d.rig, [d.train[0].recording], []), "make_experiment(recording, rig)"),
+        # Another kind of thing.
+        (lambda d, f: discovery.read_rig(3), "`path` is a path, but 3 is"),
+        (lambda d, f: discovery.read_recording(file(d)), "`rig` is a Rig, but None is"),
+        (lambda d, f: discovery.read_recording(file(d), d.rig, 3), "`samples` is a pair"),
+        (lambda d, f: discovery.read_recording(file(d), d.rig, where="a"), "`where` is a list of columns"),
+        (lambda d, f: discovery.build_report(f), "`run_dir` is a path, but <LoopResult"),
+        (lambda d, f: discovery.Posterior.from_netcdf(3), "`path` is a path"),
+        (lambda d, f: discovery.run(d, file(d)), "cannot be one: File exists"),
+        (lambda d, f: discovery.get_effect([]), "`effect_id` is text, but [] is"),
+        (lambda d, f: discovery.Model([], ()), "`base` is text, but [] is"),
+        (lambda d, f: model(d).with_effect(["coulomb_friction"]), "but ['coulomb_friction'] is of type list"),
+        (lambda d, f: discovery.Model.from_dict({}), "`description` lacks base, effects, known"),
+        (lambda d, f: discovery.FittedModel.from_dict({}), "`description` lacks model"),
+        (lambda d, f: discovery.FittedModel.from_fit("x"), "`fit` is a Fit"),
+        (lambda d, f: discovery.FittedModel(model(d), None), "`values` is a mapping"),
+        (lambda d, f: discovery.predict_motion(f.before, d.train[0], (1, 2, 3)), "`initial` is a pair of numbers"),
+        (lambda d, f: discovery.sample(f.before, noise=None), "`noise` is text, but None is"),
+        (lambda d, f: discovery.sample(f.before, ensembles="4"), "`ensembles` is a whole number, but it is '4'"),
+        (lambda d, f: discovery.sample(f.before, walkers=-2), "`walkers` is a whole number from 1 on"),
+        (lambda d, f: discovery.sample(f.before, min_effective=-1), "`min_effective` is a number above 0"),
+        (lambda d, f: discovery.sample(f.before, r_hat_max="1"), "`r_hat_max` is a number above 1"),
+        (lambda d, f: discovery.sample(f.before, max_steps="10"), "`max_steps` is a whole number"),
+        (lambda d, f: discovery.sample(f.before, backend_path=3), "`backend_path` is a path"),
+        (lambda d, f: discovery.choose_noise(f.before, models=3), "`models` is a list of names"),
+        (lambda d, f: discovery.choose_noise(f.before, draws=-500), "`draws` is a whole number from 100 on"),
+        (lambda d, f: discovery.compare_models({"a": f.before}, held_out="x"), "`held_out` is a mapping"),
+        *(
+            (lambda d, f, export=export: export(f.before, 3), "`values` is a mapping, but 3 is")
+            for export in (discovery.to_json, discovery.to_latex, discovery.to_sympy, discovery.to_numpy)
+        ),
     ],
 )
 def test_each_mistake_gets_its_sentence(call, told, dataset: Dataset, found: discovery.LoopResult) -> None:  # type: ignore[no-untyped-def]
@@ -148,6 +249,35 @@ def test_texts_are_short_and_tables_hold_what_was_found(dataset: Dataset, found:
     assert "_init" not in found.after._repr_html_()
 
 
+def test_what_is_large_is_told_in_a_line(dataset: Dataset, found: discovery.LoopResult) -> None:
+    fit, data = found.before.specialised(), found.before.problem.bench.experiments
+    posterior = discovery.sample(fit, min_effective=400)
+    weighed = discovery.choose_noise(fit, models=["student_t"], draws=200)
+    compared = discovery.compare_models(
+        {"declared": fit, "again": fit}, held_out={"declared": 1, "again": 2}, draws=200
+    )
+    searched = discovery.discover(dataset)
+    told = [
+        (dataset.rig, "<Rig 'first' (oscillator): "),
+        (dataset.train[0], "<Experiment 'first' of 'first' (oscillator): 600 readings"),
+        (numbers(found), "<FittedModel oscillator + viscous_damping + linear_stiffness: g = 0, xi = "),
+        (
+            discovery.predict_elastica(arm().rig, draws=100),
+            "<Prediction of 'fibreglass arm': 100 draws of static_small",
+        ),
+        (discovery.predict_bands(posterior, data, 10)[0], "<Band of 'first': 600 times of output [m]>"),
+        (weighed, "<NoiseChoice "),
+        (compared, "<Comparison of 2 models: behind by [nats] "),
+        (searched, "<Discovered "),
+    ]
+    for given, beginning in told:
+        assert repr(given).startswith(beginning)
+        assert len(repr(given)) < 300
+    assert weighed._repr_html_().count("<tr>") == compared._repr_html_().count("<tr>") == 3
+    assert "held-out error" in compared._repr_html_()
+    assert "<td>linear_stiffness</td>" in searched._repr_html_()
+
+
 def test_recordings_as_pandas_and_xarray(dataset: Dataset) -> None:
     recording = dataset.train[0].recording
     frame, labelled = recording.to_pandas(), recording.to_xarray()
@@ -165,7 +295,7 @@ def test_pictures_are_drawn_on_axes(dataset: Dataset, found: discovery.LoopResul
     drawn_at = {dots.get_label(): sorted(dots.get_offsets()[:, 0]) for dots in given.collections[1:]}
     for when, places in drawn_at.items():
         assert set(places) == {told["rms"] for told in found.errors[when].values()}
-    assert found.after.plot_residuals([given]) == [given]
+    assert found.after.plot_residuals([given]) == found.after.plot_residuals(given) == [given]
     left = given.lines[-1].get_ydata()
     recording = dataset.train[0].recording
     assert np.allclose(left, ((recording.output - found.after.predict()[0]) / recording.noise)[:, 0])
@@ -189,6 +319,23 @@ def test_a_posterior_in_a_notebook(found: discovery.LoopResult) -> None:
     assert [ax.get_xlabel().split(" ")[0] for ax in axes] == [n for n in drawn.names if "_init[" not in n]
     with pytest.raises(InputError, match="Did you mean 'alpha'"):
         drawn.plot_marginals(["alph"])
+    given = plt.subplots()[1]
+    assert drawn.plot_marginals("alpha", given) == [given]
+    data = found.before.problem.bench.experiments
+    for told, call in {
+        "`names` is empty": lambda: drawn.plot_marginals([]),
+        "`names` is a list of names, but 3 is": lambda: drawn.plot_marginals(3),
+        "`data` are the recordings": lambda: drawn.to_arviz(),
+        "`draws` is a whole number from 1 on": lambda: drawn.to_arviz(data, draws=0),
+        "`path` is a path": lambda: drawn.to_netcdf(None),
+        "is of another system than the model": lambda: discovery.predict_bands(drawn, arm(), 10),
+        "`n` is a whole number from 1 to": lambda: discovery.predict_bands(drawn, data, 10**9),
+        "`seed` is an integer": lambda: discovery.predict_bands(drawn, data, 9, seed=-1),
+        "has no recording zzz; it has first": lambda: discovery.predict_bands(drawn, data, 9, initial={"zzz": (0, 0)}),
+        "is a pair of numbers": lambda: discovery.predict_bands(drawn, data, 9, initial={"first": (0, 0, 0)}),
+    }.items():
+        with pytest.raises(InputError, match=told):
+            call()
     plt.close("all")
 
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.systems import ARM, OSCILLATOR, System
+from discovery.foundation.arguments import check_names
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -120,7 +121,8 @@ class Effect(ABC):
 
     @classmethod
     def fitted(cls, system: str) -> tuple[Parameter, ...]:
-        """Return the parameters that a fit estimates on this kind of system."""
+        """Return the parameters that a fit estimates on this kind of system: "oscillator" or "flexible_arm"."""
+        check_names([system], list(System), "The catalogue", "kind of system")
         return tuple(p for p in cls.parameters() if not p.fixed and (System.of(system).has_rod or not p.planar))
 
     @classmethod

@@ -9,6 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from discovery.foundation.arguments import expect
+from discovery.foundation.errors import InputError
+
 __all__ = ["Flat", "HalfNormal", "LogNormal", "Normal", "Parameter", "Prior", "natural_scale"]
 
 
@@ -144,6 +147,11 @@ class Parameter:
     measured : str
         SI unit of its values where they are not in `unit`.
 
+    Raises
+    ------
+    InputError
+        For a unit that cannot be read, or bounds in the wrong order.
+
     Examples
     --------
     >>> mass = Parameter("kg", "mass that moves", bounds=(0.0, 10.0))
@@ -166,6 +174,15 @@ class Parameter:
     place: str = ""
     forced: bool = False
     measured: str = ""
+
+    def __post_init__(self) -> None:
+        from discovery.declarations.units import dimension
+
+        expect(self.unit, str, "unit", 'Give powers of SI units, q and u, as in "s^-2 q^-2"; "1" for none.')
+        dimension(self.unit)
+        low, high = self.bounds
+        if not low <= high:
+            raise InputError(f"The bounds of {self.meaning!r} are {self.bounds}; give the lower one first.")
 
     @property
     def value_unit(self) -> str:

@@ -14,6 +14,7 @@ from discovery.declarations.effect import Effect
 from discovery.declarations.external_force import ExternalForce
 from discovery.declarations.place import at_place, can_be_placed
 from discovery.declarations.smooth_force import SmoothForce
+from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 
 __all__ = ["catalogue", "get_effect"]
@@ -61,6 +62,17 @@ def _speaks_of(effect: Effect, word: str) -> bool:
 def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> Effect:
     """Return one effect, a force that no catalogue lists, or one of what is declared besides.
 
+    Parameters
+    ----------
+    effect_id : str
+        Its id, as `catalogue` lists it; ``_at_`` and a place after it for one at a place of a declared system.
+    besides : mapping of str to Effect, optional
+        Effects beside those of the catalogue, by id.
+
+    Returns
+    -------
+    Effect
+
     Raises
     ------
     InputError
@@ -73,6 +85,7 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
     """
     import difflib
 
+    expect(effect_id, str, "effect_id", "Give the id of an effect, as `discovery effects` lists them.")
     for unlisted in (ExternalForce, SmoothForce):
         if effect_id == unlisted.id():
             return unlisted()

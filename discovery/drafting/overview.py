@@ -42,6 +42,11 @@ def overview(dataset: Dataset) -> dict[str, Any]:
         [Hz], missing readings, ``channels`` (unit, range, noise and where it is from, motion over noise), ``input``
         (unit, range, band [Hz], period [s]; null without one), own period [s] and ``flags``.
 
+    Raises
+    ------
+    InputError
+        For what is no data set.
+
     Examples
     --------
     >>> data = load_dataset("datasets/spring_bench/rig.toml")

@@ -16,7 +16,7 @@ from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.equations import equations
 from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm
 from discovery.drafting.signals import FloatArray, Signal, Signals, find_signals, open_table
-from discovery.foundation.arguments import as_path, as_paths
+from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording_columns import ARM_STEMS
@@ -59,7 +59,7 @@ def draft(
     Raises
     ------
     InputError
-        For a file that cannot be read, or whose signals cannot be told apart.
+        For a file that cannot be read, or whose signals cannot be told apart; for a kind that there is not.
 
     Examples
     --------
@@ -69,6 +69,7 @@ def draft(
     """
     remedy = "Give the path of a recording, or a list of them."
     fitted, held = as_paths(files, "files", remedy), as_paths(holdout, "holdout", remedy)
+    _check_wishes(kind, rate, chosen)
     if not fitted:
         raise InputError("There is no recording to draft a rig file from. Give the path of one.")
     path = fitted[0]
@@ -83,6 +84,17 @@ def draft(
         _check(path, found, guess)
         lines = _system(path, found, guess, time, rate)
     return "\n".join([*lines, "", *_records(fitted, held, place)]) + "\n"
+
+
+def _check_wishes(kind: str | None, rate: float | None, chosen: Mapping[str, str | None] | None) -> None:
+    """Refuse a kind that is not known, a rate that is none, and roles of columns that there are not."""
+    if kind is not None:
+        check_names([kind], KINDS, "A rig file", "kind of system")
+    if rate is not None:
+        check_number(rate, "rate", above=0.0)
+    if chosen is not None:
+        expect(chosen, Mapping, "chosen", 'Name the columns, as in chosen={"output": "x_mm"}.')
+        check_names(chosen, ("time", "input", "output"), "A recording", "column for")
 
 
 def _check(path: Path, found: Signals, guess: Guess) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
+from discovery.equations.known_names import check_declared
+from discovery.foundation.arguments import as_words, check_keys, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.places import check_place
@@ -34,12 +36,13 @@ class Model:
     effects : sequence of str
         Effect ids in the order in which they were declared or added.
     known : mapping of str to float
-        Values of parameters that are not fitted (from the rig or by convention) [SI].
+        Values of parameters that are not fitted (from the rig or by convention) [SI]. Those of effects that the model
+        lacks wait until these are added.
 
     Raises
     ------
     InputError
-        For an unknown base or effect, an effect twice, or one that has no meaning on this kind of system.
+        For an unknown base, effect or parameter, an effect twice, or one that has no meaning on this kind of system.
 
     Examples
     --------
@@ -63,7 +66,8 @@ class Model:
             raise InputError(
                 f"`effects` is a sequence of names, but {self.effects!r} is one: write [{self.effects!r}]."
             )
-        object.__setattr__(self, "effects", tuple(self.effects))
+        effects = as_words(self.effects, "effects", "Give a sequence of effect ids, as `discovery effects` lists them.")
+        object.__setattr__(self, "effects", effects)
         base = get_base(self.base)
         for effect_id in self.effects:
             effect = get_effect(effect_id)
@@ -75,6 +79,10 @@ class Model:
         twice = {e for e in self.effects if self.effects.count(e) > 1}
         if twice:
             raise InputError(f"Effect {', '.join(sorted(twice))} appears twice in the model; name each effect once.")
+        expect(self.known, Mapping, "known", 'Name the parameters, as in known={"g": 0.0}.')
+        check_declared(self, self.known)
+        for name, value in self.known.items():
+            check_number(value, f"known[{name!r}]")
 
     @cached_property
     def mechanics(self) -> Base:
@@ -112,9 +120,10 @@ class Model:
         """Return the model with effects added."""
         return Model(self.base, (*self.effects, *effect_ids), self.known)
 
-    def without(self, effect_ids: Iterable[str]) -> Model:
-        """Return the model with effects removed."""
-        drop = set(effect_ids)
+    def without(self, effect_ids: str | Iterable[str]) -> Model:
+        """Return the model with effects removed, which it must have."""
+        drop = as_words(effect_ids, "effect_ids", "Give the id of an effect, or a list of them.")
+        check_names(drop, self.effects, "The model", "effect")
         return Model(self.base, tuple(e for e in self.effects if e not in drop), self.known)
 
     def on_base(self, base: str) -> Model:
@@ -135,6 +144,7 @@ class Model:
     @classmethod
     def from_dict(cls, description: Mapping[str, Any]) -> Model:
         """Return the model that `to_dict` described."""
+        check_keys(description, ("base", "effects", "known"), "description", "Give what `Model.to_dict` returned.")
         know_system(description)
         return cls(description["base"], tuple(description["effects"]), dict(description["known"]))
 

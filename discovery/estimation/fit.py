@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.equations.model import Model
+from discovery.estimation.asked import check_start, fitted_recordings, given_uncertainty
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
@@ -21,7 +22,7 @@ from discovery.estimation.problem import NaturalUnits, Problem, natural_units
 from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
-from discovery.foundation.arguments import expect
+from discovery.foundation.arguments import check_number
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.plots.fits import FitViews
 from discovery.recordings.chosen import Recordings, training_of
@@ -217,6 +218,8 @@ def fit(
 
     Raises
     ------
+    InputError
+        For recordings of another system, a name that the model lacks, or a value out of range.
     SimulationFailure
         If the model blows up at every start.
     ComputationError
@@ -228,11 +231,10 @@ def fit(
     >>> fit_model(declared_model(data), data).status
     'Converged.'
     """
-    expect(model, Model, "model", "Take declared_model(dataset), or make a Model(base, effects).")
-    experiments = training_of(experiments)
+    experiments = fitted_recordings(model, experiments)
+    values, gaussian = check_start(model, experiments, start), given_uncertainty(model, gaussian)
+    check_number(tolerance, "tolerance", above=0.0)
     units = units or natural_units(experiments)
-    gaussian = dict(gaussian or {})
-    values = dict(start or {})
     if (stiffness := restoring(model)) is not None and stiffness not in values:
         values = scan(model, experiments, units, values)
     own_step = bench is None

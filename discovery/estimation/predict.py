@@ -21,9 +21,10 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.problem import NaturalUnits, Problem
 from discovery.estimation.starts import fitted_states
 from discovery.estimation.step import choose_step
-from discovery.foundation.arguments import expect
+from discovery.foundation.arguments import check_pair, expect
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
+from discovery.recordings.one_system import check_one_system
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import check_finite
 
@@ -219,6 +220,13 @@ def predict(
     ndarray, shape (n, c), and ndarray, shape (n, c)
         Channels and standard deviations (measurement noise not included).
 
+    Raises
+    ------
+    InputError
+        For a recording of another system, or an initial state that is no pair of numbers.
+    ComputationError
+        If the model has no rest position to start from, or its motion blows up.
+
     Examples
     --------
     >>> data = load_dataset("datasets/spring_bench/rig.toml")
@@ -229,10 +237,13 @@ def predict(
     """
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset).")
     expect(experiment, Experiment, "experiment", "Take one of dataset.train or dataset.holdout.")
+    if initial is not None:
+        initial = check_pair(initial, "initial", "the deflection and the rate at the first time")
     problem = fit.problem
+    check_one_system([experiment], like=problem.bench.experiments[0])
     names = problem.free
     # The step is chosen for this manoeuvre: it may be far quicker than the fitted ones.
-    still = {f"{n}[{experiment.recording.name}]": 0.0 for n in ("delta_0_init", "rate_0_init")}
+    still = dict.fromkeys(experiment.initial_names, 0.0)
     values = {**{n: v for n, v in fit.values.items() if "[" not in n}, **still}
     step = choose_step(fit.model, [experiment], problem.units, values, effects=problem.bench.effects)
     bench = Bench(problem.bench.base, problem.bench.effects, [experiment], step)

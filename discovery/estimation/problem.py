@@ -182,7 +182,7 @@ class Problem:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Free physical parameters, then initial deflection and rate of every experiment."""
-        initial = [f"{n}[{e.recording.name}]" for e in self._released for n in ("delta_0_init", "rate_0_init")]
+        initial = [name for e in self._released for name in e.initial_names]
         return (*self.free, *initial)
 
     @property
@@ -238,9 +238,8 @@ class Problem:
                 first = parameter.starts[0] if parameter.starts else parameter.default
                 x.append(first * self.units.scale(parameter))
         for e in self._released:
-            names = (f"delta_0_init[{e.recording.name}]", f"rate_0_init[{e.recording.name}]")
-            guess = (0.0, 0.0) if values.keys() >= set(names) else e.initial_guess
-            x += [values.get(n, g) for n, g in zip(names, guess, strict=True)]
+            guess = (0.0, 0.0) if values.keys() >= set(e.initial_names) else e.initial_guess
+            x += [values.get(n, g) for n, g in zip(e.initial_names, guess, strict=True)]
         return np.array(x)
 
     @cached_property

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
+from discovery.foundation.arguments import as_words, check_keys, check_names, expect
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ FloatArray = NDArray[np.float64]
 _INITIAL = re.compile(r"(?:delta|rate)_0_init\[.*\]", re.DOTALL)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FittedModel:
     """A model with the value of every parameter.
 
@@ -63,7 +64,8 @@ class FittedModel:
     Raises
     ------
     InputError
-        If a parameter has no finite value, or a value is not a number.
+        If a parameter has no finite value, a value is not a number, a name is none of the model's, or the covariance is
+        not that of what was fitted.
 
     Examples
     --------
@@ -89,6 +91,17 @@ class FittedModel:
     given: str = ""
 
     def __post_init__(self) -> None:
+        expect(self.model, Model, "model", "Make a Model(base, effects).")
+        expect(self.values, Mapping, "values", 'Name the parameters, as in {"alpha": 400.0}.')
+        check_names(self.values, self.model.parameters, "The model", "parameter")
+        fitted = as_words(self.fitted, "fitted", "Name the parameters that were fitted.")
+        check_names((n for n in fitted if not _INITIAL.fullmatch(n)), self.model.parameters, "The model", "parameter")
+        if np.shape(self.covariance) not in {(len(fitted), len(fitted))}:
+            raise InputError(
+                f"The covariance has the shape {np.shape(self.covariance)}, and {len(fitted)} numbers are fitted; give "
+                "a row and a column for each."
+            )
+        object.__setattr__(self, "fitted", fitted)
         if not self.coordinate:
             object.__setattr__(self, "coordinate", self.model.mechanics.system.coordinate_unit("q"))
         # Plain numbers, whatever kind of float was given: they are written with `repr`.
@@ -97,6 +110,12 @@ class FittedModel:
         missing = [n for n in self.model.parameters if not math.isfinite(self.values.get(n, math.nan))]
         if missing:
             raise InputError(f"The model has no value of {', '.join(missing)}; give a number for each.")
+
+    def __repr__(self) -> str:
+        """Return the base, the effects and the values of the parameters."""
+        values = ", ".join(f"{name} = {self.values[name]:.4g}" for name in self.model.parameters)
+        fitted = sum(name in self.model.parameters for name in self.fitted)
+        return f"<FittedModel {' + '.join((self.model.base, *self.model.effects))}: {values}; {fitted} fitted>"
 
     @property
     def sd(self) -> dict[str, float]:
@@ -107,8 +126,10 @@ class FittedModel:
     @classmethod
     def from_fit(cls, fit: Fit) -> FittedModel:
         """Return what a fit found, the parameters that it held included."""
+        from discovery.estimation.fit import Fit
         from discovery.results.provenance import surroundings
 
+        expect(fit, Fit, "fit", "Make one with fit_model(model, dataset).")
         bench = fit.problem.bench
         parameters, initial = fit.problem.expand(fit.minimum.x[:, None])
         everything = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
@@ -139,6 +160,7 @@ class FittedModel:
 
     def unit_of(self, parameter: str) -> str:
         """Return the SI unit of a parameter."""
+        check_names([parameter], self.model.parameters, "The model", "parameter")
         return in_coordinate(self.model.parameters[parameter].value_unit, self.coordinate, self.given or "u")
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,6 +197,8 @@ class FittedModel:
     @classmethod
     def from_dict(cls, description: Mapping[str, Any]) -> FittedModel:
         """Return the model that `to_dict` described."""
+        wanted = ("model", "parameters", "covariance", "reasons", "initial", "step_s", "provenance")
+        check_keys(description, wanted, "description", "Export it again, or give what `FittedModel.to_dict` returned.")
         names = description["covariance"]["names"]
         matrix = [[_number(v) for v in row] for row in description["covariance"]["matrix"]]
         return cls(
@@ -219,10 +243,10 @@ def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str,
     InputError
         For a name that is not a parameter of the model, or a value that is not a finite number.
     """
-    given = {n: _plain(n, v) for n, v in (values or {}).items() if not _INITIAL.fullmatch(n)}
-    strangers = sorted(given.keys() - model.parameters.keys())
-    if strangers:
-        raise InputError(f"The model has no parameter {', '.join(strangers)}; it has {', '.join(model.parameters)}.")
+    if values is not None:
+        expect(values, Mapping, "values", 'Name the parameters, as in {"alpha": 400.0}.')
+    given = {n: _plain(n, v) for n, v in (values or {}).items() if not _INITIAL.fullmatch(str(n))}
+    check_names(given, model.parameters, "The model", "parameter")
     bad = [n for n, v in given.items() if not math.isfinite(v)]
     if bad:
         raise InputError(f"The value of {', '.join(bad)} is not finite; give a number.")

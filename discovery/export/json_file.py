@@ -61,6 +61,15 @@ def to_json(source: FittedModel | Fit | Model, values: Mapping[str, float] | Non
 def from_json(text: str) -> FittedModel:
     """Return the model that `to_json` wrote.
 
+    Parameters
+    ----------
+    text : str
+        The JSON itself, not the path of its file.
+
+    Returns
+    -------
+    FittedModel
+
     Raises
     ------
     InputError

@@ -15,7 +15,7 @@ from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED
 from discovery.export.declared_latex import declared_latex
-from discovery.export.fitted import FittedModel, fitted_model, model_of
+from discovery.export.fitted import FittedModel, fitted_model, given_numbers, model_of
 from discovery.export.header import origin
 from discovery.export.latex_table import parameter_table, words_in_text
 from discovery.export.latex_writer import LETTERED, LatexLine, Writer
@@ -209,6 +209,11 @@ def to_latex(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
         An align* environment (equation of motion, radius law, reading), then a table of the parameters: value with
         one standard deviation, unit, meaning.
 
+    Raises
+    ------
+    InputError
+        For what has no model, a name that is not a parameter of it, or a value that is not a finite number.
+
     Examples
     --------
     >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
@@ -217,6 +222,7 @@ def to_latex(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     '$\\alpha$ & $400$ & $\\mathrm{s}^{-2}$ & linear stiffness, held \\\\'
     """
     model = model_of(source)
+    given_numbers(model, values)
     bare = isinstance(source, Model) and not source.parameters.keys() <= {*source.known, *(values or {})}
     found = None if bare else fitted_model(source, values)
     header = [f"% {line}" for line in (origin(found) if found is not None else [])]

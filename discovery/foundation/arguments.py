@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, SupportsFloat
 
-from discovery.foundation.errors import InputError
+from discovery.foundation.errors import InputError, suggestion
 
-__all__ = ["as_path", "as_paths", "check_callable", "check_seed", "expect"]
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+__all__ = [
+    "as_folder",
+    "as_generator",
+    "as_path",
+    "as_paths",
+    "as_words",
+    "check_callable",
+    "check_keys",
+    "check_names",
+    "check_number",
+    "check_pair",
+    "check_seed",
+    "check_whole",
+    "expect",
+]
 
 
 def expect(given: object, kind: type, name: str, remedy: str) -> None:
@@ -33,7 +52,11 @@ def expect(given: object, kind: type, name: str, remedy: str) -> None:
     """
     if not isinstance(given, kind):
         article = "an" if kind.__name__[0] in "AEIO" else "a"
-        raise _refused(given, name, f"{article} {kind.__name__}", remedy)
+        raise _refused(given, name, _KINDS.get(kind, f"{article} {kind.__name__}"), remedy)
+
+
+#: Kinds of Python in words.
+_KINDS: dict[type, str] = {str: "text", bool: "True or False", Mapping: "a mapping"}
 
 
 def _refused(given: object, name: str, wanted: str, remedy: str) -> InputError:
@@ -54,11 +77,146 @@ def as_paths(given: Any, name: str, remedy: str) -> list[Path]:
     return [as_path(path, name, remedy) for path in listed]
 
 
+def as_folder(given: Any, name: str, remedy: str) -> Path:
+    """Return a folder that was given by its path, and is made if need be."""
+    folder = as_path(given, name, remedy)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"`{name}` is a folder, but {folder} cannot be one: {error.strerror}. {remedy}") from None
+    return folder
+
+
+def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
+    """Return names: one alone is taken as a list of one.
+
+    Raises
+    ------
+    InputError
+        For what is no name and no list of them.
+    """
+    found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
+    for word in found:
+        if not isinstance(word, str):
+            raise _refused(word, name, "a list of names", remedy)
+    return found
+
+
+def check_names(given: Iterable[object], known: Iterable[str], owner: str, what: str) -> None:
+    """Refuse names that nothing has: a slip of the pen would be passed over.
+
+    Parameters
+    ----------
+    given : iterable
+        The names that are used.
+    known : iterable of str
+        Those that there are.
+    owner : str
+        Who has them, as in "The model".
+    what : str
+        What they are, as in "parameter".
+
+    Raises
+    ------
+    InputError
+        With the names that there are, and the nearest one.
+    """
+    there = list(known)
+    strangers = [str(name) for name in given if name not in there]
+    if strangers:
+        listed = f"it has {', '.join(there)}" if there else "it has none"
+        near = suggestion(strangers[0], there)
+        raise InputError(f"{owner} has no {what} {', '.join(sorted(strangers))}; {listed}.{near}")
+
+
+def check_keys(given: object, wanted: Iterable[str], name: str, remedy: str) -> None:
+    """Refuse what is no mapping with all of these keys.
+
+    Raises
+    ------
+    InputError
+        With the keys that it lacks.
+    """
+    expect(given, Mapping, name, remedy)
+    missing = [key for key in wanted if key not in given]  # type: ignore[operator]
+    if missing:
+        raise InputError(f"`{name}` lacks {', '.join(missing)}. {remedy}")
+
+
+def check_number(
+    given: Any, name: str, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
+) -> float:
+    """Return a finite number within a range.
+
+    Parameters
+    ----------
+    given : object
+        What the caller passed.
+    name : str
+        Name of the argument.
+    least, most : float
+        Smallest and largest number.
+    above : float
+        The number is larger than this.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
+    scalar = isinstance(given, Real) or (isinstance(given, SupportsFloat) and not isinstance(given, str))
+    fits = scalar and not isinstance(given, bool) and getattr(given, "ndim", 0) == 0
+    if not fits or not math.isfinite(number := float(given)) or not least <= number <= most or number <= above:
+        raise InputError(f"`{name}` is a number{_range(least, most, above)}, but it is {given!r:.60}.")
+    return number
+
+
+def check_whole(given: Any, name: str, least: float = -math.inf, most: float = math.inf) -> int:
+    """Return a whole number within a range; anything else is refused."""
+    if not isinstance(given, Integral) or isinstance(given, bool) or not least <= int(given) <= most:
+        raise InputError(f"`{name}` is a whole number{_range(least, most)}, but it is {given!r:.60}.")
+    return int(given)
+
+
+def _range(least: float, most: float, above: float = -math.inf) -> str:
+    """Say the range of a number."""
+    if math.isfinite(above):
+        return f" above {above:g}" + (f" and at most {most:g}" if math.isfinite(most) else "")
+    if math.isfinite(most):
+        return f" from {least:g} to {most:g}" if math.isfinite(least) else f" of at most {most:g}"
+    return f" from {least:g} on" if math.isfinite(least) else ""
+
+
+def check_pair(given: Any, name: str, what: str) -> tuple[float, float]:
+    """Return two finite numbers, such as a deflection and a rate.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
+    try:
+        first, second = given
+        return check_number(first, name), check_number(second, name)
+    except (TypeError, ValueError, InputError):
+        raise InputError(f"`{name}` is a pair of numbers, {what}, but it is {given!r:.60}.") from None
+
+
 def check_seed(seed: object) -> None:
     """Refuse what is no seed of random numbers: an integer that is not negative."""
     integer = hasattr(seed, "__index__") and not isinstance(seed, bool)
     if not integer or seed.__index__() < 0:  # type: ignore[attr-defined]
         raise InputError(f"`seed` is an integer from 0 on, but it is {seed!r:.60}.")
+
+
+def as_generator(seed: Any) -> Generator:
+    """Return the source of random numbers of a seed; one that is given is used as it is."""
+    import numpy as np
+
+    if isinstance(seed, np.random.Generator):
+        return seed
+    check_seed(seed)
+    return np.random.default_rng(seed)
 
 
 def check_callable(given: object, name: str) -> None:

@@ -5,6 +5,7 @@ Here belong bases and how joints and ends change them. What an effect adds does 
 
 from __future__ import annotations
 
+from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 from discovery.mechanics.base import Base
 
@@ -46,6 +47,7 @@ def get_base(name: str) -> Base:
     """
     from discovery.mechanics.systems import declared_base
 
+    expect(name, str, "base", "Give its name; `discovery.mechanics.base_names()` lists all.")
     if (declared := declared_base(name)) is not None:
         return declared
     bases = _bases()

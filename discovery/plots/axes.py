@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from discovery.foundation.arguments import expect
 from discovery.foundation.prefixes import prefix_for
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _WIDTH, _HEIGHT = 8.0, 2.4
 def one_axes(given: Axes | None) -> Axes:
     """Return the axes that are given, or those of a new figure of pyplot."""
     if given is not None:
-        return given
+        return axes_below(1, given)[0]
     import matplotlib.pyplot as plt
 
     return plt.subplots(figsize=(_WIDTH, 1.6 * _HEIGHT), layout="constrained")[1]
@@ -40,13 +41,13 @@ def with_unit(axis: Axis, label: str, unit: str) -> None:
     axis.set_label_text(f"{label} [{prefix}{unit}]" if unit not in ("", "1") else label)
 
 
-def axes_below(count: int, given: Sequence[Axes] | None) -> list[Axes]:
+def axes_below(count: int, given: Axes | Sequence[Axes] | None) -> list[Axes]:
     """Return a column of axes: those that are given, or of a new figure of pyplot.
 
     Raises
     ------
     InputError
-        If the number that is given is another.
+        If the number that is given is another, or they are no axes.
     """
     from discovery.foundation.errors import InputError
 
@@ -55,9 +56,15 @@ def axes_below(count: int, given: Sequence[Axes] | None) -> list[Axes]:
 
         figure = plt.figure(figsize=(_WIDTH, _HEIGHT * count), layout="constrained")
         return list(figure.subplots(count, 1, squeeze=False)[:, 0])
-    if len(given) != count:
-        raise InputError(f"{count} axes are needed, and {len(given)} are given.")
-    return list(given)
+    from matplotlib.axes import Axes
+
+    # Rows and columns of axes, as `subplots` returns them, one after the other; a single one as a list of one.
+    found = list(np.ravel(np.asarray(given, dtype=object)))
+    for ax in found:
+        expect(ax, Axes, "axes", "Make some with matplotlib.pyplot.subplots, or leave them out.")
+    if len(found) != count:
+        raise InputError(f"{count} axes are needed, and {len(found)} are given.")
+    return found
 
 
 def detached_axes(count: int) -> tuple[Figure, list[Axes]]:

@@ -56,12 +56,12 @@ class FitViews:
         """Return a row for every recording: deflection and rate at its first time, standard deviations, units, SI."""
         return starts_table(self.summary()["parameters"].items(), "value")
 
-    def plot_residuals(self: Any, axes: Sequence[Axes] | None = None) -> list[Axes]:
+    def plot_residuals(self: Any, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
         """Draw what the fit leaves of every fitted recording, in standard deviations of its noise.
 
         Parameters
         ----------
-        axes : sequence of Axes, optional
+        axes : Axes or sequence of Axes, optional
             One for each recording; new ones otherwise.
 
         Returns

@@ -83,12 +83,12 @@ class LoopViews:
         ax.legend(fontsize="small")
         return ax
 
-    def plot_residuals(self: Any, axes: Sequence[Axes] | None = None) -> list[Axes]:
+    def plot_residuals(self: Any, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
         """Draw what the declared and the final model leave of every recording, in standard deviations of its noise.
 
         Parameters
         ----------
-        axes : sequence of Axes, optional
+        axes : Axes or sequence of Axes, optional
             One for each recording, training first; new ones otherwise.
 
         Returns

@@ -47,14 +47,16 @@ class PosteriorViews:
         """Return a row for every recording: mean deflection and rate at its first time, sds, units, SI."""
         return starts_table(((row["name"], row) for row in self.summary()), "mean")
 
-    def plot_marginals(self: Any, names: Sequence[str] | None = None, axes: Sequence[Axes] | None = None) -> list[Axes]:
+    def plot_marginals(
+        self: Any, names: str | Sequence[str] | None = None, axes: Axes | Sequence[Axes] | None = None
+    ) -> list[Axes]:
         """Draw the marginal posterior of quantities, with their 90 % intervals; for pairs see `to_arviz`.
 
         Parameters
         ----------
-        names : sequence of str, optional
+        names : str or sequence of str, optional
             Which; all but the initial states otherwise.
-        axes : sequence of Axes, optional
+        axes : Axes or sequence of Axes, optional
             One for each; new ones otherwise.
 
         Returns
@@ -66,10 +68,14 @@ class PosteriorViews:
         InputError
             For a name that was not sampled.
         """
+        from discovery.foundation.arguments import as_words
         from discovery.foundation.errors import InputError, suggestion
 
         rows = {row["name"]: row for row in self.summary()}
-        chosen = [n for n in self.names if not is_start(n)] if names is None else list(names)
+        wanted = [n for n in self.names if not is_start(n)] if names is None else names
+        chosen = as_words(wanted, "names", f"Sampled are {', '.join(rows)}.")
+        if not chosen:
+            raise InputError(f"`names` is empty. Sampled are {', '.join(rows)}.")
         for name in chosen:
             if name not in rows:
                 raise InputError(f"{name!r} was not sampled.{suggestion(name, rows)} Sampled are {', '.join(rows)}.")

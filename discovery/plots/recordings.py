@@ -72,12 +72,12 @@ class DatasetViews:
         header = ("role", "recording", "readings", "duration [s]", "channels", "flags")
         return html_table(f"{self.rig.name}, {self.rig.kind}", header, rows)
 
-    def plot_recordings(self: Any, axes: Sequence[Axes] | None = None) -> list[Axes]:
+    def plot_recordings(self: Any, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
         """Draw every recording, one below the other, in SI units, the input in grey.
 
         Parameters
         ----------
-        axes : sequence of Axes, optional
+        axes : Axes or sequence of Axes, optional
             One for each recording; new ones otherwise.
 
         Returns

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING
 
+from discovery.foundation.arguments import as_path, check_whole
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.posterior.replication import check_pointwise
@@ -45,7 +46,7 @@ class Posterior(Sample):
     (['posterior', 'prior', 'sample_stats'], 1)
     """
 
-    def to_arviz(self, data: Recordings, *, draws: int = 400, pointwise: bool = True) -> xr.DataTree:
+    def to_arviz(self, data: Recordings | None = None, *, draws: int = 400, pointwise: bool = True) -> xr.DataTree:
         """Return some of the draws with everything that ArviZ asks for.
 
         The groups posterior, sample_stats, posterior_predictive and log_likelihood are of the same draws; observed_data
@@ -56,7 +57,7 @@ class Posterior(Sample):
         Parameters
         ----------
         data : Dataset or sequence of Experiment
-            The recordings that were fitted.
+            The recordings that were fitted, without which there are no readings to predict; see `to_tree` otherwise.
         draws : int
             Draws, evenly from all ensembles.
         pointwise : bool
@@ -81,6 +82,11 @@ class Posterior(Sample):
         >>> sorted(tree.children)
         ['log_likelihood', 'observed_data', 'posterior', 'posterior_predictive', 'prior', 'sample_stats']
         """
+        check_whole(draws, "draws", 1)
+        if data is None:
+            raise InputError(
+                "`data` are the recordings that were fitted. Give the data set, or the list that was fitted."
+            )
         if pointwise:
             check_pointwise(self.noise)
         chosen = some(self, draws)
@@ -111,6 +117,7 @@ class Posterior(Sample):
 
     def to_netcdf(self, path: str | os.PathLike[str], data: Recordings | None = None) -> None:
         """Write the groups of `to_tree` as netCDF, beside its place first."""
+        path = as_path(path, "path", "Give the path of the file to write.")
         # In memory: on a full disk the library of the format ends the process.
         made = BytesIO()
         self.to_tree(data).to_netcdf(made, engine="h5netcdf")
@@ -128,6 +135,7 @@ class Posterior(Sample):
         """
         import xarray as xr
 
+        path = as_path(path, "path", "Give the path of a file that to_netcdf wrote.")
         try:
             with xr.open_datatree(path, engine="h5netcdf") as tree:
                 return cls(**fields_of(tree.load()))

@@ -18,7 +18,10 @@ from discovery.foundation.errors import InputError
 if TYPE_CHECKING:
     from discovery.posterior.likelihood import LogPosterior
 
-__all__ = ["Evidence", "log_evidence", "log_prior_mass"]
+#: Fewer draws tell nothing of an integral.
+FEWEST_DRAWS = 100
+
+__all__ = ["FEWEST_DRAWS", "Evidence", "log_evidence", "log_prior_mass"]
 
 FloatArray = NDArray[np.float64]
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
-from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.arguments import check_number, check_seed, check_whole, expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.likelihood import log_posterior
-from discovery.posterior.marginal_likelihood import Evidence, log_evidence
+from discovery.posterior.marginal_likelihood import FEWEST_DRAWS, Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Comparison", "compare_models"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Evidence of candidate models on the same recordings.
 
@@ -37,6 +38,17 @@ class Comparison:
 
     evidences: Mapping[str, Evidence]
     held_out: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        """Return the candidates by decreasing evidence, and by how much each is behind."""
+        rows = ", ".join(f"{row['name']} {row['behind']:.4g}" for row in self.summary()["models"])
+        return f"<Comparison of {len(self.evidences)} models: behind by [nats] {rows}>"
+
+    def _repr_html_(self) -> str:
+        keys = ("name", "behind", "error", "free", "held_out", "reliable")
+        rows = ([row[key] for key in keys] for row in self.summary()["models"])
+        header = ("model", "behind [nats]", "error [nats]", "free parameters", "held-out error", "reliable")
+        return html_table(f"{self.ranking[0]} has the largest evidence", header, rows)
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -131,12 +143,17 @@ def compare_models(
         if not hasattr(candidate, "problem"):
             expect(candidate, Fit, f"fits[{name!r}]", "Make one with fit_model(model, dataset).")
     check_seed(seed)
+    check_whole(draws, "draws", FEWEST_DRAWS)
+    if held_out is not None:
+        expect(held_out, Mapping, "held_out", 'Give the error of each by name, as in {"declared": 0.1}.')
     tell = teller(progress)
     data = {tuple((e.recording.sha256, e.fitted_samples) for e in f.problem.bench.experiments) for f in fits.values()}
     if len(data) != 1:
         raise InputError("Evidences compare only on the same readings: fit all candidates on the same recordings.")
     if held_out is not None and (missing := fits.keys() - held_out.keys()):
         raise InputError(f"There is no held-out error of {', '.join(sorted(missing))}.")
+    for name, error in (held_out or {}).items():
+        check_number(error, f"held_out[{name!r}]")
     streams = np.random.default_rng(seed).spawn(len(fits))
     weighed = counted(
         list(zip(fits.items(), streams, strict=True)), tell, "weighing models by their evidence", "models"

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from discovery.estimation.fit import Fit
-from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.arguments import as_words, check_seed, check_whole, expect
+from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import log_posterior
-from discovery.posterior.marginal_likelihood import Evidence, log_evidence
+from discovery.posterior.marginal_likelihood import FEWEST_DRAWS, Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN, applicable
 
 __all__ = ["NoiseChoice", "choose_noise"]
@@ -21,7 +22,7 @@ __all__ = ["NoiseChoice", "choose_noise"]
 _DOING = "weighing noise models by their evidence"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NoiseChoice:
     """Evidence of every noise model on one fit.
 
@@ -32,6 +33,16 @@ class NoiseChoice:
     """
 
     evidences: tuple[Evidence, ...]
+
+    def __repr__(self) -> str:
+        """Return the choice, and by how much each of the others is behind."""
+        rows = ", ".join(f"{row['noise']} {row['behind']:.4g}" for row in self.summary()["models"])
+        return f"<NoiseChoice {self.noise}: behind by [nats] {rows}>"
+
+    def _repr_html_(self) -> str:
+        rows = ((row["noise"], row["behind"], row["error"], row["reliable"]) for row in self.summary()["models"])
+        header = ("noise model", "behind [nats]", "error [nats]", "reliable")
+        return html_table(f"{self.noise} has the largest evidence", header, rows)
 
     @property
     def chosen(self) -> Evidence:
@@ -107,6 +118,9 @@ def choose_noise(
     """
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
     check_seed(seed)
+    check_whole(draws, "draws", FEWEST_DRAWS)
+    if models is not None:
+        models = as_words(models, "models", "Name noise models, or leave it out for all that apply.")
     tell = teller(progress)
     parts = instruments(fit.problem.bench.experiments)
     names = applicable(fit.problem, parts) if models is None else (GAUSSIAN, *(m for m in models if m != GAUSSIAN))

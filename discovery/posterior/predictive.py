@@ -14,9 +14,11 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
+from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
 from discovery.recordings.chosen import Recordings, training_of
+from discovery.recordings.one_system import check_model
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ FloatArray = NDArray[np.float64]
 QUANTILES = (0.05, 0.5, 0.95)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Band:
     """Pointwise quantiles of one recording.
 
@@ -53,6 +55,11 @@ class Band:
     units: tuple[str, ...]
     motion: FloatArray
     reading: FloatArray
+
+    def __repr__(self) -> str:
+        """Return name, size and channels."""
+        channels = ", ".join(f"{name} [{unit}]" for name, unit in zip(self.channels, self.units, strict=True))
+        return f"<Band of {self.name!r}: {self.time.size} times of {channels}>"
 
     def coverage(self, measured: FloatArray) -> FloatArray:
         """Return the share of measured values (n, c) within the 90 % band of the reading, shape (c,); NaN is no value.
@@ -97,7 +104,8 @@ def predictive(
     Raises
     ------
     InputError
-        If a recording has channels whose noise was not sampled.
+        If a recording has channels whose noise was not sampled, is of another system, or there are fewer draws; for an
+        initial state of no recording.
     SimulationFailure
         If a draw's motion blows up.
 
@@ -113,9 +121,12 @@ def predictive(
     """
     if not hasattr(posterior, "flat"):
         raise InputError(f"`posterior` is a Posterior, but {posterior!r:.60} is none. Draw one with sample(fit).")
-    experiments, rng = training_of(experiments), np.random.default_rng(seed)
+    experiments, rng = training_of(experiments), as_generator(seed)
+    check_model(posterior.model, experiments)
     flat = posterior.flat()
-    chosen = rng.choice(next(iter(flat.values())).size, size=n, replace=False)
+    drawn = next(iter(flat.values())).size
+    chosen = rng.choice(drawn, size=check_whole(n, "n", 1, drawn), replace=False)
+    _check_initial(initial, experiments)
     draws = {name: values[chosen] for name, values in flat.items()}
     bands = []
     for experiment, channels in zip(experiments, simulated(posterior, experiments, draws, initial), strict=True):
@@ -133,6 +144,17 @@ def predictive(
             )
         )
     return bands
+
+
+def _check_initial(initial: object, experiments: Sequence[Experiment]) -> None:
+    """Refuse initial states of other recordings, and what is no deflection with a rate."""
+    if initial is None:
+        return
+    expect(initial, Mapping, "initial", 'Name the recordings, as in {"holdout": (0.01, 0.0)}.')
+    assert isinstance(initial, Mapping)
+    check_names(initial, [e.recording.name for e in experiments], "The data set", "recording")
+    for name, state in initial.items():
+        check_pair(state, f"initial[{name!r}]", "the deflection and the rate at the start")
 
 
 def simulated(

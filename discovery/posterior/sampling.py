@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from discovery.estimation.fit import Fit
-from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.arguments import as_path, check_number, check_seed, check_whole, expect
 from discovery.foundation.errors import InputError, NotConverged
 from discovery.foundation.progress import Progress, Tell, teller
 from discovery.posterior.assembled import PACKAGES, of_chains, of_ensembles
@@ -99,7 +99,7 @@ def sample(
     ComputationError
         If no start near the fit has a finite density, or the walkers are degenerate.
     InputError
-        For fewer than four ensembles or 250 steps, or if `backend_path` holds another run.
+        For fewer than four ensembles or 250 steps, a number out of range, or if `backend_path` holds another run.
 
     Notes
     -----
@@ -116,9 +116,10 @@ def sample(
     [('xi', 0.4), ('alpha', 400.0)]
     """
     tell = teller(progress)
-    _refuse(fit, seed, ensembles, max_steps)
-    if method not in METHODS:
-        raise InputError(f"There is no method {method!r} of sampling; there are {', '.join(METHODS)}.")
+    _refuse(fit, seed, ensembles, max_steps, walkers, method)
+    wanted = check_number(min_effective, "min_effective", above=0.0), check_number(r_hat_max, "r_hat_max", above=1.0)
+    if backend_path is not None:
+        backend_path = as_path(backend_path, "backend_path", "Give the path of an HDF5 file.")
     target = log_posterior(fit, noise=noise)
     if walkers is None:
         walkers = _walkers(target.dimension, min_effective / ensembles)
@@ -133,7 +134,6 @@ def sample(
         if backend_path is not None:
             save(backend_path, group, run, asked.values)
 
-    wanted = (min_effective, r_hat_max)
     if method == QUICKEST:
         for _ in grow(group, TEMPERED, keep):
             pass
@@ -198,9 +198,15 @@ def _by_walkers(
     raise _refusal(target.names, found, max_steps, *wanted)
 
 
-def _refuse(fit: object, seed: object, ensembles: int, max_steps: int) -> None:
+def _refuse(fit: object, seed: object, ensembles: int, max_steps: int, walkers: int | None, method: str) -> None:
     expect(fit, Fit, "fit", "Make one with fit_model(model, dataset); a loop has two, `before` and `after`.")
     check_seed(seed)
+    check_whole(ensembles, "ensembles")
+    check_whole(max_steps, "max_steps")
+    if walkers is not None:
+        check_whole(walkers, "walkers", 1)
+    if method not in METHODS:
+        raise InputError(f"There is no method {method!r} of sampling; there are {', '.join(METHODS)}.")
     if ensembles < FEWEST_ENSEMBLES:
         raise InputError(f"{ensembles} ensembles cannot tell whether they agree; use at least {FEWEST_ENSEMBLES}.")
     if max_steps < _SHORTEST_RUN:

@@ -8,6 +8,7 @@ from typing import TypeAlias
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
+from discovery.recordings.one_system import check_one_system
 
 __all__ = ["Recordings", "held_out_of", "training_of"]
 
@@ -21,16 +22,29 @@ def training_of(given: Recordings) -> tuple[Experiment, ...]:
     Raises
     ------
     InputError
-        For anything else, or nothing.
+        For anything else, nothing, or recordings of different systems.
     """
-    return given.train if isinstance(given, Dataset) else _experiments(given)
+    found = given.train if isinstance(given, Dataset) else _experiments(given)
+    if not found:
+        raise InputError(f"{given!r} has no training recording. Read some with load_dataset(rig, train, holdout).")
+    check_one_system(found)
+    return found
 
 
 def held_out_of(given: Recordings, holdout: Recordings | None = None) -> tuple[Experiment, ...]:
-    """Return the recordings that judge: those that are given, else the hold-outs of the data set that is fitted."""
+    """Return the recordings that judge: those that are given, else the hold-outs of the data set that is fitted.
+
+    Raises
+    ------
+    InputError
+        For anything else, or recordings of another system than those that are fitted.
+    """
     if holdout is None:
-        return given.holdout if isinstance(given, Dataset) else ()
-    return holdout.holdout if isinstance(holdout, Dataset) else _experiments(holdout, empty=True)
+        found = given.holdout if isinstance(given, Dataset) else ()
+    else:
+        found = holdout.holdout if isinstance(holdout, Dataset) else _experiments(holdout, empty=True)
+    check_one_system(found, like=training_of(given)[0])
+    return found
 
 
 def _experiments(given: object, *, empty: bool = False) -> tuple[Experiment, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.declarations.units import quoted
-from discovery.foundation.arguments import as_path, as_paths
+from discovery.foundation.arguments import as_path, as_paths, expect
 from discovery.foundation.errors import InputError
 from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
@@ -48,6 +48,11 @@ class Dataset(DatasetViews):
     test : tuple of Experiment
         Recordings that neither a fit nor a decision sees, for the score alone.
 
+    Raises
+    ------
+    InputError
+        For what is no rig, or no recording made ready for simulation.
+
     Examples
     --------
     >>> data = load_dataset("datasets/spring_bench/rig.toml")
@@ -61,6 +66,17 @@ class Dataset(DatasetViews):
     train: tuple[Experiment, ...]
     holdout: tuple[Experiment, ...]
     test: tuple[Experiment, ...] = ()
+
+    def __post_init__(self) -> None:
+        expect(self.rig, Rig, "rig", "Read one with read_rig(path).")
+        for role in ("train", "holdout", "test"):
+            given = getattr(self, role)
+            if not isinstance(given, Iterable):
+                given = (given,)
+            found = tuple(given)
+            for item in found:
+                expect(item, Experiment, role, "Make one with make_experiment(recording, rig), or use load_dataset.")
+            object.__setattr__(self, role, found)
 
     @cached_property
     def everything(self) -> tuple[tuple[str, Experiment], ...]:

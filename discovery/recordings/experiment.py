@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.systems import System
 from discovery.declarations.units import in_coordinate, si_symbol
+from discovery.foundation.arguments import check_whole
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
 from discovery.recordings.recording import Recording
@@ -24,7 +25,7 @@ __all__ = ["Experiment", "make_experiment"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Experiment:
     """One recording with its smooth input.
 
@@ -48,13 +49,25 @@ class Experiment:
     fitted_samples: int | None = None
     pace: Pace | None = None
 
+    def __repr__(self) -> str:
+        """Return the recording, its rig and how much of it is fitted."""
+        size = self.recording.time.size
+        part = f", {self.fitted_samples} of them fitted" if self.fitted_samples is not None else ""
+        return f"<Experiment {self.recording.name!r} of {self.rig.name!r} ({self.rig.kind}): {size} readings{part}>"
+
     @property
     def fitted(self) -> slice:
         """Samples that may be fitted."""
         return slice(0, self.fitted_samples)
 
+    @property
+    def initial_names(self) -> tuple[str, str]:
+        """Names of the deflection and the rate at its first sample, as a fit has them beside its parameters."""
+        return f"delta_0_init[{self.recording.name}]", f"rate_0_init[{self.recording.name}]"
+
     def first(self, count: int) -> Experiment:
-        """Return the experiment of the first so many samples, all of them fitted."""
+        """Return the experiment of the first so many samples, at least one, all of them fitted."""
+        check_whole(count, "count", 1)
         r = self.recording
         inputs = None if r.input is None else r.input[:count]
         part = replace(r, time=r.time[:count], output=r.output[:count], input=inputs)

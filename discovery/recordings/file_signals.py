@@ -11,12 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.declarations.units import si_factor
+from discovery.foundation.arguments import as_path
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table, read_table
 from discovery.recordings.plausibility import check_signals
 from discovery.recordings.recording_columns import (
     ARM_OUTPUTS,
     arm_columns,
+    check_part,
     declared_columns,
     declarer,
     listed,
@@ -56,7 +58,8 @@ class Signals:
         where: Sequence[tuple[str, str | float]],
     ) -> Signals:
         """Read the columns that the rig names, of the rows that are asked for."""
-        table = read_table(path, rig.columns.header)
+        check_part(samples, where)
+        table = read_table(as_path(path, "path", "Give the path of a recording."), rig.columns.header)
         arm = rig.traits.has_rod
         table = table if with_output or not arm else without_tip(table)
         channels, names, units = arm_columns(table) if arm else declared_columns(table, rig)

@@ -22,9 +22,7 @@ from discovery.recordings.force_view import force_samples, noise_gain, sampling_
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import estimate_noise, noise_flags
-from discovery.recordings.recording_columns import (
-    ARM_STEMS,
-)
+from discovery.recordings.recording_columns import ARM_STEMS
 from discovery.recordings.time_jitter import estimate_jitter, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
@@ -106,7 +104,7 @@ class Recording(RecordingViews):
 
 def read_recording(
     path: str | os.PathLike[str],
-    rig: Rig,
+    rig: Rig | None = None,
     samples: tuple[int, int] | None = None,
     with_output: bool = True,
     *,
@@ -122,7 +120,7 @@ def read_recording(
         ``motor_angle_rad`` and ``tip_x_m``, ``tip_y_m`` (or ``tip_angle_rad``, or ``tip_deflection_m``), with any unit
         of the right kind as the suffix; those of other systems are declared in the rig file. Other columns are ignored.
     rig : Rig
-        The system.
+        The system, without which columns mean nothing.
     samples : (int, int), optional
         Take only ``start <= i < stop`` of the rows that `where` leaves.
     with_output : bool
@@ -151,7 +149,7 @@ def read_recording(
     >>> swing.time[[0, -1]].tolist(), swing.units
     ([0.0, 3.995], ('m',))
     """
-    expect(rig, Rig, "rig", "Read one with read_rig(path).")
+    rig = _rig(rig)
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
     checked = _checked(rig, found)
@@ -182,6 +180,12 @@ def read_recording(
         flags=tuple(flags) + tuple(more),
         jitter=jitter,
     )
+
+
+def _rig(given: Rig | None) -> Rig:
+    expect(given, Rig, "rig", "Read one with read_rig(path).")
+    assert given is not None
+    return given
 
 
 def _checked(rig: Rig, found: Signals) -> list[Flag]:

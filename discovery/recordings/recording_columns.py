@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from discovery.declarations.units import si_factor, split_suffix
+from discovery.foundation.arguments import check_whole
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table
 from discovery.rigs.rig import Rig
@@ -17,6 +19,7 @@ __all__ = [
     "ARM_OUTPUTS",
     "ARM_STEMS",
     "arm_columns",
+    "check_part",
     "declared_columns",
     "declarer",
     "listed",
@@ -120,6 +123,18 @@ def without_tip(table: Table) -> Table:
         return split is not None and any(split[0] in channels for channels in ARM_OUTPUTS)
 
     return replace(table, columns={name: cells for name, cells in table.columns.items() if not is_output(name)})
+
+
+def check_part(samples: Any, where: Any) -> None:
+    """Refuse what names no rows: `samples` is the first row and the one after the last, `where` columns with values."""
+    if samples is not None:
+        if not isinstance(samples, Sequence) or isinstance(samples, str) or len(samples) != 2:
+            raise InputError(f"`samples` is a pair, the first sample and the one after the last, not {samples!r:.60}.")
+        for number in samples:
+            check_whole(number, "samples")
+    pairs = where if isinstance(where, Sequence) and not isinstance(where, str) else [where]
+    if any(isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2 for pair in pairs):
+        raise InputError(f'`where` is a list of columns and values, as in [("trial", 2)], but it is {where!r:.60}.')
 
 
 def picked_rows(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from discovery.foundation.arguments import as_path
 from discovery.foundation.io import atomic_write
 from discovery.report import ambiguity, answer, convergence, evidence, latent, measures, noise, posterior, story
 from discovery.report.charts import chart_data
@@ -75,7 +76,7 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     >>> build_report("out").name
     'report.html'
     """
-    run = read_run(Path(run_dir))
+    run = read_run(as_path(run_dir, "run_dir", "Give the folder of a finished run."))
     if run.loop.get("failure"):
         with styled():
             shown = {"data": [embed(run.folder, picture) for picture in failed_pictures(run)]}

@@ -170,7 +170,7 @@ class RecordPart:
 ARM_COLUMNS = Columns(TimeColumn(), InputColumn("motor_angle", "rad", "motion"), OutputColumn("tip", "m"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Rig:
     """A measured system as its rig file describes it, in SI units.
 
@@ -244,6 +244,10 @@ class Rig:
     deflection_limit: float | None = None
     path: Path | None = None
     sha256: str = ""
+
+    def __repr__(self) -> str:
+        """Return name, kind and the declared effects."""
+        return f"<Rig {self.name!r} ({self.kind}): {' + '.join(self.declared) or 'no effect'} declared>"
 
     def with_noise_estimated(self) -> Rig:
         """Return the same rig without the noise that it states: that of each reading is estimated then."""

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.system import SystemDeclaration
+from discovery.foundation.arguments import as_path
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
 from discovery.mechanics import get_base
@@ -64,7 +65,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     >>> read_rig("datasets/spring_bench/rig.toml").declared
     ('viscous_damping', 'linear_stiffness')
     """
-    path = Path(path)
+    path = as_path(path, "path", "Give the path of a rig file.")
     content, text, document = _parsed(path)
     rest, quantities, keys = quantities_of(path, text, document)
     table = _validated(path, text, rest)

@@ -91,7 +91,7 @@ def close_loop(
     Raises
     ------
     InputError
-        For anything else than recordings, or a declared model that cannot be theirs.
+        For anything else than recordings of one system, or a declared model that cannot be theirs.
     ComputationError
         If the declared model blows up wherever its fit begins.
 
@@ -105,7 +105,7 @@ def close_loop(
     everything = _given(train, holdout)
     train, holdout = (searched_part(part) for part in everything)
     units = natural_units(train)
-    settings = settings or LoopSettings()
+    settings = LoopSettings() if settings is None else settings
     expect(settings, LoopSettings, "settings", "Make some with LoopSettings(name=value).")
     check_seed(settings.seed if seed is None else seed)
     course = Course(teller(progress))
@@ -131,9 +131,12 @@ def close_loop(
 
 def _given(train: Recordings, holdout: Recordings | None) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...]]:
     """Return what is fitted and what judges, the inputs of a data set made smooth as it says or as suits them."""
-    if isinstance(train, Dataset):
-        train = choose_interpolation(train)
-    return training_of(train), held_out_of(train, holdout)
+    fitted = training_of(train)
+    if not isinstance(train, Dataset):
+        return fitted, held_out_of(fitted, holdout)
+    held_out_of(train, holdout)
+    train = choose_interpolation(train)
+    return train.train, held_out_of(train, holdout)
 
 
 def _rounding(experiments: Sequence[Experiment]) -> float:

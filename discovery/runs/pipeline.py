@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from discovery.estimation.fit import Fit
 from discovery.estimation.predict import held_out
-from discovery.foundation.arguments import as_path, check_seed, expect
+from discovery.foundation.arguments import as_folder, check_seed, expect
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
 from discovery.foundation.time_limit import TimeIsUp, time_limit
@@ -79,6 +79,13 @@ def run(
     dict
         The content of results.json.
 
+    Raises
+    ------
+    InputError
+        For what is no data set, a folder that cannot be made, or a declared model that cannot be the recordings'.
+    ComputationError
+        If the declared model blows up wherever its fit begins, or no ensemble of the posterior converges.
+
     Examples
     --------
     >>> data = load_dataset("datasets/spring_bench/rig.toml")
@@ -88,7 +95,7 @@ def run(
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     check_seed(seed)
     tell = teller(progress)
-    folder = as_path(out, "out", "Give the folder for the results.")
+    folder = as_folder(out, "out", "Give the folder for the results.")
     found = answer(dataset, folder, seed=seed, progress=tell, command=command, note=note, with_posterior=with_posterior)
     return add_posterior(found, progress=tell) if with_posterior else dict(found.content)
 

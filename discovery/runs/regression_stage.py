@@ -9,6 +9,7 @@ import numpy as np
 
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, teller
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
@@ -22,13 +23,25 @@ __all__ = ["Discovered", "can_discover", "discover"]
 DISCOVERY_SAMPLES = 16_384
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Discovered:
     """Equations found in the motion."""
 
     equation: Any
     radius: Any = None
     multisine: Any = None
+
+    def __repr__(self) -> str:
+        """Return the terms of the equation, and how many others fit equally."""
+        found = self.equation
+        terms = f"{len(found.equation.terms)} terms: {found.equation}"
+        return f"<Discovered {terms}; {len(found.rivals)} others fit equally>"
+
+    def _repr_html_(self) -> str:
+        keys = ("term", "effect", "coefficient", "sd", "inclusion_probability")
+        rows = ([row[key] for key in keys] for row in self.equation.summary())
+        header = ("term", "effect", "coefficient", "sd", "share of resamples")
+        return html_table("The equation of motion by sparse regression", header, rows, below=self.equation.status)
 
     def summary(self) -> dict[str, Any]:
         """Return what results.json holds of the discovery."""
@@ -72,6 +85,19 @@ def can_discover(rig: Rig) -> bool:
 
 def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -> Discovered:
     """Find the equation of motion, and an arm's radius law, by sparse regression.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its training recordings are used.
+    seed : int
+        Seed of everything random.
+    progress : callable, optional
+        Receives one sentence before every longer piece of work.
+
+    Returns
+    -------
+    Discovered
 
     Raises
     ------

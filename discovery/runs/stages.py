@@ -97,7 +97,9 @@ def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
     for label, effects in plans.items():
         progress(f"fitting the {label.replace('_', ' ')} model")
         try:
-            models[label] = fit(Model(declared.base, effects, declared.known), train, units=units, start=start)
+            model = Model(declared.base, effects, declared.known)
+            own = {n: v for n, v in start.items() if n in model.parameters}
+            models[label] = fit(model, train, units=units, start=own)
         except ComputationError:
             if label != "declared":
                 continue

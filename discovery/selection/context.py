@@ -102,4 +102,5 @@ class Context:
     def fit(self, model: Model, values: Mapping[str, float], gaussian: Mapping[str, tuple[float, float]]) -> Fit:
         """Fit a model with the kernel that holds the whole catalogue of its base."""
         bench = self.bench(model, values)
+        values = {n: v for n, v in values.items() if n in model.parameters or n.endswith("]")}
         return fit(model, self.train, start=values, bench=bench, units=self.units, gaussian=gaussian)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from discovery.equations.model import Model
+from discovery.foundation.arguments import check_number, check_seed, expect
 
 __all__ = ["Budget", "LoopSettings"]
 
@@ -66,6 +67,11 @@ class LoopSettings:
     budget : Budget
         How much work is done.
 
+    Raises
+    ------
+    InputError
+        For a number out of its range.
+
     Examples
     --------
     >>> settings, model = LoopSettings(seed=2), Model("oscillator", ("linear_stiffness",))
@@ -85,6 +91,15 @@ class LoopSettings:
     seed: int = 1
     follow_up: bool = True
     budget: Budget = Budget()
+
+    def __post_init__(self) -> None:
+        for name in ("nats", "error_scale", "form", "form_wide", "form_pliable", "law", "law_arm"):
+            check_number(getattr(self, name), name, 0.0)
+        check_number(self.chance, "chance", 0.0, 1.0)
+        check_number(self.tolerance, "tolerance", above=0.0)
+        check_seed(self.seed)
+        expect(self.follow_up, bool, "follow_up", "Give True or False.")
+        expect(self.budget, Budget, "budget", "Make one with discovery.selection.settings.Budget(name=value).")
 
     def form_of(self, model: Model) -> float:
         """Return the form error of a model's laws."""

@@ -109,7 +109,8 @@ def _fits(
     grid = np.linspace(0.5, 1.5, 10) if shapes else np.ones(1)
     for off in (0.5, 1.5):
         start = {n: v * off for n, v in truth.items()}
-        before = fit(declared, [experiment], start=start, bench=bench, units=units).values
+        known = {n: v for n, v in start.items() if n in declared.parameters}
+        before = fit(declared, [experiment], start=known, bench=bench, units=units).values
         # All at once, and as a user does: what is declared first, then the effect on top of it.
         for first in ({}, {n: before[n] for n in declared.free}):
             for shape in grid:

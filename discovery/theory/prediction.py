@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from discovery.foundation.arguments import expect
+from discovery.foundation.arguments import as_generator, check_number, check_whole, expect
 from discovery.foundation.errors import InputError
 from discovery.rigs.rig import Rig
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
@@ -73,7 +73,7 @@ class Comparison:
     discrepancy: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Prediction:
     """Predicted parameters of an arm.
 
@@ -92,6 +92,12 @@ class Prediction:
     rig: str
     delta_max: float | None
     draws: Mapping[tuple[str, str], Mapping[str, FloatArray]]
+
+    def __repr__(self) -> str:
+        """Return the rig and how much was drawn of what."""
+        laws = ", ".join(dict.fromkeys(law for _, law in self.draws))
+        count = next((values.size for *_, values in self._walk()), 0)
+        return f"<Prediction of {self.rig!r}: {count} draws of {laws}>"
 
     def summary(self) -> tuple[PredictionRow, ...]:
         """Mean, standard deviation, 5, 50 and 95 % of every parameter of every variant."""
@@ -193,7 +199,9 @@ def predict(
     ('alpha', 's^-2', 9)
     """
     expect(rig, Rig, "rig", "Read one with read_rig(path), or take dataset.rig.")
-    rng = np.random.default_rng(seed)
+    rng, draws = as_generator(seed), check_whole(draws, "draws", 2)
+    if delta_max is not None:
+        check_number(delta_max, "delta_max")
     missing = [name for name in _NEEDED if getattr(rig, name) is None]
     if missing:
         raise InputError(

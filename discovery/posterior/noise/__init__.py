@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError, suggestion
 from discovery.posterior.noise.correlated import Correlated
 from discovery.posterior.noise.input_noise import InputNoise
@@ -47,6 +48,7 @@ def is_independent(name: str) -> bool:
 
 
 def _model(name: str) -> type[Noise]:
+    expect(name, str, "noise", f"Give one of {', '.join([GAUSSIAN, *NOISE_MODELS])}.")
     if name not in NOISE_MODELS:
         known = [GAUSSIAN, *NOISE_MODELS]
         raise InputError(f"There is no noise model {name!r}; there are {', '.join(known)}.{suggestion(name, known)}")
