@@ -1059,7 +1059,7 @@ def test_decimated_curves_keep_their_extremes(n: int, seed: int) -> None:
 
 
 def _text(mathml: str) -> str:
-    return "".join(ElementTree.fromstring(mathml.replace("&#x2061;", "")).itertext())
+    return "".join(ElementTree.fromstring(f"<p>{mathml}</p>".replace("&#x2061;", "")).itertext())
 
 
 @pytest.mark.parametrize(
@@ -1209,3 +1209,21 @@ def test_quantities_of_the_noise_say_what_they_mean(arm: Made) -> None:
     assert cells["share[output]"] == "meaning of share[output]"
     assert cells["sigma"] == "noise, sd"
     assert "noise" not in cells["alpha"]
+
+
+def test_the_error_stands_before_the_equation_and_its_button_copies_all_lines(made: Made) -> None:
+    first = made[2][made[2].index('<div class="first">') :]
+    places = [first.index(f'class="part {name}"') for name in ("error", "equation", "numbers", "series")]
+    assert places == sorted(places)
+    assert first[: places[2]].count("data-tex=") == 1
+
+
+def test_a_formula_may_be_broken_before_its_outermost_signs() -> None:
+    from discovery.report.mathml import broken
+
+    sum_in_brackets = "<mrow><mo>(</mo><mi>b</mi><mo>+</mo><mn>1</mn><mo>)</mo></mrow>"
+    body = f"<mi>a</mi><mo>−</mo>{sum_in_brackets}<mo>=</mo><mo>−</mo><mn>2</mn>"
+    parts = broken(body).split("<wbr/>")
+    assert [_text(part) for part in parts] == ["a", "−(b+1)", "=−2"]
+    assert all(ElementTree.fromstring(part).tag == "math" for part in parts)
+    assert 'form="infix"' in parts[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup
@@ -13,16 +13,18 @@ from discovery.report.declared_formulas import known_constants
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters
 from discovery.report.latex import latex
-from discovery.report.mathml import WORD, block, number, symbol
+from discovery.report.mathml import WORD, broken, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import chances, inclusion_words
-from discovery.report.words import effect_name, error_groups, error_scale
+from discovery.report.words import effect_name, error_groups, error_scale, listed
 
-__all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
+__all__ = ["certainty", "equation_lines", "error_bars", "in_one", "parameter_lines"]
 
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
+#: What a short name of a group of recordings leaves out.
+_SHORT = re.compile(" the trained .*")
 #: A negative number that is added, or taken away, at the begin of a term.
 _ADDED_NEGATIVE = re.compile(
     r"<mo>([+−])</mo>(<mrow>)?<mrow><mo>\(</mo><mrow><mo>−</mo>(<mn>[^<]*</mn>)</mrow><mo>\)</mo></mrow>"
@@ -33,10 +35,13 @@ _ALONE = rf'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)(?<!{WORD})'
 
 
 def certainty(run: Run) -> list[tuple[str, str]]:
-    """Return how sure each added effect is: its name, and its odds, with the probability of one of the catalogue."""
+    """Return how sure each added effect is: its name, and its odds, with the probability of one of the catalogue.
+
+    Effects of which the same is said stand together.
+    """
     steps = run.loop["steps"]
     better = {s["effects"][0]: s["numbers"].get("odds") for s in steps if s["action"] == "mechanics" and s["accepted"]}
-    found = []
+    found: list[tuple[str, str]] = []
     for effect in run.loop["effects"]:
         name, evidence = effect["id"], effect["evidence"]
         if evidence:
@@ -48,7 +53,10 @@ def certainty(run: Run) -> list[tuple[str, str]]:
             found.append(
                 (effect_name(name), f"{chances(better[name]).removeprefix('odds of ')}, over simpler mechanics")
             )
-    return found
+    alike: dict[str, list[str]] = {}
+    for named, words in found:
+        alike.setdefault(words, []).append(named)
+    return [(listed(names), words) for words, names in alike.items()]
 
 
 def _parameters(run: Run) -> dict[str, Mapping[str, Any]]:
@@ -68,8 +76,14 @@ def equation_lines(run: Run) -> list[tuple[str, Markup, str]]:
     for formula in model_formulas(after["model"], run.results["rig"]["kind"]):
         body = _with_numbers(formula.body, values)
         if body != formula.body or formula.needed:
-            lines.append((formula.words, Markup(block(body)), latex(body)))
+            lines.append((formula.words, Markup(broken(body)), latex(body)))
     return lines
+
+
+def in_one(lines: Sequence[tuple[str, Markup, str]]) -> str:
+    """Return the LaTeX of lines as that of one formula."""
+    body = " \\\\\n".join(tex for *_, tex in lines)
+    return f"\\begin{{gathered}}\n{body}\n\\end{{gathered}}" if len(lines) > 1 else body
 
 
 def _with_numbers(body: str, values: Mapping[str, float]) -> str:
@@ -141,7 +155,8 @@ def error_bars(run: Run) -> dict[str, Any]:
 
     rows = [
         {
-            "name": names[g],
+            "name": _SHORT.sub("", names[g]) if len(groups) > 2 else names[g].partition(",")[0],
+            "whole_name": names[g],
             "before": shown(before),
             "after": shown(after),
             "before_at": place(before),

@@ -217,14 +217,15 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
 
 def _first_screen(run: Run) -> dict[str, Any]:
     """Return the answer, and the chart in the reader's browser."""
-    chart = chart_data(run)
+    chart, lines = chart_data(run), answer.equation_lines(run)
     return {
         "policy": policy(chart=chart is not None),
         "scripts": scripts(chart=chart is not None),
         "chart": chart,
         "chart_sheet": sheet(),
         "certainty": answer.certainty(run),
-        "final_lines": answer.equation_lines(run),
+        "final_lines": lines,
+        "final_tex": answer.in_one(lines),
         "final_values": answer.parameter_lines(run),
         "bars": answer.error_bars(run),
         "standing": standing(run),
