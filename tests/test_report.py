@@ -732,8 +732,11 @@ def test_small_readings_are_shown_in_small_units(tmp_path: Path) -> None:
 
 
 def test_the_equation_has_its_numbers_and_no_two_of_them_touch() -> None:
-    from discovery.report.answer import _with_numbers
+    from discovery.report.answer import _with_numbers as with_printed
     from discovery.report.mathml import power, symbol
+
+    def _with_numbers(body: str, values: dict[str, float]) -> str:
+        return with_printed(body, {name: significant(value, 4) for name, value in values.items()})
 
     body = f'<mrow>{symbol("alpha")}<mspace width="0.12em"/>{symbol("delta_0")}<mo>+</mo>{symbol("alpha_m")}</mrow>'
     told = _with_numbers(body, {symbol("alpha"): 8.093, symbol("delta_0"): 0.5})
@@ -1227,3 +1230,29 @@ def test_a_formula_may_be_broken_before_its_outermost_signs() -> None:
     assert [_text(part) for part in parts] == ["a", "−(b+1)", "=−2"]
     assert all(ElementTree.fromstring(part).tag == "math" for part in parts)
     assert 'form="infix"' in parts[1]
+
+
+def test_the_final_equation_of_an_arm_has_one_sum_for_each_energy() -> None:
+    from discovery.report.energies import meanings
+
+    model = {"base": "elastica_4", "effects": ["viscous_damping", "linear_stiffness", "table_tilt", "coulomb_friction"]}
+    values = {"xi": 0.04, "alpha": 8.0, "phi_x": -0.001, "phi_y": 0.002, "length": 1.0, "f_c": 0.1, "v_c": 0.001}
+    lines = [f.body for f in model_formulas(model, "arm", values) if f.needed]
+    assert [latex(body).partition("=")[0] for body in lines[1:]] == ["V", "D"]
+    assert latex(lines[1]) == r"V=8.0\, U+0.009807\, x_{g}-0.01961\, y_{g}"
+    told = meanings("".join(lines))
+    assert all(words in told for words in ("kinetic energy of the rod and the tip", "the speed of the tip", "along y"))
+
+
+def test_numbers_before_a_term_are_multiplied_and_have_the_digits_of_their_deviation(tmp_path: Path) -> None:
+    from discovery.report.answer import equation_lines
+
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    numbers = {"alpha": (86.85, 0.26), "delta_0": (-0.0202, 0.0024), "xi": (0.000578, 0.0012)}
+    model = {"base": "oscillator", "effects": ["linear_stiffness", "equilibrium_offset", "viscous_damping"]}
+    fitted = {n: {"value": v, "sd": sd, "unit": "1"} for n, (v, sd) in numbers.items()}
+    results["loop"]["model"]["after"] |= {"model": model, "parameters": fitted}
+    ((_, body, tex), *_) = equation_lines(Run(tmp_path, results))
+    assert "86.85 q+1.754" in tex.replace(r"\,", "")
+    assert r"6\times 10^{-4}" in tex
+    assert "(−" not in _text(str(body))

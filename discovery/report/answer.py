@@ -10,6 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from discovery.report.declared_formulas import known_constants
+from discovery.report.energies import meanings
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters
 from discovery.report.latex import latex
@@ -19,7 +20,7 @@ from discovery.report.results import Run
 from discovery.report.sentences import chances, inclusion_words
 from discovery.report.words import effect_name, error_groups, error_scale, listed
 
-__all__ = ["certainty", "equation_lines", "error_bars", "in_one", "parameter_lines"]
+__all__ = ["certainty", "equation_lines", "error_bars", "in_one", "parameter_lines", "where"]
 
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
@@ -67,17 +68,28 @@ def equation_lines(run: Run) -> list[tuple[str, Markup, str]]:
     """Return the formulas of the final model with its numbers: words, mathematics, and the same as LaTeX."""
     after = run.loop["model"]["after"]
     declared = declared_parameters(after["model"])
-    values = {symbol(name): value for name, value in known_constants(after["model"]["base"]).items()}
+    printed = {name: significant(p["value"], _digits(p["value"], p["sd"])) for name, p in _parameters(run).items()}
+    values = {
+        symbol(name): significant(value, _DIGITS) for name, value in known_constants(after["model"]["base"]).items()
+    }
     values |= {
-        symbol(declared[name].latex if name in declared and declared[name].latex else name): p["value"]
-        for name, p in _parameters(run).items()
+        symbol(declared[name].latex if name in declared and declared[name].latex else name): text
+        for name, text in printed.items()
     }
     lines = []
-    for formula in model_formulas(after["model"], run.results["rig"]["kind"]):
+    plain = {name: p["value"] for name, p in _parameters(run).items()}
+    for formula in model_formulas(after["model"], run.results["rig"]["kind"], after["model"].get("known", {}) | plain):
         body = _with_numbers(formula.body, values)
         if body != formula.body or formula.needed:
             lines.append((formula.words, Markup(broken(body)), latex(body)))
     return lines
+
+
+def where(run: Run, lines: Sequence[tuple[str, Markup, str]]) -> Markup:
+    """Return what the symbols of an arm's equation mean; empty for other systems."""
+    if not run.system.has_rod or len(lines) < 2:
+        return Markup("")
+    return Markup(meanings("".join(body for _, body, _ in lines)))
 
 
 def in_one(lines: Sequence[tuple[str, Markup, str]]) -> str:
@@ -86,11 +98,19 @@ def in_one(lines: Sequence[tuple[str, Markup, str]]) -> str:
     return f"\\begin{{gathered}}\n{body}\n\\end{{gathered}}" if len(lines) > 1 else body
 
 
-def _with_numbers(body: str, values: Mapping[str, float]) -> str:
-    """Return a formula with numbers for symbols; a symbol that is part of another one stays."""
+def _digits(value: float, sd: float | None) -> int:
+    """Return the digits of a coefficient: those that two digits of its deviation leave, but few."""
+    if not value or not sd or not math.isfinite(sd):
+        return _DIGITS
+    known = math.floor(math.log10(abs(value))) - math.floor(math.log10(sd)) + 2
+    return min(_DIGITS, max(1, known))
+
+
+def _with_numbers(body: str, values: Mapping[str, str]) -> str:
+    """Return a formula with printed numbers for symbols; a symbol that is part of another one stays."""
     for name in sorted(values, key=len, reverse=True):
-        printed = number(significant(values[name], _DIGITS))
-        if values[name] < 0:
+        printed = number(values[name])
+        if values[name].startswith("\N{MINUS SIGN}"):
             printed = f"<mrow><mo>(</mo>{printed}<mo>)</mo></mrow>"
         if name.startswith("<msub>"):
             # An index below and an exponent above share their place.

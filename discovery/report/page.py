@@ -226,6 +226,7 @@ def _first_screen(run: Run) -> dict[str, Any]:
         "certainty": answer.certainty(run),
         "final_lines": lines,
         "final_tex": answer.in_one(lines),
+        "where": answer.where(run, lines),
         "final_values": answer.parameter_lines(run),
         "bars": answer.error_bars(run),
         "standing": standing(run),
