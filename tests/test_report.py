@@ -279,7 +279,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
         "look the same.",
         "With hysteresis in the place of wind the log evidence is 5.10 nats higher.",
         "The prediction moves by 0.4 times the model error that is left",
-        "The model holds as many effects as the search may add.",
+        "A limit of the search’s work was reached, so no further effect was sought.",
         "added, later dropped",
     ):
         assert words in text
@@ -1237,7 +1237,7 @@ def test_the_final_equation_of_an_arm_has_one_sum_for_each_energy() -> None:
 
     model = {"base": "elastica_4", "effects": ["viscous_damping", "linear_stiffness", "table_tilt", "coulomb_friction"]}
     values = {"xi": 0.04, "alpha": 8.0, "phi_x": -0.001, "phi_y": 0.002, "length": 1.0, "f_c": 0.1, "v_c": 0.001}
-    lines = [f.body for f in model_formulas(model, "arm", values) if f.needed]
+    lines = [f.body for f in model_formulas(model, "flexible_arm", values) if f.needed]
     assert [latex(body).partition("=")[0] for body in lines[1:]] == ["V", "D"]
     assert latex(lines[1]) == r"V=8.0\, U+0.009807\, x_{g}-0.01961\, y_{g}"
     told = meanings("".join(lines))
@@ -1256,3 +1256,29 @@ def test_numbers_before_a_term_are_multiplied_and_have_the_digits_of_their_devia
     assert "86.85 q+1.754" in tex.replace(r"\,", "")
     assert r"6\times 10^{-4}" in tex
     assert "(−" not in _text(str(body))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        ({"effects": 5, "offers": 4, "cost": 1.0}, "the model holds 5 added effects, as many as the search may add"),
+        ({"effects": 1, "offers": 1, "cost": 32.0}, "cost 32 times those of the start, and beyond 4 times no further"),
+        ({"effects": 2, "offers": 7, "cost": 1.0}, "the catalogue was tried beside 7 sets"),
+        ({}, "a limit of the search’s work was reached"),
+    ],
+)
+def test_the_limit_that_ended_the_search_is_told(numbers: dict[str, float], said: str) -> None:
+    step = synthetic_run.decision("stop", accepted=True, code="budget", numbers=numbers)
+    assert said in sentences.decision_sentence(step)
+
+
+def test_an_added_effect_that_another_replaced_is_told_with_it(tmp_path: Path) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    decision = synthetic_run.decision
+    results["loop"] = _loop(results, "explained", {**DELAY, "id": "hysteresis"}) | {
+        "steps": [decision("exchange", "wind", "hysteresis", accepted=True, numbers={"odds": 5.1})]
+    }
+    run = Run(tmp_path, results)
+    assert story.fate(run, ["wind"]) == ", later exchanged for hysteresis"
+    assert story.fate(run, ["table_tilt"]) == ", later dropped"
+    assert story.fate(run, ["hysteresis"]) == ""

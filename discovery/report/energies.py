@@ -80,8 +80,9 @@ def _terms(effect: Effect, coordinate: str, values: Mapping[str, float]) -> list
     declared = effect.expression()  # type: ignore[attr-defined]
     known = {x: sp.Float(values[x.name]) for x in declared.free_symbols if x.name in values}
     told = declared.xreplace(known)
-    moving = sorted(told.free_symbols, key=str)
-    told = sp.expand(told) if told.is_polynomial(*moving) else told
+    # A law of another form is read best as it is declared.
+    polynomial = told.is_polynomial(*sorted(told.free_symbols, key=str))
+    told = sp.expand(told) if polynomial else declared
     parts = [rounded_factors(part) for part in told.as_ordered_terms()]
     if getattr(effect, "local", False):
         return [along_the_rod(row(*[expression(parts[0], coordinate), *_signed(parts[1:], coordinate)]))]

@@ -90,7 +90,7 @@ class Search:
             if not self._forward():
                 return self._exhausted()
             self._backward(before)
-        self.decisions.append(Decision("stop", (), True, "budget"))
+        self.decisions.append(Decision("stop", (), True, "budget", self.neighbours.work(self.best)))
 
     def _exhausted(self) -> None:
         """End the search where nothing more is accepted."""
@@ -216,9 +216,8 @@ class Search:
         for contender in self._simplest_first(offered)[:_TRIED]:
             odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
-            accepted = code == "accepted"
-            self.decisions.append(Decision("add", new, accepted, code, _numbers(odds), told))
-            if accepted:
+            self.decisions.append(Decision("add", new, code == "accepted", code, _numbers(odds), told))
+            if code == "accepted":
                 self.best = contender
                 return True
         return False
@@ -238,9 +237,8 @@ class Search:
 
     def _judged(self, larger: Contender, smaller: Contender) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing."""
-        settings = self.context.settings
+        settings, judged = self.context.settings, self.context.judge.holds
         odds = odds_of(larger, smaller, self.root, settings)
-        judged = self.context.judge.holds
         code = odds.code(settings, -np.inf, judged=judged)
         # Chance removes no more than all that is left.
         if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
@@ -275,8 +273,9 @@ class Search:
             if frozenset(contender.added) == frozenset(self.best.added) or not gain > settings.nats:
                 continue
             told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
-            new = contender.added[-1]
-            self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
+            self.decisions.append(
+                Decision("exchange", (effect, contender.added[-1]), True, "accepted", {"odds": gain}, told)
+            )
             self.best = contender
 
 
