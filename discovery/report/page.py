@@ -292,6 +292,7 @@ def _loop_part(run: Run) -> dict[str, Any]:
         "paper": published(run).get("source", ""),
         "steps": story.steps(run),
         "undecided": ambiguity.undecided(run),
+        "advice": ambiguity.advice(run),
         "contradictions": ambiguity.contradictions(run),
         "unexplained": latent.sentences(run),
     }

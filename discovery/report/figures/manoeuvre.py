@@ -17,10 +17,10 @@ __all__ = ["draw"]
 
 
 def draw(run: Run) -> list[Picture] | None:
-    """Draw the course of the input in every designed manoeuvre, or what is predicted of a release."""
+    """Draw the course of the input in every manoeuvre that decides, or what is predicted of a release."""
     pictures = []
     for i, design in enumerate(run.loop.get("separation") or ()):
-        if design["moves"] or design["predicted"]:
+        if design["decides"] and (design["moves"] or design["predicted"]):
             pictures.append((_course if design["moves"] else _release)(i + 1, design))
     return pictures or None
 
