@@ -264,15 +264,14 @@ class Search:
 
     def _exchange(self, effect: str, smaller: Contender) -> None:
         """Let another effect take the place of a member where the evidence gains what an effect must gain."""
-        settings = self.context.settings
         if not self.neighbours.affords(smaller):
             return
         offered = _plain(self.offers.beside(smaller))
         for contender in offered[:1]:
             gain = contender.joint - self.best.joint
-            if frozenset(contender.added) == frozenset(self.best.added) or not gain > settings.nats:
+            if frozenset(contender.added) == frozenset(self.best.added) or not gain > self.context.settings.nats:
                 continue
-            told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
+            told = tuple(candidacy(c, smaller, self.root, self.context.settings) for c in offered[:_TOLD])
             self.decisions.append(
                 Decision("exchange", (effect, contender.added[-1]), True, "accepted", {"odds": gain}, told)
             )
