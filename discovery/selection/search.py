@@ -272,9 +272,8 @@ class Search:
             if frozenset(contender.added) == frozenset(self.best.added) or not gain > self.context.settings.nats:
                 continue
             told = tuple(candidacy(c, smaller, self.root, self.context.settings) for c in offered[:_TOLD])
-            self.decisions.append(
-                Decision("exchange", (effect, contender.added[-1]), True, "accepted", {"odds": gain}, told)
-            )
+            pair = effect, contender.added[-1]
+            self.decisions.append(Decision("exchange", pair, True, "accepted", {"odds": gain}, told))
             self.best = contender
 
 
