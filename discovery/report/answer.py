@@ -12,7 +12,7 @@ from markupsafe import Markup
 from discovery.report.declared_formulas import known_constants
 from discovery.report.energies import meanings
 from discovery.report.equations import model_formulas
-from discovery.report.estimates import declared_parameters
+from discovery.report.estimates import declared_parameters, unit_of
 from discovery.report.latex import latex
 from discovery.report.mathml import WORD, broken, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
@@ -139,7 +139,7 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
             {
                 "symbol": Markup(f"<math>{symbol(latex or name)}</math>"),
                 "value": uncertain(p["value"], p["sd"]),
-                "unit": unit_text(p["unit"], run.coordinate_unit),
+                "unit": unit_of(name, p["unit"], run),
                 "meaning": str(declared[name].meaning) if name in declared else "",
                 "physical": in_newtons(physical.get(name)),
             }

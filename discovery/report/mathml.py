@@ -63,12 +63,21 @@ def broken(body: str) -> str:
 
 
 def _outermost(node: Element) -> Iterator[Element]:
-    """Return the parts of a formula that stand side by side."""
+    """Return the parts of a formula that stand side by side; what holds no sign that divides stays whole."""
     for child in node:
-        if child.tag == "mrow":
+        if child.tag == "mrow" and _has_sign(child):
             yield from _outermost(child)
         else:
             yield child
+
+
+def _has_sign(node: Element) -> bool:
+    first = node[0].text if len(node) and node[0].tag == "mo" else ""
+    if first in ("(", "[", "|"):
+        return False
+    return any(
+        part.text in (*_SIGNS, ",") if part.tag == "mo" else part.tag == "mrow" and _has_sign(part) for part in node
+    )
 
 
 _LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789\N{MINUS SIGN}")

@@ -29,7 +29,7 @@ from discovery.report.figures import draw_all
 from discovery.report.latex import latex
 from discovery.report.mathml import block
 from discovery.report.numbers import interval, significant, uncertain, unit_text
-from discovery.report.references import effects_used, methods_used
+from discovery.report.references import methods_used, sources_table
 from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
 from discovery.report.scripts import policy, scripts, sheet
@@ -95,7 +95,8 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
 def _written(folder: Path, html: str) -> Path:
     path = folder / "report.html"
     with atomic_write(path) as temporary:
-        temporary.write_text(html, encoding="utf-8")
+        # The odds that are told stand in one line.
+        temporary.write_text(html.replace("10 000", "10\N{NO-BREAK SPACE}000"), encoding="utf-8")
     return path
 
 
@@ -130,7 +131,7 @@ def environment(*packages: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"prose": page_prose, "sentence": sentence, "clause": clause}
+    made.filters |= {"prose": page_prose, "sentence": sentence, "clause": clause, "latex": latex}
     return made
 
 
@@ -169,6 +170,7 @@ def _tables(run: Run) -> dict[str, Table]:
         ambiguity.contradictions_table(run),
         ambiguity.reconciliations_table(run),
         final_table(run),
+        sources_table(run),
     ]
     return {table.name: table for table in made if table is not None}
 
@@ -204,7 +206,6 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "figures": figures,
         "has_rod": run.system.has_rod,
         "provenance": run.results["provenance"],
-        "effects": effects_used(run),
         "methods": methods_used(run),
         **_first_screen(run),
         **_regression_part(run),

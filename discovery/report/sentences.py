@@ -175,7 +175,7 @@ def _accepted(numbers: Record) -> str:
         return "without it the motion blows up"
     gains = f"{_nats(numbers['train'])} in training and {plain(numbers['held'])} held out"
     # Where the smallest of the three log odds is that against the model error, the gains alone would mislead.
-    limited = ", as a model error may look the same" if numbers["odds"] == numbers["against_error"] else ""
+    limited = "; a model error that looks the same limits them" if numbers["odds"] == numbers["against_error"] else ""
     return f"the log evidence gains {gains}: {chances(numbers['odds'])}{limited}"
 
 

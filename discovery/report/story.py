@@ -122,7 +122,7 @@ def steps(run: Run) -> list[dict[str, str]]:
             {
                 "head": f"{head}: {what}" if what else head,
                 "outcome": yes if step["accepted"] else no,
-                "title": "; ".join(titles),
+                "title": "; ".join(t for t, name in zip(titles, effects, strict=False) if t != name),
                 "reason": decision_sentence(step),
             }
         )
