@@ -501,7 +501,7 @@ def test_methods_that_a_run_did_not_use_are_not_cited(arm: Made) -> None:
     ],
 )
 def test_numbers_on_the_page(arm: Made, printed: str) -> None:
-    assert printed in _Reader(arm[2]).text.translate(_PLAIN)
+    assert printed.translate(_PLAIN) in _Reader(arm[2]).text.translate(_PLAIN)
 
 
 def _cells(page: str, table: str) -> list[list[str]]:
