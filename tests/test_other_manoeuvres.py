@@ -111,10 +111,10 @@ def test_the_sentences_say_what_to_do() -> None:
         assert "rad/s" not in said
 
 
-def page_with(folder: Path, *designs: Separation) -> str:
+def page_with(folder: Path, *designs: Separation, decides: bool = True) -> str:
     """Return the page of a run whose loop designed manoeuvres."""
     results = write_arm_run(folder)
-    results["loop"]["separation"] = [design.summary() for design in designs]
+    results["loop"]["separation"] = [design.summary() | {"decides": decides} for design in designs]
     (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
     return build_report(folder).read_text(encoding="utf-8")
 
@@ -127,6 +127,14 @@ def test_the_page_shows_both(tmp_path: Path) -> None:
     assert "let go at" in page
     moves = pd.read_csv(tmp_path / "tables" / "moves.csv")
     assert moves["by"].tolist() == [m.angle for m in course().moves]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_where_nothing_decides_the_page_says_so_and_names_no_file(tmp_path: Path) -> None:
+    page = page_with(tmp_path, course(), release(), decides=False)
+    assert page.count("No manoeuvre within the safe limits") == 2
+    assert "manoeuvre_1" not in page
+    assert not (tmp_path / "tables" / "moves.csv").exists()
 
 
 @pytest.mark.usefixtures("undrawn")

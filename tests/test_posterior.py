@@ -128,7 +128,7 @@ def test_stated_noise_that_is_too_small_is_reported():
     truthful = fit(linear_model(), [experiment(np.random.default_rng(5), stated=NOISE)])
     timid = fit(linear_model(), [experiment(np.random.default_rng(5), stated=NOISE / 4)])
     first, second = (sample(f, seed=1) for f in (truthful, timid))
-    assert "no larger than the stated noise" in first.status
+    assert "not clearly larger than the noise that is stated or estimated" in first.status
     assert "times the stated noise" in second.status
     # The readings are the same, so what is said of the noise and of the parameters must be, too.
     for name in first.names:

@@ -6,7 +6,7 @@ from discovery.declarations.symbols import U
 
 
 class LinearStiffness(Potential):
-    r"""Elastic energy of the base, scaled by one stiffness.
+    r"""Elastic energy, scaled by one stiffness.
 
     .. math:: V = \alpha\, U,\qquad U = \tfrac12 \delta^2 \text{ for a linear spring}
 

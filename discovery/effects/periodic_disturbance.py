@@ -17,7 +17,7 @@ _HUB = sp.Float(1e-6)
 
 
 class PeriodicDisturbance(Load):
-    r"""A periodic force on the tip, for example of a fan, of a vibrating floor, or of a hum of the motor.
+    r"""A periodic force, for example of a fan, of a vibrating floor, or of a hum of the motor.
 
     .. math:: P = (a_s \sin\Omega t + a_c \cos\Omega t)\, v_x + (b_s \sin\Omega t + b_c \cos\Omega t)\, v_y
               + (n_s \sin\Omega t + n_c \cos\Omega t)\, \frac{x v_y - y v_x}{\sqrt{x^2 + y^2}}

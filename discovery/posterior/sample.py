@@ -117,7 +117,10 @@ class Sample(PosteriorViews):
                     f"{name} is {middle:.3g} times the stated noise: the model leaves a systematic residual, which is "
                     f"taken as noise that is {words_of(self.noise)}, {meant}"
                 )
-        return f"The residuals are no larger than the stated noise; the intervals take them as {words_of(self.noise)}."
+        return (
+            "The residuals are not clearly larger than the noise that is stated or estimated; the intervals take them "
+            f"as {words_of(self.noise)}."
+        )
 
     def summary(self) -> list[dict[str, Any]]:
         """Return one JSON-ready row a quantity, in its unit.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.report.estimates import symbol_of
-from discovery.report.follow_up_sentences import contradiction_sentences, stand_in_sentence
+from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence, stand_in_sentence
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
@@ -14,6 +14,7 @@ from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed, page_prose, values_text
 
 __all__ = [
+    "advice",
     "contradictions",
     "contradictions_table",
     "input_of",
@@ -89,6 +90,11 @@ def reconciliations_table(run: Run) -> Table | None:
     return Table("reconciliations", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 6))
 
 
+def advice(run: Run) -> list[str]:
+    """Return what to record next for each group of rivals, or that nothing decides, as the console says it."""
+    return [separation_sentence(design) for design in run.loop.get("separation") or ()]
+
+
 def separation_table(run: Run) -> Table | None:
     """Return how far rival effects lie apart, on the given recordings and on the designed manoeuvre."""
     designs = run.loop.get("separation")
@@ -113,10 +119,11 @@ def separation_table(run: Run) -> Table | None:
     caption = (
         "Effects that these recordings cannot tell apart. Similarity: largest cosine between sensitivities of their "
         "fits. Apart: rms difference of their predictions that readjusted parameters cannot absorb [noise sds]. "
-        "Expected: chi-square by which the right one will win once the designed manoeuvre is recorded; below 10 it may "
-        "be chance, and no manoeuvre within the limits decides; else its course, or what is "
-        "predicted after a release, is in manoeuvre_1.csv and so on."
+        f"Expected: chi-square by which the right one will win once the designed manoeuvre is recorded; below "
+        f"{designs[0]['decides_from']:g} it may be chance, and no manoeuvre within the limits decides."
     )
+    if files := [f"manoeuvre_{i}.csv" for i, d in enumerate(designs, 1) if d["decides"]]:
+        caption += f" The course, or what is predicted after a release, is in {listed(files)}."
     return Table("separation", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
 
 
@@ -130,18 +137,18 @@ def input_of(design: Mapping[str, Any]) -> tuple[str, str]:
 
 def moves_table(run: Run) -> Table | None:
     """Return the moves of the input in every designed manoeuvre."""
-    designs = [d for d in run.loop.get("separation") or () if d["moves"]]
+    designs = [(i, d) for i, d in enumerate(run.loop.get("separation") or ()) if d["decides"] and d["moves"]]
     if not designs:
         return None
     cells, raw = [], []
-    for i, d in enumerate(designs):
+    for i, d in designs:
         for m in d["moves"]:
             # A trapezoid of this angle, speed and share of ramps.
             ramp = m["ramp"] * abs(m["angle"]) / m["speed"] / (1 - m["ramp"])
             values = [m["start"], m["angle"], m["speed"], ramp]
             cells.append([f"{i + 1}", *(significant(v) for v in values)])
             raw.append([i + 1, *values])
-    name, unit = input_of(designs[0])
+    name, unit = input_of(designs[0][1])
     arm = name == "motor angle"
     head = ("manoeuvre", "start [s]", f"{'turn' if arm else 'by'} [{unit}]", f"speed [{unit}/s]", "each ramp [s]")
     keys = ("manoeuvre", "start_s", *(("angle_rad", "speed_rad_per_s") if arm else ("by", "speed")), "ramp_s")

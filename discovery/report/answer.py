@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup
 
 from discovery.report.declared_formulas import known_constants
+from discovery.report.energies import meanings
 from discovery.report.equations import model_formulas
-from discovery.report.estimates import declared_parameters
+from discovery.report.estimates import declared_parameters, unit_of
 from discovery.report.latex import latex
-from discovery.report.mathml import WORD, block, number, symbol
+from discovery.report.mathml import WORD, broken, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import chances, inclusion_words
-from discovery.report.words import effect_name, error_groups, error_scale
+from discovery.report.words import effect_name, error_groups, error_scale, listed
 
-__all__ = ["certainty", "equation_lines", "error_bars", "parameter_lines"]
+__all__ = ["certainty", "equation_lines", "error_bars", "in_one", "parameter_lines", "where"]
 
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
+#: What a short name of a group of recordings leaves out.
+_SHORT = re.compile(" the trained .*")
 #: A negative number that is added, or taken away, at the begin of a term.
 _ADDED_NEGATIVE = re.compile(
     r"<mo>([+−])</mo>(<mrow>)?<mrow><mo>\(</mo><mrow><mo>−</mo>(<mn>[^<]*</mn>)</mrow><mo>\)</mo></mrow>"
@@ -33,10 +36,13 @@ _ALONE = rf'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)(?<!{WORD})'
 
 
 def certainty(run: Run) -> list[tuple[str, str]]:
-    """Return how sure each added effect is: its name, and its odds, with the probability of one of the catalogue."""
+    """Return how sure each added effect is: its name, and its odds, with the probability of one of the catalogue.
+
+    Effects of which the same is said stand together.
+    """
     steps = run.loop["steps"]
     better = {s["effects"][0]: s["numbers"].get("odds") for s in steps if s["action"] == "mechanics" and s["accepted"]}
-    found = []
+    found: list[tuple[str, str]] = []
     for effect in run.loop["effects"]:
         name, evidence = effect["id"], effect["evidence"]
         if evidence:
@@ -48,7 +54,10 @@ def certainty(run: Run) -> list[tuple[str, str]]:
             found.append(
                 (effect_name(name), f"{chances(better[name]).removeprefix('odds of ')}, over simpler mechanics")
             )
-    return found
+    alike: dict[str, list[str]] = {}
+    for named, words in found:
+        alike.setdefault(words, []).append(named)
+    return [(listed(names), words) for words, names in alike.items()]
 
 
 def _parameters(run: Run) -> dict[str, Mapping[str, Any]]:
@@ -59,24 +68,49 @@ def equation_lines(run: Run) -> list[tuple[str, Markup, str]]:
     """Return the formulas of the final model with its numbers: words, mathematics, and the same as LaTeX."""
     after = run.loop["model"]["after"]
     declared = declared_parameters(after["model"])
-    values = {symbol(name): value for name, value in known_constants(after["model"]["base"]).items()}
+    printed = {name: significant(p["value"], _digits(p["value"], p["sd"])) for name, p in _parameters(run).items()}
+    values = {
+        symbol(name): significant(value, _DIGITS) for name, value in known_constants(after["model"]["base"]).items()
+    }
     values |= {
-        symbol(declared[name].latex if name in declared and declared[name].latex else name): p["value"]
-        for name, p in _parameters(run).items()
+        symbol(declared[name].latex if name in declared and declared[name].latex else name): text
+        for name, text in printed.items()
     }
     lines = []
-    for formula in model_formulas(after["model"], run.results["rig"]["kind"]):
+    plain = {name: p["value"] for name, p in _parameters(run).items()}
+    for formula in model_formulas(after["model"], run.results["rig"]["kind"], after["model"].get("known", {}) | plain):
         body = _with_numbers(formula.body, values)
         if body != formula.body or formula.needed:
-            lines.append((formula.words, Markup(block(body)), latex(body)))
+            lines.append((formula.words, Markup(broken(body)), latex(body)))
     return lines
 
 
-def _with_numbers(body: str, values: Mapping[str, float]) -> str:
-    """Return a formula with numbers for symbols; a symbol that is part of another one stays."""
+def where(run: Run, lines: Sequence[tuple[str, Markup, str]]) -> Markup:
+    """Return what the symbols of an arm's equation mean; empty for other systems."""
+    if not run.system.has_rod or len(lines) < 2:
+        return Markup("")
+    return Markup(meanings("".join(body for _, body, _ in lines)))
+
+
+def in_one(lines: Sequence[tuple[str, Markup, str]]) -> str:
+    """Return the LaTeX of lines as that of one formula."""
+    body = " \\\\\n".join(tex for *_, tex in lines)
+    return f"\\begin{{gathered}}\n{body}\n\\end{{gathered}}" if len(lines) > 1 else body
+
+
+def _digits(value: float, sd: float | None) -> int:
+    """Return the digits of a coefficient: those that two digits of its deviation leave, but few."""
+    if not value or not sd or not math.isfinite(sd):
+        return _DIGITS
+    known = math.floor(math.log10(abs(value))) - math.floor(math.log10(sd)) + 2
+    return min(_DIGITS, max(1, known))
+
+
+def _with_numbers(body: str, values: Mapping[str, str]) -> str:
+    """Return a formula with printed numbers for symbols; a symbol that is part of another one stays."""
     for name in sorted(values, key=len, reverse=True):
-        printed = number(significant(values[name], _DIGITS))
-        if values[name] < 0:
+        printed = number(values[name])
+        if values[name].startswith("\N{MINUS SIGN}"):
             printed = f"<mrow><mo>(</mo>{printed}<mo>)</mo></mrow>"
         if name.startswith("<msub>"):
             # An index below and an exponent above share their place.
@@ -105,7 +139,7 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
             {
                 "symbol": Markup(f"<math>{symbol(latex or name)}</math>"),
                 "value": uncertain(p["value"], p["sd"]),
-                "unit": unit_text(p["unit"], run.coordinate_unit),
+                "unit": unit_of(name, p["unit"], run),
                 "meaning": str(declared[name].meaning) if name in declared else "",
                 "physical": in_newtons(physical.get(name)),
             }
@@ -141,7 +175,8 @@ def error_bars(run: Run) -> dict[str, Any]:
 
     rows = [
         {
-            "name": names[g],
+            "name": _SHORT.sub("", names[g]) if len(groups) > 2 else names[g].partition(",")[0],
+            "whole_name": names[g],
             "before": shown(before),
             "after": shown(after),
             "before_at": place(before),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from discovery.report.estimates import symbol_of
+from discovery.report.estimates import start_words, symbol_of
 from discovery.report.numbers import significant
 from discovery.report.results import Run
 from discovery.report.tables import Table
@@ -32,8 +32,8 @@ def convergence_sentence(run: Run) -> str:
     worst, fewest = max(rows, key=lambda r: r["r_hat"]), min(rows, key=lambda r: r["ess"])
     good = worst["r_hat"] <= _AGREE
     told = [
-        f"the worst R-hat is {significant(worst['r_hat'], 5)} ({prose(worst['name'])}; limit {_AGREE})",
-        f"the fewest effective samples are {significant(fewest['ess'], 3)} ({prose(fewest['name'])})",
+        f"the worst R-hat is {significant(worst['r_hat'], 5)} ({_called(worst['name'])}; limit {_AGREE})",
+        f"the fewest effective samples are {significant(fewest['ess'], 3)} ({_called(fewest['name'])})",
     ]
     sampling = run.sampling
     if sampling:
@@ -54,6 +54,10 @@ def convergence_sentence(run: Run) -> str:
     return f"{'Yes' if good else 'Not yet'}: {'; '.join(told)}."
 
 
+def _called(name: str) -> str:
+    return start_words(name) if "[" in name else prose(name)
+
+
 def diagnostics_table(run: Run) -> Table | None:
     """Return R-hat, effective samples, Monte Carlo errors and autocorrelation times of what was sampled."""
     rows = run.quantities_sampled
@@ -65,7 +69,7 @@ def diagnostics_table(run: Run) -> Table | None:
     for r in rows:
         name = r["name"]
         times = [significant(tau.get(name))] if tau else []
-        shown = name if "[" in name else symbol_of(name)
+        shown = start_words(name) if "[" in name else symbol_of(name)
         cells.append([shown, *(significant(r.get(k), _DIGITS.get(k, 4)) for k in keys), *times])
         raw.append([name, *(r.get(k) for k in keys), *([tau.get(name)] if tau else [])])
     head = ("", *(_WORDS[k] for k in keys), *(["τ [steps]"] if tau else []))

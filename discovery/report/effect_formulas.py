@@ -23,6 +23,7 @@ __all__ = [
     "equal",
     "laws",
     "mode_formula",
+    "rounded_factors",
     "signed",
     "together",
 ]
@@ -46,6 +47,13 @@ def signed(body: str) -> str:
     """Return a term of a sum with its sign in front."""
     minus = "<mrow><mo>−</mo>"
     return f"<mo>−</mo><mrow>{body.removeprefix(minus)}" if body.startswith(minus) else f"<mo>+</mo>{body}"
+
+
+def rounded_factors(value: sp.Expr) -> sp.Expr:
+    """Return the expression with decimal factors to four digits."""
+    import sympy as sp
+
+    return value.xreplace({f: sp.Float(float(f), 4) for f in value.atoms(sp.Float)})
 
 
 def along_the_rod(*factors: str) -> str:

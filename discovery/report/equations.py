@@ -19,9 +19,11 @@ from discovery.report.effect_formulas import (
     equal,
     laws,
     mode_formula,
+    rounded_factors,
     signed,
     together,
 )
+from discovery.report.energies import are_summed, summed
 from discovery.report.mathml import number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
@@ -94,13 +96,6 @@ def _lever(channel: sp.Symbol, mechanics: Mechanics) -> sp.Expr:
     return jacobian.subs({q: s.theta, mechanics.rates[0]: s.omega})
 
 
-def _rounded(value: sp.Expr) -> sp.Expr:
-    """Return the expression with decimal factors to four digits."""
-    import sympy as sp
-
-    return value.xreplace({f: sp.Float(float(f), 4) for f in value.atoms(sp.Float)})
-
-
 def _scalar_equation(model: Mapping) -> str:
     """Return the equation of motion of the paper's arm."""
     mechanics = get_base(model["base"]).mechanics(rod_of(map(get_effect, model["effects"])))
@@ -109,7 +104,7 @@ def _scalar_equation(model: Mapping) -> str:
     for effect_id in model["effects"]:
         effect = get_effect(effect_id)
         if effect.kind in LETTERS:
-            pushes = _rounded(_push(effect, mechanics)).as_ordered_terms()
+            pushes = rounded_factors(_push(effect, mechanics)).as_ordered_terms()
             written = [expression(push, name) for push in pushes if push != 0]
             if getattr(effect, "local", False):
                 # The static shape has the bending (1 - s) delta.
@@ -123,7 +118,17 @@ def undriven(model: Mapping) -> bool:
     return bool(model.get("known", {}).get("g") == 0)
 
 
-def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
+def _multiplied_out(term: sp.Expr, values: Mapping[str, float]) -> sp.Expr:
+    """Return a term with a number for the product of two parameters or more before it."""
+    import sympy as sp
+
+    factor, rest = term.as_independent(*[x for x in term.free_symbols if x.name not in values], as_Add=False)
+    if len(factor.free_symbols) < 2:
+        return term
+    return sp.Float(float(factor.xreplace({x: sp.Float(values[x.name]) for x in factor.free_symbols})), 4) * rest
+
+
+def _on_a_line(model: Mapping, values: Mapping[str, float]) -> tuple[list[Formula], list[Effect]]:
     """Return the equation of motion of a system with one coordinate on a line, its modes, and what is read of it.
 
     The effects that need no formula any more come second.
@@ -142,7 +147,8 @@ def _on_a_line(model: Mapping) -> tuple[list[Formula], list[Effect]]:
     if terms.inertia != 1:
         left.insert(0, row("<mo>(</mo>", expression(terms.inertia, "q"), "<mo>)</mo>"))
     for _, term in terms.terms:
-        left += [signed(expression(part, "q")) for part in _rounded(term.xreplace(plain)).as_ordered_terms()]
+        parts = rounded_factors(term.xreplace(plain)).as_ordered_terms()
+        left += [signed(expression(_multiplied_out(part, values), "q")) for part in parts]
     drive = terms.drive.subs(sp.Symbol("g", real=True), 0) if undriven(model) else terms.drive
     found = [Formula("Equation of motion", equal(row(*left), expression(drive, "q")), needed=True)]
     told: list[Effect] = [e for e in described.terms if isinstance(e, Mode)]
@@ -202,7 +208,7 @@ def _reduced_arm() -> list[Formula]:
     return [Formula(words, equal(row(total(terms), "<mo>+</mo><mo>…</mo>"), number("0")))]
 
 
-def model_formulas(model: Mapping, system: str) -> list[Formula]:
+def model_formulas(model: Mapping, system: str, values: Mapping[str, float] | None = None) -> list[Formula]:
     """Return the formulas of a model.
 
     Parameters
@@ -211,6 +217,8 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
         What `discovery.equations.model.Model.to_dict` gave.
     system : str
         Kind of system.
+    values : mapping of str to float, optional
+        Numbers of parameters and of known quantities: each energy of an arm is then one sum with them.
 
     Returns
     -------
@@ -224,7 +232,7 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
     if "system" in model:
         found = [Formula(*line) for line in declared_formulas(model["base"], map(get_effect, model["effects"]))]
     elif not get_base(model["base"]).system.has_rod:
-        found, told = _on_a_line(model)
+        found, told = _on_a_line(model, values or {})
     elif scalar:
         deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))
         equation = Formula("Equation of motion", _scalar_equation(model), needed=True)
@@ -233,6 +241,10 @@ def model_formulas(model: Mapping, system: str) -> list[Formula]:
         found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
     effects = [e for e in map(get_effect, model["effects"]) if e not in told]
     shown = [e for e in effects if not scalar or "system" in model or e.kind not in LETTERS or e.kind == "memory"]
+    if values is not None and not scalar and "system" not in model:
+        parts = [e for e in shown if are_summed(e)]
+        found += [Formula(*line, needed=True) for line in summed(parts, system, values)]
+        shown = [e for e in shown if e not in parts]
     groups = together(shown)
     return found + [Formula(". ".join(e.title() for e in group), _of(group, model, system)) for group in groups]
 

@@ -24,7 +24,9 @@ __all__ = [
     "prior_words",
     "published",
     "sampled_parameters",
+    "start_words",
     "symbol_of",
+    "unit_of",
 ]
 
 #: Columns of a summary that tell how well the mean and the quantiles are known from the draws.
@@ -59,8 +61,23 @@ def _meaning(name: str, declared: Mapping[str, Any], otherwise: str = "noise, sd
     return str(declared[name].meaning) if name in declared else otherwise
 
 
+def _noise_words(row: Mapping[str, Any], run: Run) -> str:
+    """Return what the size of the noise is: in its unit, or a multiple of what was stated or estimated."""
+    words = str(row.get("meaning", "noise, sd"))
+    if unit_text(row["unit"]) or words != "noise, sd":
+        return words
+    estimated = any(r.get("noise_estimated") for r in run.results["recordings"])
+    return f"noise, sd over the {'estimated' if estimated else 'stated'} one"
+
+
+def unit_of(name: str, unit: str, run: Run) -> str:
+    """Return the unit of a parameter as a reader writes it; that of the gain of an input has the input's unit below."""
+    printed, given = unit_text(unit, run.coordinate_unit), unit_text(run.input_unit)
+    return f"{printed} per {given}" if name == "g" and given and not run.system.has_rod else printed
+
+
 def _symbol(name: str, declared: Mapping[str, Any]) -> Markup | str:
-    return name if "[" in name else name_cell(name, declared[name].latex if name in declared else "")
+    return start_words(name) if "[" in name else name_cell(name, declared[name].latex if name in declared else "")
 
 
 def symbol_of(parameter: str) -> Markup:
@@ -87,8 +104,8 @@ def posterior_table(run: Run) -> Table:
         cells.append(
             [
                 _symbol(r["name"], declared),
-                _meaning(r["name"], declared, r.get("meaning", "noise, sd")),
-                unit_text(r["unit"], run.coordinate_unit),
+                _meaning(r["name"], declared, _noise_words(r, run)),
+                unit_of(r["name"], r["unit"], run),
                 uncertain(r["mean"], sd),
                 *(rounded(r[q], sd) for q in ("q05", "q50", "q95")),
                 uncertain(r["fit_value"], r["fit_sd"]),
@@ -127,9 +144,11 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
     return str(law)
 
 
-def _start(name: str) -> str:
+def start_words(name: str) -> str:
     """Return an initial state in words."""
     what, _, recording = name.partition("[")
+    if not what.endswith("_init"):
+        return name
     return f"{_STATES.get(what, what)} at the start of {recording.rstrip(']')}"
 
 
@@ -141,7 +160,12 @@ def nuisance_table(run: Run) -> Table | None:
         return None
     unit = run.coordinate_unit
     cells = [
-        [_start(r["name"]), unit_text(r["unit"], unit), uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])]
+        [
+            start_words(r["name"]),
+            unit_text(r["unit"], unit),
+            uncertain(r["mean"], r["sd"]),
+            interval(r["q05"], r["q95"]),
+        ]
         for r in rows
     ]
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95")
@@ -170,16 +194,19 @@ def final_table(run: Run) -> Table:
             [
                 _symbol(name, declared),
                 _meaning(name, declared),
-                unit_text(p["unit"], run.coordinate_unit),
+                unit_of(name, p["unit"], run),
                 uncertain(p["value"], p["sd"]),
                 uncertain(old["value"], old["sd"]) if old else MISSING,
-                *([in_newtons(physical.get(name))] if physical else []),
+                *([in_newtons(physical.get(name)) or MISSING] if physical else []),
                 p.get("reason", ""),
             ]
         )
         raw.append([name, p["unit"], p["value"], p["sd"], p.get("reason", "")])
     told = ["in newtons and kilograms"] if physical else []
-    head = ("", "meaning", "unit", "final ± sd", "before ± sd", *told, "why no interval")
+    unsure = any(row[-1] for row in cells)
+    if not unsure:
+        cells = [row[:-1] for row in cells]
+    head = ("", "meaning", "unit", "final ± sd", "before ± sd", *told, *(["why no interval"] if unsure else []))
     caption = "Parameters of the final model, least squares, one standard deviation; initial states are not listed."
     return Table(
         "final_model",
@@ -188,8 +215,8 @@ def final_table(run: Run) -> Table:
         rows=cells,
         raw_header=("name", "unit", "value", "sd", "reason"),
         raw_rows=raw,
-        text=(0, 1, 2, 6) if physical else (0, 1, 2, 5),
-        narrow=_NARROW_TOLD if physical else _NARROW,
+        text=(0, 1, 2, *([len(head) - 1] if unsure else [])),
+        narrow=tuple(i for i in (_NARROW_TOLD if physical else _NARROW) if i < len(head)),
     )
 
 

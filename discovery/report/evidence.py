@@ -10,7 +10,7 @@ from markupsafe import Markup
 from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
 from discovery.report.sentences import chances, probability_words, share_words
-from discovery.report.story import named, searches
+from discovery.report.story import fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose
 
@@ -167,8 +167,8 @@ def ranking_table(run: Run, best: int = 8) -> Table | None:
     for i, search in enumerate(searches(run), 1):
         for place, c in enumerate(search.candidates):
             outcome = search.outcome(c["effects"])
-            if outcome == "added" and not named(run, c["effects"]):
-                outcome = "added, later dropped"
+            if outcome == "added":
+                outcome += fate(run, c["effects"])
             raw.append([i, "; ".join(c["effects"]), outcome, *(c[k] for k in keys)])
             if place < best or outcome:
                 numbers = [significant(c[k]) for k in ("train", "held", "size", "model_error")]

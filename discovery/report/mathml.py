@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from xml.etree.ElementTree import Element, fromstring, tostring
 
 from markupsafe import escape
 
-__all__ = ["GREEK", "WORD", "block", "inline", "number", "power", "row", "symbol", "total"]
+__all__ = ["GREEK", "WORD", "block", "broken", "inline", "number", "power", "row", "symbol", "total"]
 
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
@@ -35,6 +36,48 @@ def inline(body: str) -> str:
 def block(body: str) -> str:
     """Return a formula on a line of its own."""
     return f'<math display="block">{body}</math>'
+
+
+_SIGNS = ("+", "−", "=")
+
+
+def broken(body: str) -> str:
+    """Return a formula that may be broken before each sign of its outermost sums and equations.
+
+    A browser breaks no line within one formula, but between two: each term is one.
+    """
+    terms: list[list[str]] = [[]]
+    open_brackets, before = 0, ""
+    for node in _outermost(fromstring(f"<mrow>{body}</mrow>")):
+        mark = (node.text or "") if node.tag == "mo" else ""
+        if mark in _SIGNS and not open_brackets and terms[-1] and before not in _SIGNS:
+            terms.append([])
+            # At the begin of a formula it would be read as a sign that belongs to one number.
+            node.set("form", "infix")
+        open_brackets += (mark in ("(", "[")) - (mark in (")", "]"))
+        terms[-1].append(tostring(node, encoding="unicode"))
+        if mark == "," and not open_brackets:
+            terms.append([])
+        before = mark
+    return "<wbr/>".join(f'<math displaystyle="true">{row(*term)}</math>' for term in terms if term)
+
+
+def _outermost(node: Element) -> Iterator[Element]:
+    """Return the parts of a formula that stand side by side; what holds no sign that divides stays whole."""
+    for child in node:
+        if child.tag == "mrow" and _has_sign(child):
+            yield from _outermost(child)
+        else:
+            yield child
+
+
+def _has_sign(node: Element) -> bool:
+    first = node[0].text if len(node) and node[0].tag == "mo" else ""
+    if first in ("(", "[", "|"):
+        return False
+    return any(
+        part.text in (*_SIGNS, ",") if part.tag == "mo" else part.tag == "mrow" and _has_sign(part) for part in node
+    )
 
 
 _LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789\N{MINUS SIGN}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -64,7 +65,7 @@ def errors_table(run: Run) -> Table:
     head = ("", *(f"{when}, {m} [{scale.symbol}]" for when in ("before", "after") for m in _MEASURES))
     raw = [[g, *(errors[w][g][m] for w in ("before", "after") for m in _MEASURES), errors["unit"]] for g in names]
     keys = ("group", *(f"{w}_{m}" for w in ("before", "after") for m in _MEASURES), "unit")
-    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}"
+    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}".rstrip()
     what = (
         "distance between predicted and recorded tip"
         if run.system.has_rod and len(run.results["recordings"][0]["channels"]) == 2
@@ -113,7 +114,8 @@ def clean_table(run: Run) -> Table | None:
 def fits_table(run: Run) -> Table | None:
     """Return the errors of the fitted models side by side in training, with the paper's on its own rig."""
     fits: Mapping[str, Any] = run.results.get("fit_errors") or {}
-    if not fits:
+    if not fits or (len(fits) > 1 and len({json.dumps(f, sort_keys=True) for f in fits.values()}) == 1):
+        # A model beside itself says nothing.
         return None
     paper = published(run).get("errors", {})
     kinds = [(kind, m) for kind, m in _SHOWN if all(kind in f for f in fits.values())]

@@ -7,8 +7,8 @@ from typing import Any
 
 from discovery.declarations.registry import catalogue
 from discovery.mechanics import base_names, get_base
-from discovery.report.estimates import published, sampled_parameters, symbol_of
-from discovery.report.numbers import MISSING, interval, rounded, significant, uncertain, unit_text
+from discovery.report.estimates import published, sampled_parameters, symbol_of, unit_of
+from discovery.report.numbers import MISSING, interval, rounded, significant, uncertain
 from discovery.report.results import Run
 from discovery.report.tables import Cell, Table
 from discovery.report.words import effect_name, listed, prose
@@ -111,7 +111,7 @@ def honest_table(run: Run) -> Table | None:
             [
                 symbol_of(r["name"]),
                 str(declared[r["name"]].meaning),
-                unit_text(r["unit"], run.coordinate_unit),
+                unit_of(r["name"], r["unit"], run),
                 *(rounded(end, width / _WIDTH) for end in (middle, low, high)),
                 significant(width / (r["q95"] - r["q05"]), 2) if r["q95"] > r["q05"] else MISSING,
                 uncertain(r["fit_value"], r["fit_sd"]),

@@ -30,7 +30,7 @@ from discovery.report.figures import draw_all
 from discovery.report.latex import latex
 from discovery.report.mathml import block
 from discovery.report.numbers import interval, significant, uncertain, unit_text
-from discovery.report.references import effects_used, methods_used
+from discovery.report.references import methods_used, sources_table
 from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
 from discovery.report.scripts import policy, scripts, sheet
@@ -96,7 +96,8 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
 def _written(folder: Path, html: str) -> Path:
     path = folder / "report.html"
     with atomic_write(path) as temporary:
-        temporary.write_text(html, encoding="utf-8")
+        # The odds that are told stand in one line.
+        temporary.write_text(html.replace("10 000", "10\N{NO-BREAK SPACE}000"), encoding="utf-8")
     return path
 
 
@@ -131,7 +132,7 @@ def environment(*packages: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"prose": page_prose, "sentence": sentence, "clause": clause}
+    made.filters |= {"prose": page_prose, "sentence": sentence, "clause": clause, "latex": latex}
     return made
 
 
@@ -170,6 +171,7 @@ def _tables(run: Run) -> dict[str, Table]:
         ambiguity.contradictions_table(run),
         ambiguity.reconciliations_table(run),
         final_table(run),
+        sources_table(run),
     ]
     return {table.name: table for table in made if table is not None}
 
@@ -205,7 +207,6 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
         "figures": figures,
         "has_rod": run.system.has_rod,
         "provenance": run.results["provenance"],
-        "effects": effects_used(run),
         "methods": methods_used(run),
         **_first_screen(run),
         **_regression_part(run),
@@ -218,14 +219,16 @@ def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) 
 
 def _first_screen(run: Run) -> dict[str, Any]:
     """Return the answer, and the chart in the reader's browser."""
-    chart = chart_data(run)
+    chart, lines = chart_data(run), answer.equation_lines(run)
     return {
         "policy": policy(chart=chart is not None),
         "scripts": scripts(chart=chart is not None),
         "chart": chart,
         "chart_sheet": sheet(),
         "certainty": answer.certainty(run),
-        "final_lines": answer.equation_lines(run),
+        "final_lines": lines,
+        "final_tex": answer.in_one(lines),
+        "where": answer.where(run, lines),
         "final_values": answer.parameter_lines(run),
         "bars": answer.error_bars(run),
         "standing": standing(run),
@@ -291,6 +294,7 @@ def _loop_part(run: Run) -> dict[str, Any]:
         "paper": published(run).get("source", ""),
         "steps": story.steps(run),
         "undecided": ambiguity.undecided(run),
+        "advice": ambiguity.advice(run),
         "contradictions": ambiguity.contradictions(run),
         "unexplained": latent.sentences(run),
     }

@@ -13,11 +13,14 @@ from markupsafe import Markup
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.report.declared_formulas import placed_formula
 from discovery.report.effect_formulas import effect_formula
+from discovery.report.latex import latex
 from discovery.report.mathml import inline
+from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
+from discovery.report.tables import Table
 from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title
 
-__all__ = ["EffectSource", "effects_used", "methods_used"]
+__all__ = ["EffectSource", "effects_used", "methods_used", "sources_table"]
 
 
 @dataclass(frozen=True)
@@ -41,9 +44,33 @@ def effects_used(run: Run) -> list[EffectSource]:
             known = get_effect(effect_id) if effect_id.partition("_at_")[0] in catalogue() else None
             law = "" if known is None else placed_formula(known) if known.place else effect_formula(known, system)
             body = Markup(inline(law)) if law else Markup("")
-            cite = known.cite if known else GEOMETRY_SOURCES.get(effect_id, "")
+            cite = _named(known.cite if known else GEOMETRY_SOURCES.get(effect_id, ""), run)
             found.append(EffectSource(effect_name(effect_id), role, effect_title(effect_id), body, cite))
     return found
+
+
+def _named(cite: str, run: Run) -> str:
+    """Return a source with the name of the arm's paper; a system without a rod has its laws from elsewhere."""
+    if run.system.has_rod:
+        return cite.replace("source paper", paper_numbers()["source"])
+    parts = [part for part in cite.split("; ") if "source paper" not in part]
+    return "; ".join(parts) or "elementary mechanics"
+
+
+def sources_table(run: Run) -> Table:
+    """Return the effects of the final model with their formulas and sources."""
+    used = effects_used(run)
+    cells = [[e.name + (" (added)" if e.role == "added" else ""), e.title, e.formula, e.cite] for e in used]
+    raw = [[e.name, e.role, e.title, latex(str(e.formula)) if e.formula else "", e.cite] for e in used]
+    return Table(
+        "sources",
+        "Effects of the declared model, and those that were added.",
+        header=("effect", "what it is", "formula", "source"),
+        rows=cells,
+        raw_header=("effect", "role", "what_it_is", "formula_latex", "source"),
+        raw_rows=raw,
+        text=(0, 1, 2, 3),
+    )
 
 
 def methods_used(run: Run) -> list[Mapping[str, str]]:

@@ -12,6 +12,7 @@ from typing import Any
 from discovery.declarations.effect import effect_name
 from discovery.report.failure_sentences import failure_sentence
 from discovery.report.number_words import plain, sizes
+from discovery.selection.settings import Budget
 
 __all__ = [
     "OUTCOMES",
@@ -175,7 +176,7 @@ def _accepted(numbers: Record) -> str:
         return "without it the motion blows up"
     gains = f"{_nats(numbers['train'])} in training and {plain(numbers['held'])} held out"
     # Where the smallest of the three log odds is that against the model error, the gains alone would mislead.
-    limited = ", as a model error may look the same" if numbers["odds"] == numbers["against_error"] else ""
+    limited = "; a model error that looks the same limits them" if numbers["odds"] == numbers["against_error"] else ""
     return f"the log evidence gains {gains}: {chances(numbers['odds'])}{limited}"
 
 
@@ -217,6 +218,21 @@ def _complete(numbers: Record) -> str:
     return f"what is left is noise: the best candidate promises a chi-square of {promise}, chance alone {chance}"
 
 
+def _budget(numbers: Record) -> str:
+    """Return which limit of work ended the search; results of old do not state it."""
+    most, cost = Budget(), numbers.get("cost", 0.0)
+    if numbers.get("effects", 0) >= most.most_effects:
+        return f"the model holds {most.most_effects} added effects, as many as the search may add"
+    if cost > most.dearer:
+        return (
+            f"simulations with what was added cost {plain(cost, 2)} times those of the start, and beyond "
+            f"{plain(most.dearer, 2)} times no further effect is sought"
+        )
+    if numbers.get("offers", 0) >= most.offers:
+        return f"the catalogue was tried beside {most.offers} sets, as many as the search may extend"
+    return "a limit of the search’s work was reached, so no further effect was sought"
+
+
 _REASONS: Mapping[str, Callable[[Record], str]] = {
     "accepted": _accepted,
     "training": _training,
@@ -233,7 +249,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     ),
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
     "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
-    "budget": lambda _: "the model holds as many effects as the search may add",
+    "budget": _budget,
 }
 
 

@@ -12,7 +12,7 @@ from discovery.report.sentences import OUTCOMES, decision_sentence
 from discovery.report.words import effect_name, effect_title, listed
 from discovery.selection.settings import LoopSettings
 
-__all__ = ["Search", "named", "searches", "steps"]
+__all__ = ["Search", "fate", "named", "searches", "steps"]
 
 #: Head of a step, and its outcome if accepted or not.
 _WORDS = {
@@ -100,6 +100,16 @@ def named(run: Run, effects: Sequence[str]) -> bool:
     return set(effects) <= {e["id"] for e in run.loop["effects"]}
 
 
+def fate(run: Run, effects: Sequence[str]) -> str:
+    """Return what became of effects that were added once, as the end of a clause; empty if they are in the model."""
+    if named(run, effects):
+        return ""
+    exchanged = {s["effects"][0]: s["effects"][1] for s in run.loop["steps"] if s["action"] == "exchange"}
+    if len(effects) == 1 and (new := exchanged.get(effects[0])) and named(run, [new]):
+        return f", later exchanged for {effect_name(new)}"
+    return ", later dropped"
+
+
 def steps(run: Run) -> list[dict[str, str]]:
     """Return the decisions of the search: head, outcome, what the effects are, and the reason."""
     found = []
@@ -112,7 +122,7 @@ def steps(run: Run) -> list[dict[str, str]]:
             {
                 "head": f"{head}: {what}" if what else head,
                 "outcome": yes if step["accepted"] else no,
-                "title": "; ".join(titles),
+                "title": "; ".join(t for t, name in zip(titles, effects, strict=False) if t != name),
                 "reason": decision_sentence(step),
             }
         )

@@ -66,13 +66,15 @@ class Table:
                 for i, v in enumerate(values)
             )
 
+        # A unit of one has no brackets.
+        header = [v if isinstance(v, Markup) else v.removesuffix(" []") for v in self.header]
         body = "".join(f"<tr>{cells('td', row)}</tr>" for row in self.rows)
         name, stacked = f"table-{self.name}", ' class="stacked"' if self.narrow else ""
         return Markup(
             f'<div class="caption"><p id="{name}">{escape(self.caption)}</p> {self._link()}</div>'
             f'<div class="scroll" tabindex="0" role="region" aria-labelledby="{name}">'
             f'<table{stacked} aria-labelledby="{name}">'
-            f"<thead><tr>{cells(_HEAD, self.header)}</tr></thead><tbody>{body}</tbody></table></div>"
+            f"<thead><tr>{cells(_HEAD, header)}</tr></thead><tbody>{body}</tbody></table></div>"
         )
 
     def _link(self) -> str:

@@ -191,13 +191,14 @@ def _errors_in_words(run: Run) -> tuple[str, str, str]:
     errors, scale = run.loop["errors"], error_scale(run)
     group = held_group(errors)
     before, after = (significant(errors[k][group]["rms"] * scale.factor) for k in ("before", "after"))
-    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}"
+    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}".rstrip()
     seen = {"holdout_inside": "on a recording that no fit saw", "holdout": "on data that no fit saw"}.get(
         group, "in training"
     )
     better = errors["after"][group]["rms"] < errors["before"][group]["rms"]
-    change = f"the rms error {seen} {'falls' if better else 'goes'} from {before} to {after} {scale.symbol}"
-    return f"{after} {scale.symbol} rms {seen}", floor, f"{change} (noise floor {floor})"
+    change = f"the rms error {seen} {'falls' if better else 'goes'} from {before} to {after} {scale.symbol}".rstrip()
+    left = f"{after} {scale.symbol}".rstrip()
+    return f"{left} rms {seen}", floor, f"{change} (noise floor {floor})"
 
 
 def _with_rivals(effect: Mapping[str, Any]) -> str:

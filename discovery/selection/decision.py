@@ -57,7 +57,7 @@ class Decision:
         "unknown" (a force of no law), "sampled" or "laplace" (how the parameters were integrated); why there is no fit,
         see `discovery.runs`.
     numbers : mapping of str to float
-        What the code is about, see `Candidacy`; "odds" is the smallest of the log odds.
+        What the code is about, see `Candidacy`, of "budget" `Neighbours.work`; "odds" is the smallest of the log odds.
     candidates : tuple of Candidacy
         What was compared, the most likely first.
     """

@@ -31,10 +31,13 @@ class Neighbours:
 
     def affords(self, node: Contender) -> bool:
         """Return whether the catalogue may be tried beside a set: not where that costs far more than at the start."""
-        budget = self.context.settings.budget
-        here, start = (c.refit.problem.bench for c in (node, self.root))
-        known = self.offers.has(node)
-        return known or (len(self.offers) < budget.offers and here.cost <= budget.dearer * start.cost)
+        budget, work = self.context.settings.budget, self.work(node)
+        return self.offers.has(node) or (work["offers"] < budget.offers and work["cost"] <= budget.dearer)
+
+    def work(self, node: Contender) -> dict[str, float]:
+        """Return the members of a set, the sets extended so far, and its simulations' cost in those of the start."""
+        here, start = (c.refit.problem.bench.cost for c in (node, self.root))
+        return {"effects": len(node.added), "offers": len(self.offers), "cost": here / start}
 
     def without(self, found: Contender, effect: str) -> Contender:
         """Return the best set without one of the members of another, refitted."""

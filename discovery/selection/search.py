@@ -90,7 +90,7 @@ class Search:
             if not self._forward():
                 return self._exhausted()
             self._backward(before)
-        self.decisions.append(Decision("stop", (), True, "budget"))
+        self.decisions.append(Decision("stop", (), True, "budget", self.neighbours.work(self.best)))
 
     def _exhausted(self) -> None:
         """End the search where nothing more is accepted."""
@@ -216,9 +216,8 @@ class Search:
         for contender in self._simplest_first(offered)[:_TRIED]:
             odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
-            accepted = code == "accepted"
-            self.decisions.append(Decision("add", new, accepted, code, _numbers(odds), told))
-            if accepted:
+            self.decisions.append(Decision("add", new, code == "accepted", code, _numbers(odds), told))
+            if code == "accepted":
                 self.best = contender
                 return True
         return False
@@ -238,9 +237,8 @@ class Search:
 
     def _judged(self, larger: Contender, smaller: Contender) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing."""
-        settings = self.context.settings
+        settings, judged = self.context.settings, self.context.judge.holds
         odds = odds_of(larger, smaller, self.root, settings)
-        judged = self.context.judge.holds
         code = odds.code(settings, -np.inf, judged=judged)
         # Chance removes no more than all that is left.
         if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
@@ -266,17 +264,16 @@ class Search:
 
     def _exchange(self, effect: str, smaller: Contender) -> None:
         """Let another effect take the place of a member where the evidence gains what an effect must gain."""
-        settings = self.context.settings
         if not self.neighbours.affords(smaller):
             return
         offered = _plain(self.offers.beside(smaller))
         for contender in offered[:1]:
             gain = contender.joint - self.best.joint
-            if frozenset(contender.added) == frozenset(self.best.added) or not gain > settings.nats:
+            if frozenset(contender.added) == frozenset(self.best.added) or not gain > self.context.settings.nats:
                 continue
-            told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
-            new = contender.added[-1]
-            self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
+            told = tuple(candidacy(c, smaller, self.root, self.context.settings) for c in offered[:_TOLD])
+            pair = effect, contender.added[-1]
+            self.decisions.append(Decision("exchange", pair, True, "accepted", {"odds": gain}, told))
             self.best = contender
 
 

@@ -51,7 +51,7 @@
     return [
       { ...look, font, labelFont: font, size: last ? 34 : 20, label: last ? "time [s]" : undefined, labelSize: 16,
         values: last ? undefined : (u, ticks) => ticks.map(() => "") },
-      { ...look, font, labelFont: font, label, size: 58, labelSize: 18, space: last ? 20 : 30 },
+      { ...look, font, labelFont: font, label, size: 58, labelSize: 18, space: last ? 16 : 30 },
     ];
   }
 
@@ -97,9 +97,11 @@
   function draw(present, values, left) {
     plots.forEach((p) => p.destroy());
     plots = [];
-    const tall = box.clientWidth < 480 ? 190 : 230;
-    const top = made(values, ["measured", ...present], `${channel.name} [${channel.unit}]`, tall, find("values"), false);
-    const low = made(left, present, `error [${channel.small}]`, 150, find("left"), true);
+    // Both plots are seen with the answer beside them.
+    const narrow = box.clientWidth < 480, [tall, less] = narrow ? [130, 95] : [190, 130];
+    const label = (what, unit) => unit ? `${narrow ? "" : `${what} `}[${unit}]` : what;
+    const top = made(values, ["measured", ...present], label(channel.name, channel.unit), tall, find("values"), false);
+    const low = made(left, present, label("error", channel.small), less, find("left"), true);
     plots = [top, low];
     box.dataset.from = whole[0];
     box.dataset.to = whole[1];

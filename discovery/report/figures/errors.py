@@ -8,7 +8,7 @@ from typing import Any
 
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, RED, Picture, new_figure, plain_log
+from discovery.report.style import BLUE, GREY, RED, Picture, label, new_figure, plain_log
 from discovery.report.words import error_groups
 
 __all__ = ["draw"]
@@ -39,7 +39,7 @@ def draw(run: Run) -> Picture | None:
     axes.set_yticks(range(len(groups)), [names[g].replace(", ", ",\n") for g in groups])
     axes.set_ylim(len(groups) - 0.5, -0.6)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"error, rms (bar: to the peak) [{scale.symbol}]")
+    axes.set_xlabel(label("error, rms (bar: to the peak)", scale.symbol))
     figure.legend(loc="outside upper left", ncols=2, fontsize=8, columnspacing=1.0)
     last = groups[-1] if "holdout_inside" not in groups else "holdout_inside"
     words = (

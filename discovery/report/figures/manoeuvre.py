@@ -10,17 +10,17 @@ import numpy as np
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
 from discovery.report.ambiguity import input_of
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREEN, ORANGE, Picture, new_figure
+from discovery.report.style import BLUE, GREEN, ORANGE, Picture, label, new_figure
 from discovery.report.words import effect_name, listed
 
 __all__ = ["draw"]
 
 
 def draw(run: Run) -> list[Picture] | None:
-    """Draw the course of the input in every designed manoeuvre, or what is predicted of a release."""
+    """Draw the course of the input in every manoeuvre that decides, or what is predicted of a release."""
     pictures = []
     for i, design in enumerate(run.loop.get("separation") or ()):
-        if design["moves"] or design["predicted"]:
+        if design["decides"] and (design["moves"] or design["predicted"]):
             pictures.append((_course if design["moves"] else _release)(i + 1, design))
     return pictures or None
 
@@ -34,7 +34,7 @@ def _course(number: int, design: Mapping[str, Any]) -> Picture:
     axes.plot(time, hub_drive(moves).evaluate(time)[0], color=BLUE, linewidth=1.3)
     name, unit = input_of(design)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel(f"{name} [{unit}]" if unit else name)
+    axes.set_ylabel(label(name, unit))
     rivals = listed(effect_name(e) for e in design["rivals"])
     return Picture(
         f"manoeuvre_{number}",
@@ -55,8 +55,8 @@ def _release(number: int, design: Mapping[str, Any]) -> Picture:
         if reading is not predicted[0]:
             below.plot(time, reading - predicted[0], color=colour, linewidth=1.1)
     above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(predicted), frameon=False)
-    above.set_ylabel(f"reading [{design['unit']}]")
-    below.set_ylabel(f"apart [{design['unit']}]")
+    above.set_ylabel(label("reading", design["unit"]))
+    below.set_ylabel(label("apart", design["unit"]))
     below.set_xlabel("time [s]")
     rivals = listed(effect_name(e) for e in design["rivals"])
     place = f"{design['release']:.3g} {design['unit']}"

@@ -7,7 +7,7 @@ import math
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
 from discovery.report.sentences import verdict_sentence
-from discovery.report.style import BLUE, GREY, RED, Picture, new_figure, plain_log
+from discovery.report.style import BLUE, GREY, RED, Picture, label, new_figure, plain_log
 
 __all__ = ["draw"]
 
@@ -33,15 +33,16 @@ def draw(run: Run) -> Picture:
         if value:
             axes.barh(row, value - low, 0.5, left=low, color=colour, zorder=3, hatch="" if key == "after" else "////",
                       edgecolor="white", linewidth=0.0)  # fmt: skip
-        words = "blows up" if value is None else f"{significant(value)} {scale.symbol}"
-        axes.annotate(words, (value or low, row), (5, 0), textcoords="offset points", va="center", fontsize=8.5)
+        words = "blows up" if value is None else f"{significant(value)} {scale.symbol}".strip()
+        axes.annotate(words, (value or low, row), (5, 0), textcoords="offset points", va="center", fontsize=8.5,
+                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0}, zorder=4)  # fmt: skip
     axes.axvspan(low, error["least"] * scale.factor, color="#E8E8E8", zorder=0, label="counts as none")
     axes.axvline(noise * scale.factor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise of a reading")
     axes.set_yticks(range(len(_ROWS)), [words for words, _ in _ROWS.values()])
     axes.set_ylim(len(_ROWS) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
     plain_log(axes.xaxis)
-    axes.set_xlabel(f"model error [{scale.symbol}]")
+    axes.set_xlabel(label("model error", scale.symbol))
     figure.legend(loc="outside upper left", ncols=2, columnspacing=1.0)
     why = verdict_sentence(run.loop)
     return Picture(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from discovery.report.figures.nats import bar, nats_axis
+from discovery.report.figures.nats import LOSS, bar, nats_axis
 from discovery.report.results import Run
-from discovery.report.story import Search, searches
+from discovery.report.story import Search, fate, named, searches
 from discovery.report.style import BLUE, RED, SKY, Picture, new_figure
 from discovery.report.words import effect_name, listed
 
@@ -28,10 +28,10 @@ _KINDS = {
 
 def draw(run: Run) -> list[Picture]:
     """Return the candidates of every search through the catalogue."""
-    return [_ranking(search, i) for i, search in enumerate(searches(run)[:_SEARCHES], 1)]
+    return [_ranking(run, search, i) for i, search in enumerate(searches(run)[:_SEARCHES], 1)]
 
 
-def _ranking(search: Search, position: int) -> Picture:
+def _ranking(run: Run, search: Search, position: int) -> Picture:
     shown = search.candidates[:_MOST]
     figure = new_figure(0.42 * len(shown) + 1.45)
     axes = figure.subplots()
@@ -39,6 +39,8 @@ def _ranking(search: Search, position: int) -> Picture:
     labels, seen = [], []
     for row, c in enumerate(shown):
         kind, outcome = search.kind(c["effects"]), search.outcome(c["effects"])
+        if search.taken and kind != "added" and fate(run, search.taken) and named(run, c["effects"]):
+            outcome = "in the final model"
         colour = _KINDS[kind][0]
         seen.append(kind)
         bar(axes, row - 0.18, c["train"], colour)
@@ -50,7 +52,8 @@ def _ranking(search: Search, position: int) -> Picture:
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("log evidence gained [nats]")
     _legend(figure, seen)
-    return _picture(search, position, figure, len(shown))
+    left = any((c[k] or 0.0) < LOSS for c in shown for k in ("train", "held"))
+    return _picture(search, position, figure, len(shown), end=fate(run, search.taken), beyond=left)
 
 
 def _legend(figure: Figure, seen: list[str]) -> None:
@@ -66,15 +69,16 @@ def _legend(figure: Figure, seen: list[str]) -> None:
     figure.legend(handles=handles, loc="outside upper left", ncols=3, columnspacing=1.0, handlelength=1.6)
 
 
-def _picture(search: Search, position: int, figure: Figure, count: int) -> Picture:
+def _picture(search: Search, position: int, figure: Figure, count: int, *, end: str, beyond: bool) -> Picture:
     beside = f" beside {listed(map(effect_name, search.beside))}" if search.beside else ""
-    taken = listed(map(effect_name, search.taken)) or "nothing"
+    taken = f"{listed(map(effect_name, search.taken))}{end}" if search.taken else "nothing"
+    who = f"the {count} most likely candidates gain" if count > 1 else "the only candidate gains"
+    arrows = " Arrows: losses beyond the axis." if beyond else ""
     best = listed(map(effect_name, search.candidates[0]["effects"]))
     return Picture(
         f"ranking_{position}",
         figure,
-        f"Search {position}{beside}: log evidence that the {count} most likely candidates gain, once everything is "
-        f"refitted. Arrows: losses beyond the axis. Added: {taken}.",
+        f"Search {position}{beside}: log evidence that {who}, once everything is refitted.{arrows} Added: {taken}.",
         f"Bars of the log evidence that each candidate gains, in training and held out; {best} is the most likely. "
         f"Added: {taken}.",
     )
