@@ -141,8 +141,8 @@ def test_a_speed_at_a_voltage_is_a_motor(name: str, tmp_path: Path) -> None:
     assert document["columns"]["input"]["name"] == "voltage_V"
     assert document["columns"]["output"]["name"] == name
     constants = document["system"]["constants"]
-    k, r = constants["torque_constant"]["value"], constants["resistance"]["value"]
-    inertia, loss = constants["inertia"]["guess"], constants["loss"]["guess"]
+    k, r = constants["torque_constant"]["guess"], constants["resistance"]["value"]
+    inertia, loss = constants["inertia"]["guess"], constants["loss"]["value"]
     # The guesses move as the recording does.
     assert k / r / inertia == pytest.approx(40.0, rel=0.05)
     assert (k**2 / r + loss) / inertia == pytest.approx(5.0, rel=0.05)
@@ -150,6 +150,48 @@ def test_a_speed_at_a_voltage_is_a_motor(name: str, tmp_path: Path) -> None:
     assert overview(load_dataset(tmp_path / "rig.toml"))["recordings"][0]["own_period"] is None
     with pytest.raises(InputError, match="is a speed, and drive reads none"):
         draft([path], tmp_path, kind="drive")
+
+
+def test_what_is_to_be_filled_in_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place, names = tmp_path / "rig.toml", ("torque_constant", "resistance", "loss")
+    said = call(capsys, "init", written(tmp_path, "a.csv", "time_s,voltage_V,speed_rad_s", TIME, HELD, turning()))
+    lines = place.read_text().splitlines()
+    for name in names:
+        number = next(number for number, line in enumerate(lines, 1) if line.startswith(name))
+        assert f"to fill in: {place}, line {number}, {name}: " in said.out
+    assert call(capsys, "check", place).out.count("to fill in: ") == len(names)
+    assert len(json.loads(call(capsys, "check", place, "--json").out)["rig"]["to_fill_in"]) == len(names)
+    place.write_text("\n".join(line.partition("   # FILL IN")[0] for line in lines))
+    assert "to fill in" not in call(capsys, "check", place).out
+
+
+def test_a_draft_without_a_data_sheet_names_the_right_effect(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A motor with a dead zone, most of whose draft nobody has touched: a known constant that is wrong adds others."""
+
+    def driven_by(name: str, seed: int) -> Path:
+        rng = np.random.default_rng(seed)
+        time = np.arange(1200) / 150.0
+        rates, phases, sizes = rng.uniform(0.6, 9.0, 7), rng.uniform(0.0, 6.0, 7), rng.uniform(0.8, 2.0, 7)
+        volts = sizes @ np.sin(np.multiply.outer(rates, time) + phases[:, None])
+
+        def law(t: float, speed: np.ndarray) -> float:
+            u = float(sizes @ np.sin(rates * t + phases))
+            passed = np.sign(u) * max(abs(u) - 0.55, 0.0)
+            return (0.042 * (passed - 0.042 * speed[0]) / 1.8 - 4e-5 * speed[0]) / 9e-5
+
+        speed = solve_ivp(law, (0.0, time[-1]), (0.0,), t_eval=time, rtol=1e-8, atol=1e-8, max_step=2e-3).y[0]
+        return written(
+            tmp_path, name, "time_s,voltage_V,speed_rad_s", time, volts, speed + rng.normal(0.0, 0.4, time.size)
+        )
+
+    assert call(capsys, "init", driven_by("a.csv", 7), "--holdout", driven_by("b.csv", 8)).status == 0
+    said = call(capsys, "loop", tmp_path / "rig.toml", "--out", tmp_path / "out", "--quiet", "--json")
+    assert said.status == 0, said.err
+    found = json.loads(said.out)
+    assert [effect["id"] for effect in found["effects"]] == ["input_dead_zone"]
+    assert "still says FILL IN (line " in found["doubts"][0]
 
 
 def test_other_speeds_are_read_by_a_body(tmp_path: Path) -> None:

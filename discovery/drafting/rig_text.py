@@ -118,7 +118,7 @@ def _arm(path: Path) -> Iterator[str]:
         reach = float(np.nanquantile(np.hypot(x, y), 0.99))
         yield f"length_m = {reach:.3f}                 # guessed: how far the tip was from the origin; measure it"
     else:
-        yield "length_m = 1.0                   # guessed, and no more than that: MEASURE IT"
+        yield "length_m = 1.0                   # FILL IN what you measure; guessed, and no more than that"
     yield "# Without these, nothing is predicted from first principles. A bare number has a usual uncertainty;"
     yield "# { value = 0.044, sd = 0.0002 } states it."
     yield "# tip_mass_kg = 0.044"
@@ -208,7 +208,7 @@ def _guessed(signal: Signal) -> str:
     """Say that a unit is a guess, and for one that nobody can know, what then holds."""
     if not signal.guessed:
         return ""
-    return "unit not stated: write it; " if signal.unit == "1" else "unit guessed; "
+    return "FILL IN the unit, which the name does not state; " if signal.unit == "1" else "unit guessed; "
 
 
 def _range(signal: Signal) -> str:
