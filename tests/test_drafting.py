@@ -76,6 +76,9 @@ def drafted(path: Path, **more: object) -> dict:
         ("position_V", "motion", "V"),
         ("lap_s", "time", "s"),
         ("speed_s", "other", "s"),
+        ("Winkel Grad", "motion", "deg"),
+        ("Winkel (Grad)", "motion", "deg"),
+        ("Spannung [V]", "cause", "V"),
         ("channel 3", "", None),
     ],
 )
@@ -96,6 +99,41 @@ def test_a_free_swing_in_other_units(tmp_path: Path) -> None:
     assert document["columns"]["output"] == {"name": "x_mm", "unit": "mm"}
     assert document["model"]["effects"] == list(KINDS["oscillator"].declared)
     assert document["records"]["train"] == [{"file": "a.csv"}]
+
+
+def test_a_unit_that_no_name_states_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "a.csv", "Time,Position", TIME, 48.0 * SWING)
+    said = call(capsys, "init", path)
+    assert "rig.toml, line 9, output: the unit, which the name does not state" in said.out
+    assert "to fill in: " in call(capsys, "check", tmp_path / "rig.toml").out
+    assert drafted(path, kind="pendulum")["columns"]["output"]["unit"] == "deg"
+    path = written(tmp_path, "b.csv", "Time,Position", TIME, SWING)
+    assert drafted(path, kind="pendulum")["columns"]["output"]["unit"] == "rad"
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"), [("abc,def", r"'t_s', row 7 \(line 8 of the file\): 'abc'"), ("0.06,inf", "row 7 .* infinite")]
+)
+def test_a_cell_that_is_no_number_is_named(cell: str, words: str, tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "t_s,x_mm", TIME, SWING)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:7], cell, *lines[7:]]))
+    with pytest.raises(InputError, match=words):
+        draft([path], tmp_path)
+    path.write_text("\n".join([f"{line},{'' if k == 7 else 'x' if k == 9 else k}" for k, line in enumerate(lines)]))
+    with pytest.raises(InputError, match="'x' is not a number"):
+        draft([path], tmp_path)
+    draft([path], tmp_path, chosen={"time": "t_s", "output": "x_mm"})
+
+
+def test_lines_above_a_table_are_told_from_its_rows(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Date: 3.4.2025\nOperator: me\n\nt [s], x [mm]\n0.0, 1.0\n0.1, 2.0\n")
+    with pytest.raises(InputError, match="delete the lines above the names, or begin each of them with #"):
+        draft([path], tmp_path)
+    path.write_text("t [s], x [mm]\n0.0, 1.0\n")
+    with pytest.raises(InputError, match=r"too few rows of readings \(1\)"):
+        draft([path], tmp_path)
 
 
 def test_a_reading_far_beside_rest_states_its_zero(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from discovery.declarations.units import si_factor, si_symbol, split_suffix
 from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.equations import equations
 from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm
-from discovery.drafting.signals import FloatArray, Signal, Signals, find_signals, open_table
+from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths
 from discovery.foundation.errors import InputError
 from discovery.recordings.reading_noise import estimate_noise
@@ -81,6 +81,8 @@ def draft(
         time = np.arange(found.output.values.size) / (rate or 1.0) if found.time is None else found.time.si
         guess = guess_kind(path, found, time) if kind is None else Guess(kind, "")
         _check(path, found, guess)
+        if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
+            found = replace(found, output=replace(found.output, unit=angle_unit(found.output.values)))
         lines = _system(path, found, guess, time, rate)
     return "\n".join([*lines, "", *_records(fitted, held, place)]) + "\n"
 
