@@ -486,7 +486,9 @@ def scattered(rms: float, **more: Any) -> SimpleNamespace:
 def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves_noise() -> None:
     def held(*noise: float, flags: tuple[Flag, ...] = ()) -> Any:
         recording = SimpleNamespace(name="r", noise=np.array(noise), noise_estimated=False, flags=flags)
-        return SimpleNamespace(train=(), holdout=(SimpleNamespace(recording=recording),))
+        return SimpleNamespace(
+            rig=SimpleNamespace(unfilled=()), train=(), holdout=(SimpleNamespace(recording=recording),)
+        )
 
     # Of two channels with a noise of 1 each, the distance of a reading is root two.
     assert doubts(scattered(1.49 * np.sqrt(2)), held(1.0, 1.0)) == []
@@ -510,7 +512,9 @@ def test_a_loop_doubts_columns_that_are_exchanged() -> None:
         {"tip_x": frame["tip_y_m"].to_numpy(), "tip_y": frame["tip_x_m"].to_numpy()},
     )
     recordings_ = tuple(SimpleNamespace(name=name, flags=(Flag("rate_unknown"), *notes)) for name in ("a", "b"))
-    (doubt,) = doubts(scattered(0.0, recordings=recordings_), SimpleNamespace(train=(), holdout=()))
+    (doubt,) = doubts(
+        scattered(0.0, recordings=recordings_), SimpleNamespace(rig=SimpleNamespace(unfilled=()), train=(), holdout=())
+    )
     assert doubt == f"a: {notes[0]} So in b."
 
 

@@ -366,6 +366,23 @@ def test_init_writes_once_and_says_what_it_understood(tmp_path: Path, capsys: py
     assert (tmp_path / "rig.toml").read_text() == before
 
 
+def test_a_hold_out_that_takes_no_part_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = ARM.parent / "spring_bench"
+    train = ("check", folder / "rig.toml", "--train", folder / "train_high.csv")
+    assert f"--train alone leaves out holdout of {folder / 'rig.toml'}." in call(capsys, *train).err
+    assert "leaves out" not in call(capsys, *train, "--holdout", folder / "holdout.csv").err
+    assert "leaves out" not in call(capsys, "check", folder / "rig.toml").err
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder that nobody can write to, root included")
+def test_a_draft_that_cannot_be_written_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "a.csv", "t_s,x_mm", TIME, SWING)
+    said = call(capsys, "init", path, "--out", "/proc/rig.toml")
+    assert said.status == 2
+    assert "Nothing can be written to /proc" in said.err
+    assert call(capsys, "init", path, "--out", tmp_path / "new" / "rig.toml").status == 0
+
+
 def test_check_shows_noise_excitation_and_flags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stuck = driven(30.0)
     stuck[700:760] = stuck[700]

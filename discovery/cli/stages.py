@@ -8,17 +8,9 @@ from pathlib import Path
 
 import click
 
+from discovery.cli.folders import held, results_folder
 from discovery.cli.loop_page import has_parts, rebuild_page
-from discovery.cli.options import (
-    PATH,
-    held,
-    load,
-    options,
-    print_files,
-    print_json,
-    progress,
-    results_folder,
-)
+from discovery.cli.options import PATH, load, options, print_files, print_json, progress
 from discovery.foundation.estimate_text import estimate_text
 
 __all__ = ["COMMANDS", "NOISES"]
