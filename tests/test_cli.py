@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import synthetic_run
+import xarray as xr
 from discovery_datasets import instrument, recordings, registry
 from discovery_datasets.disturbances import DISTURBANCES
 
@@ -486,7 +487,9 @@ def scattered(rms: float, **more: Any) -> SimpleNamespace:
 def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves_noise() -> None:
     def held(*noise: float, flags: tuple[Flag, ...] = ()) -> Any:
         recording = SimpleNamespace(name="r", noise=np.array(noise), noise_estimated=False, flags=flags)
-        return SimpleNamespace(train=(), holdout=(SimpleNamespace(recording=recording),))
+        return SimpleNamespace(
+            rig=SimpleNamespace(unfilled=()), train=(), holdout=(SimpleNamespace(recording=recording),)
+        )
 
     # Of two channels with a noise of 1 each, the distance of a reading is root two.
     assert doubts(scattered(1.49 * np.sqrt(2)), held(1.0, 1.0)) == []
@@ -510,7 +513,9 @@ def test_a_loop_doubts_columns_that_are_exchanged() -> None:
         {"tip_x": frame["tip_y_m"].to_numpy(), "tip_y": frame["tip_x_m"].to_numpy()},
     )
     recordings_ = tuple(SimpleNamespace(name=name, flags=(Flag("rate_unknown"), *notes)) for name in ("a", "b"))
-    (doubt,) = doubts(scattered(0.0, recordings=recordings_), SimpleNamespace(train=(), holdout=()))
+    (doubt,) = doubts(
+        scattered(0.0, recordings=recordings_), SimpleNamespace(rig=SimpleNamespace(unfilled=()), train=(), holdout=())
+    )
     assert doubt == f"a: {notes[0]} So in b."
 
 
@@ -697,6 +702,9 @@ def test_single_stages(
     assert keys <= set(content)
     assert content["provenance"]["seed"] == 3
     assert content["provenance"]["data"][0]["name"] == "train"
+    if command == "fit":
+        said = call(capsys, command, case.rig, "--train", case.train, "--out", tmp_path, "--quiet", "--json")
+        assert json.loads(said.out)["files"] == [str(tmp_path / file)]
 
 
 def test_posterior(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -706,7 +714,15 @@ def test_posterior(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert said.status == 0, said.err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["posterior.json", "posterior.nc"]
     assert [line.partition(":")[0] for line in said.out.splitlines()][:4] == ["xi", "alpha", "beta", "gamma"]
-    assert len(Posterior.from_netcdf(tmp_path / "posterior.nc").flat()["alpha"]) >= 4000
+    found = Posterior.from_netcdf(tmp_path / "posterior.nc")
+    assert len(found.flat()["alpha"]) >= 4000
+    # The warning is said under --quiet too, and what belongs to a recording is told apart.
+    assert (found.status in said.err) == found.warns
+    assert found.warns or found.status in said.out
+    physics, _, states = said.out.partition("initial states:\n")
+    assert "_init" not in physics
+    assert all("_init[train]: " in line for line in states.splitlines() if line.startswith("  "))
+    assert {"observed_data", "posterior_predictive"} <= set(xr.open_datatree(tmp_path / "posterior.nc").children)
 
 
 @pytest.mark.slow

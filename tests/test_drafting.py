@@ -76,6 +76,9 @@ def drafted(path: Path, **more: object) -> dict:
         ("position_V", "motion", "V"),
         ("lap_s", "time", "s"),
         ("speed_s", "other", "s"),
+        ("Winkel Grad", "motion", "deg"),
+        ("Winkel (Grad)", "motion", "deg"),
+        ("Spannung [V]", "cause", "V"),
         ("channel 3", "", None),
     ],
 )
@@ -114,6 +117,41 @@ def test_a_free_swing_in_other_units(tmp_path: Path) -> None:
     assert document["columns"]["output"] == {"name": "x_mm", "unit": "mm"}
     assert document["model"]["effects"] == list(KINDS["oscillator"].declared)
     assert document["records"]["train"] == [{"file": "a.csv"}]
+
+
+def test_a_unit_that_no_name_states_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "a.csv", "Time,Position", TIME, 48.0 * SWING)
+    said = call(capsys, "init", path)
+    assert "rig.toml, line 9, output: the unit, which the name does not state" in said.out
+    assert "to fill in: " in call(capsys, "check", tmp_path / "rig.toml").out
+    assert drafted(path, kind="pendulum")["columns"]["output"]["unit"] == "deg"
+    path = written(tmp_path, "b.csv", "Time,Position", TIME, SWING)
+    assert drafted(path, kind="pendulum")["columns"]["output"]["unit"] == "rad"
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"), [("abc,def", r"'t_s', row 7 \(line 8 of the file\): 'abc'"), ("0.06,inf", "row 7 .* infinite")]
+)
+def test_a_cell_that_is_no_number_is_named(cell: str, words: str, tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "t_s,x_mm", TIME, SWING)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:7], cell, *lines[7:]]))
+    with pytest.raises(InputError, match=words):
+        draft([path], tmp_path)
+    path.write_text("\n".join([f"{line},{'' if k == 7 else 'x' if k == 9 else k}" for k, line in enumerate(lines)]))
+    with pytest.raises(InputError, match="'x' is not a number"):
+        draft([path], tmp_path)
+    draft([path], tmp_path, chosen={"time": "t_s", "output": "x_mm"})
+
+
+def test_lines_above_a_table_are_told_from_its_rows(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Date: 3.4.2025\nOperator: me\n\nt [s], x [mm]\n0.0, 1.0\n0.1, 2.0\n")
+    with pytest.raises(InputError, match="delete the lines above the names, or begin each of them with #"):
+        draft([path], tmp_path)
+    path.write_text("t [s], x [mm]\n0.0, 1.0\n")
+    with pytest.raises(InputError, match=r"too few rows of readings \(1\)"):
+        draft([path], tmp_path)
 
 
 def test_a_reading_far_beside_rest_states_its_zero(tmp_path: Path) -> None:
@@ -159,8 +197,8 @@ def test_a_speed_at_a_voltage_is_a_motor(name: str, tmp_path: Path) -> None:
     assert document["columns"]["input"]["name"] == "voltage_V"
     assert document["columns"]["output"]["name"] == name
     constants = document["system"]["constants"]
-    k, r = constants["torque_constant"]["value"], constants["resistance"]["value"]
-    inertia, loss = constants["inertia"]["guess"], constants["loss"]["guess"]
+    k, r = constants["torque_constant"]["guess"], constants["resistance"]["value"]
+    inertia, loss = constants["inertia"]["guess"], constants["loss"]["value"]
     # The guesses move as the recording does.
     assert k / r / inertia == pytest.approx(40.0, rel=0.05)
     assert (k**2 / r + loss) / inertia == pytest.approx(5.0, rel=0.05)
@@ -168,6 +206,48 @@ def test_a_speed_at_a_voltage_is_a_motor(name: str, tmp_path: Path) -> None:
     assert overview(load_dataset(tmp_path / "rig.toml"))["recordings"][0]["own_period"] is None
     with pytest.raises(InputError, match="is a speed, and drive reads none"):
         draft([path], tmp_path, kind="drive")
+
+
+def test_what_is_to_be_filled_in_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place, names = tmp_path / "rig.toml", ("torque_constant", "resistance", "loss")
+    said = call(capsys, "init", written(tmp_path, "a.csv", "time_s,voltage_V,speed_rad_s", TIME, HELD, turning()))
+    lines = place.read_text().splitlines()
+    for name in names:
+        number = next(number for number, line in enumerate(lines, 1) if line.startswith(name))
+        assert f"to fill in: {place}, line {number}, {name}: " in said.out
+    assert call(capsys, "check", place).out.count("to fill in: ") == len(names)
+    assert len(json.loads(call(capsys, "check", place, "--json").out)["rig"]["to_fill_in"]) == len(names)
+    place.write_text("\n".join(line.partition("   # FILL IN")[0] for line in lines))
+    assert "to fill in" not in call(capsys, "check", place).out
+
+
+def test_a_draft_without_a_data_sheet_names_the_right_effect(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A motor with a dead zone, most of whose draft nobody has touched: a known constant that is wrong adds others."""
+
+    def driven_by(name: str, seed: int) -> Path:
+        rng = np.random.default_rng(seed)
+        time = np.arange(1200) / 150.0
+        rates, phases, sizes = rng.uniform(0.6, 9.0, 7), rng.uniform(0.0, 6.0, 7), rng.uniform(0.8, 2.0, 7)
+        volts = sizes @ np.sin(np.multiply.outer(rates, time) + phases[:, None])
+
+        def law(t: float, speed: np.ndarray) -> float:
+            u = float(sizes @ np.sin(rates * t + phases))
+            passed = np.sign(u) * max(abs(u) - 0.55, 0.0)
+            return (0.042 * (passed - 0.042 * speed[0]) / 1.8 - 4e-5 * speed[0]) / 9e-5
+
+        speed = solve_ivp(law, (0.0, time[-1]), (0.0,), t_eval=time, rtol=1e-8, atol=1e-8, max_step=2e-3).y[0]
+        return written(
+            tmp_path, name, "time_s,voltage_V,speed_rad_s", time, volts, speed + rng.normal(0.0, 0.4, time.size)
+        )
+
+    assert call(capsys, "init", driven_by("a.csv", 7), "--holdout", driven_by("b.csv", 8)).status == 0
+    said = call(capsys, "loop", tmp_path / "rig.toml", "--out", tmp_path / "out", "--quiet", "--json")
+    assert said.status == 0, said.err
+    found = json.loads(said.out)
+    assert [effect["id"] for effect in found["effects"]] == ["input_dead_zone"]
+    assert "still says FILL IN (line " in found["doubts"][0]
 
 
 def test_other_speeds_are_read_by_a_body(tmp_path: Path) -> None:
@@ -302,6 +382,23 @@ def test_init_writes_once_and_says_what_it_understood(tmp_path: Path, capsys: py
     assert said.status == 2
     assert "is there already" in said.err
     assert (tmp_path / "rig.toml").read_text() == before
+
+
+def test_a_hold_out_that_takes_no_part_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = ARM.parent / "spring_bench"
+    train = ("check", folder / "rig.toml", "--train", folder / "train_high.csv")
+    assert f"--train alone leaves out holdout of {folder / 'rig.toml'}." in call(capsys, *train).err
+    assert "leaves out" not in call(capsys, *train, "--holdout", folder / "holdout.csv").err
+    assert "leaves out" not in call(capsys, "check", folder / "rig.toml").err
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder that nobody can write to, root included")
+def test_a_draft_that_cannot_be_written_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "a.csv", "t_s,x_mm", TIME, SWING)
+    said = call(capsys, "init", path, "--out", "/proc/rig.toml")
+    assert said.status == 2
+    assert "Nothing can be written to /proc" in said.err
+    assert call(capsys, "init", path, "--out", tmp_path / "new" / "rig.toml").status == 0
 
 
 def test_check_shows_noise_excitation_and_flags(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

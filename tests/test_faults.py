@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from test_cli import Said, call
 
 from discovery.cli import stages
-from discovery.cli.options import held
+from discovery.cli.folders import held
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.io import atomic_write
 from discovery.foundation.locks import folder_lock

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 
 import numpy as np
 import pytest
@@ -74,6 +75,34 @@ def test_units_and_deviations_of_quantities(write):
     assert rig.position_noise == pytest.approx(3e-4)
     assert rig.angle_noise == pytest.approx(6.98e-5, rel=1e-3)
     assert rig.flexural_rigidity is None
+
+
+SPRING = """name = "a"
+kind = "oscillator"
+[columns]
+time = { name = "t", unit = "s" }
+output = { name = "x", unit = "mm" }
+[records]
+train = [{ file = "a.csv" }]
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"mm"', '"mm", noise = -0.05', "'columns.output.noise' is -0.05, but it must be greater than 0. Correct the"),
+        ('"mm"', '"mm", scale = 0', "'columns.output.scale' is 0, but it must not be zero."),
+        ('"mm"', '"mm", noise = -1, zero = "1"', "is -1, but it must be greater than 0. Correct the value. (1 more"),
+        ('{ file = "a.csv" }', '"a.csv"', "'a.csv', but each recording must be a table, { file = \"a.csv\" }."),
+        ('[{ file = "a.csv" }]', '"a.csv"', "'a.csv', but it must be a list, [ ... ]."),
+        ('"a.csv" }', '"a.csv", samples = [1] }', "is [1], but it must have at least 2 entries."),
+        ('{ name = "t", unit = "s" }', "3", "'columns.time' is 3, but it must be a table, { key = value }."),
+        ('"oscillator"', '"oscillator"\nmass_kg = { value = -1 }', "'mass_kg.value' is -1, but it must be greater"),
+    ],
+)
+def test_a_value_that_cannot_be_is_explained_in_words_of_the_file(write, old, new, words):
+    with pytest.raises(InputError, match=re.escape(words)):
+        read_rig(write(SPRING.replace(old, new)))
 
 
 LIMITS = (
@@ -231,7 +260,7 @@ def test_records_of_a_registered_set_are_not_those_of_another(records):
             "line 4: the key 'gravity_m_s2' belongs to pendulum or",
         ),
         ("7e-5", "7e-5\n[model]\neffects = ['falling_body']", "line 10, key 'model.effects': There is no effect"),
-        ("length_m = 1.0", "length_m = true", "line 3.*valid number"),
+        ("length_m = 1.0", "length_m = true", "line 3.*must be a number"),
         ("length_m = 1.0", "length_kg = 1.0", "line 3: key 'length_kg'.*cannot be converted to 'm'"),
         ("length_m = 1.0", "length_m = 1.0\nlength_mm = 1000", "line 4.*second time"),
         ("length_m = 1.0", "length_m = { value = 1.0, std = 0.1 }", r"line 3.*'length_m.std'.*Did you mean 'sd'\?"),

@@ -141,6 +141,23 @@ def test_the_mean_that_creeps():
     assert drift(T[:3000], noisy(np.cos(6.0 * T) + T)[:3000]) == 0.0
 
 
+@pytest.mark.parametrize("drifts", [0.0, 0.2])
+def test_the_slow_part_of_a_driven_motion_does_not_creep(drifts):
+    found = []
+    time = np.arange(3000) / 250.0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        rates, phases, sizes = rng.uniform(2.5, 31.0, 10), rng.uniform(0.0, 6.3, 10), rng.uniform(0.3, 1.0, 10)
+        own = rng.uniform(9.0, 31.0)
+        waves = np.exp(1j * (np.multiply.outer(time, rates) + phases))
+        motion = (waves @ (sizes / (own**2 - rates**2 + 0.1j * own * rates))).real
+        motion *= 1.0 / motion.std()
+        found.append(drift(time, noisy(motion) + drifts * time / time[-1], (waves @ sizes).real))
+    # A swing that is slow for the length of the record has no mean that could be told from it.
+    assert found.count(0.0) == 20 if drifts == 0.0 else found.count(0.0) <= 3
+    assert np.median(found) == pytest.approx(drifts, rel=0.05)
+
+
 @pytest.mark.parametrize("step", [0.08789062590975255, 1.0, 2 * np.pi / 40000])
 def test_the_quantum_is_found_through_conversions(step):
     values = np.round(300 * step * DECAY / step) * step

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.cli.options import KINDS, PATH, note, options, print_json
+from discovery.cli.folders import writable
+from discovery.cli.options import KINDS, PATH, note, options, print_json, tell_unused
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,6 +51,7 @@ def init(
     if os.path.exists(place):
         raise InputError(f"{place} is there already. Change it, or name another file with --out.")
     chosen = {"time": time, "input": given, "output": output}
+    writable(place.parent)
     text = draft(recordings, place.parent, holdout=holdout, kind=kind, rate=rate, chosen=chosen)
     with atomic_write(place) as beside:
         beside.write_text(text, encoding="utf-8")
@@ -87,6 +89,7 @@ def check(
     if plot is not None and plot.suffix.lower() not in _PICTURES:
         raise click.UsageError(f"--plot {plot}: a picture is one of {', '.join(_PICTURES)}.")
     dataset = load_dataset(rig, train, holdout, estimate_noise=estimate_noise)
+    tell_unused(dataset.rig, train, holdout)
     content: Mapping[str, Any] = overview(dataset)
     if plot is not None:
         _draw(dataset, plot)

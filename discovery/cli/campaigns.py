@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from discovery.cli.campaign_cases import Case, beside, found_cases, listed, origins, rig_files
+from discovery.cli.folders import results_folder
 from discovery.cli.loop_page import write_page
-from discovery.cli.options import PATH, note, options, print_json, progress, results_folder
+from discovery.cli.options import PATH, note, options, print_json, progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -27,10 +27,22 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     # A model error is said, and a stated noise that is too small says the same.
     known = not result.complete or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
     return [
+        *_unfilled(dataset),
         *misread(flags),
         *misstated(flags),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
         *([] if known else _scattered(result, held)),
+    ]
+
+
+def _unfilled(dataset: Dataset) -> list[str]:
+    """Tell that numbers of a draft may still be guesses."""
+    rig = dataset.rig
+    if not rig.unfilled:
+        return []
+    return [
+        f"the rig file {rig.path} still says FILL IN ({'; '.join(rig.unfilled)}). Sizes and units in the answer count "
+        "on what stands there: write what you know, and remove the mark where it is right"
     ]
 
 

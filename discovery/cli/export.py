@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from discovery.cli.options import PATH, note, options, print_files, results_folder
+from discovery.cli.folders import results_folder
+from discovery.cli.options import PATH, note, options, print_files
 
 __all__ = ["COMMANDS"]
 

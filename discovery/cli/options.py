@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import time
@@ -17,13 +16,13 @@ from discovery.foundation.progress import Progress, Tell, silent
 
 if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
+    from discovery.rigs.rig import Rig
 
 __all__ = [
     "KINDS",
     "PATH",
     "SEED",
     "Seconds",
-    "held",
     "load",
     "note",
     "once",
@@ -31,7 +30,7 @@ __all__ = [
     "print_files",
     "print_json",
     "progress",
-    "results_folder",
+    "tell_unused",
 ]
 
 
@@ -73,9 +72,17 @@ _COMPILING = "compiling a simulator, up to a minute: each only once, then it is 
 def options(*names: str) -> Callable[[Any], Any]:
     """Return a decorator with the options that several commands share."""
     known = {
-        "train": click.option("--train", multiple=True, type=PATH, help="Recording to fit; repeat for several."),
+        "train": click.option(
+            "--train",
+            multiple=True,
+            type=PATH,
+            help="Recording to fit, in the place of all that the rig file names; repeat for several.",
+        ),
         "holdout": click.option(
-            "--holdout", multiple=True, type=PATH, help="Recording that is never fitted; repeat for several."
+            "--holdout",
+            multiple=True,
+            type=PATH,
+            help="Recording that is never fitted; repeat for several. --train alone leaves out the rig file's too.",
         ),
         "out": click.option("--out", required=True, type=PATH, help="Folder for the results."),
         "seed": click.option("--seed", default=1, show_default=True, type=SEED, help="Seed of everything random."),
@@ -198,74 +205,16 @@ def load(
     dataset = choose_interpolation(
         load_dataset(rig, train, holdout, keep_third=keep_third, estimate_noise=estimate_noise)
     )
+    if not quiet:
+        tell_unused(dataset.rig, train, holdout)
     for _, experiment in () if quiet else dataset.everything:
         for told in experiment.recording.notes:
             note(f"{experiment.recording.source}: {told}")
     return dataset
 
 
-def results_folder(out: Path, *files: str) -> Path:
-    """Return the folder of ``--out``, made if need be; refuse one in which nothing can be written.
-
-    No other command writes to it until this one ends. What is made, and is still empty then, is removed.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    *files : str
-        Names of the files that will be written to it.
-    """
-    from tempfile import TemporaryFile
-
-    from discovery.foundation.errors import InputError
-    from discovery.foundation.io import reason, shown
-
-    if os.path.exists(out) and not out.is_dir():
-        raise InputError(f"{out} is a file; give a folder with --out.")
-    for name in files:
-        if os.path.isdir(out / name):
-            raise InputError(f"{out / name} is a folder; move it away, or give another folder with --out.")
-    made = [folder for folder in (out, *out.parents) if not os.path.exists(folder)]
-
-    @click.get_current_context().call_on_close
-    def _() -> None:
-        with suppress(OSError):
-            for folder in made:
-                folder.rmdir()
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise InputError(
-            f"Nothing can be written to {shown(out)}: {reason(error)}. Give another folder with --out."
-        ) from None
-    return held(out)
-
-
-def held(folder: Path) -> Path:
-    """Return a folder that no other command writes to until this one ends; refuse one to which another does.
-
-    What commands that were ended from outside left in it is removed, and so is what this one leaves where it is
-    interrupted between making a folder and knowing that it has.
-    """
-    from discovery.foundation.errors import InputError
-    from discovery.foundation.locks import folder_lock
-    from discovery.results.manifest import remove_unfinished
-
-    context = click.get_current_context()
-    if not context.with_resource(folder_lock(folder)):
-        raise InputError(
-            f"Another discovery command is writing to {folder}. Wait until it has ended, or give this one another "
-            "folder."
-        )
-    remove_unfinished(folder)
-
-    @context.call_on_close
-    def _() -> None:
-        with suppress(OSError):
-            remove_unfinished(folder)
-
-    return folder
+def tell_unused(rig: Rig, train: tuple[Path, ...], holdout: tuple[Path, ...]) -> None:
+    """Say that the rig file's hold-out takes no part where a command names what to fit, and nothing else."""
+    unused = [name for name in ("holdout", "test") if rig.records.get(name)] if train and not holdout else []
+    if "holdout" in unused:
+        note(f"--train alone leaves out {' and '.join(unused)} of {rig.path}. Name a hold-out with --holdout.")

@@ -5,21 +5,17 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from discovery.cli.folders import held, results_folder
 from discovery.cli.loop_page import has_parts, rebuild_page
-from discovery.cli.options import (
-    PATH,
-    held,
-    load,
-    options,
-    print_files,
-    print_json,
-    progress,
-    results_folder,
-)
+from discovery.cli.options import PATH, load, note, options, print_files, print_json, progress
 from discovery.foundation.estimate_text import estimate_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 __all__ = ["COMMANDS", "NOISES"]
 
@@ -42,7 +38,7 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
     summary = found.summary()
     write_json(folder / "discovery.json", {"provenance": provenance(dataset, seed=seed), **summary})
     if as_json:
-        print_json(summary)
+        print_json({**summary, "files": [folder / "discovery.json"]})
         return
     click.echo(summary["discovery"]["status"])
     if summary["radius"]:
@@ -63,7 +59,7 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> N
         fits = stages.estimate(dataset, progress=tell)
     write_json(folder / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
     if as_json:
-        print_json(fits.summary())
+        print_json({**fits.summary(), "files": [folder / "fit.json"]})
         return
     for label, found in fits.models.items():
         values = ", ".join(
@@ -97,7 +93,8 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool
         choice = stages.weighed(fitted, seed=seed, progress=tell) if noise == "auto" else None
         chosen = noise if choice is None else choice.noise
         found = stages.sampled(fitted, seed=seed, progress=tell, backend=checkpoint, noise=chosen)
-    found.to_netcdf(folder / "posterior.nc")
+        tell("simulating what some of the draws would read again")
+        found.to_netcdf(folder / "posterior.nc", dataset)
     rows = found.summary()
     summary = {
         "rows": rows,
@@ -106,13 +103,26 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool
     }
     write_json(folder / "posterior.json", {"provenance": provenance(dataset, seed=seed), **summary})
     checkpoint.unlink(missing_ok=True)
+    if found.warns:  # whatever is silenced: the intervals are not what they seem
+        note(found.status)
     if as_json:
-        print_json(summary)
+        print_json({**summary, "files": [folder / "posterior.json", folder / "posterior.nc"]})
         return
     if choice is not None:
         click.echo(f"noise: {chosen}, by its evidence{'' if choice.chosen.reliable else ', which cannot be trusted'}")
-    for row in rows:
-        click.echo(f"{row['name']}: {estimate_text(row['mean'], row['sd'], row['unit'])}")
+    _say_rows(rows)
+    if not found.warns:
+        click.echo(found.status)
+
+
+def _say_rows(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print the rows of a posterior, what belongs to a recording after what belongs to the system."""
+    of_recordings = [row for row in rows if row["name"].partition("[")[0].endswith("_init")]
+    for row in (*(row for row in rows if row not in of_recordings), *of_recordings):
+        if of_recordings and row is of_recordings[0]:
+            click.echo("initial states:")
+        indent = "  " if row in of_recordings else ""
+        click.echo(f"{indent}{row['name']}: {estimate_text(row['mean'], row['sd'], row['unit'])}")
 
 
 @click.command()
@@ -149,7 +159,7 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool, as_json
             {"provenance": provenance(dataset, seed=seed), **found},
         )
     if as_json:
-        print_json(found)
+        print_json({**found, "files": [] if out is None else [out / "elastica.json"]})
         return
     for row in found["prediction"]:
         value = estimate_text(row["mean"], row["sd"], row["unit"])
@@ -173,7 +183,7 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
     report = examine(dataset.train, fits.predictions["declared"], 2 * math.pi * natural_units(dataset.train).time)
     write_json(folder / "residual.json", {"provenance": provenance(dataset, seed=seed), **report.summary()})
     if as_json:
-        print_json(report.summary())
+        print_json({**report.summary(), "files": [folder / "residual.json"]})
         return
     click.echo(
         f"rms {report.rms:.3g} noise sds, systematic part {report.systematic:.3g}, "

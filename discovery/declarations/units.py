@@ -176,9 +176,10 @@ def si_factor(unit: str, expected: str | None = None) -> float:
         return 1.0
     factor, base = _base(unit)
     if expected is not None and base != _base(expected)[1]:
+        like = "'rad', or 'deg' where the numbers are larger than a turn, 6.3" if expected == "rad" else repr(expected)
         raise InputError(
             f"The unit {unit!r} cannot be converted to {expected!r}: it measures another kind of quantity. "
-            f"Write a unit like {expected!r}."
+            f"Write a unit like {like}."
         )
     return factor
 

@@ -60,17 +60,19 @@ def _motor(found: Signals, time: FloatArray) -> Iterator[str]:
     assert found.input is not None
     d, b = rates_of(time, found.output.si, found.input.si, speed=True)
     lag, gain = (1.0 / d, b / d) if d > 0.0 and b != 0.0 else (0.1, 10.0)
-    constant = 0.9 / gain  # nine tenths of the voltage drive against the motor's own, the rest against its losses
+    constant = 1.0 / gain
     yield "[system]"
     yield 'like = "dc_motor"   # a voltage turns it, its speed is read; docs/YOUR_SYSTEM.md'
     yield ""
     yield "[system.constants]"
-    yield "# FILL IN from the data sheet; the recording tells no more than ratios, and these values are guesses"
-    yield f'torque_constant = {{ value = {constant:.3g}, unit = "N m / A" }}'
-    yield 'resistance = { value = 1.0, unit = "ohm" }'
-    yield "# fitted from these guesses"
-    yield f'inertia = {{ guess = {lag * constant**2 / 0.9:.3g}, unit = "kg m^2" }}'
-    yield f'loss = {{ guess = {constant**2 / 9.0:.3g}, unit = "N m s" }}'
+    # A torque constant that is wrong but known would need negative losses, and effects would stand in for them.
+    yield "# The recording tells no more than ratios. Without a data sheet, leave the lines, remove the marks:"
+    yield "# what is missing is found, but inertia and torques count as at 1 ohm, and linear losses as torque constant."
+    yield f'torque_constant = {{ guess = {constant:.3g}, unit = "N m / A" }}   # FILL IN value = that of the data sheet'
+    yield 'resistance = { value = 1.0, unit = "ohm" }   # FILL IN value = that of the data sheet'
+    yield f'inertia = {{ guess = {lag * constant**2:.3g}, unit = "kg m^2" }}'
+    then = f"guess = {constant**2 / 10.0:.2g} beside a torque constant of the data sheet"
+    yield f'loss = {{ value = 0.0, unit = "N m s" }}   # FILL IN {then}'
 
 
 def _body(found: Signals, time: FloatArray, output: str) -> Iterator[str]:
@@ -113,7 +115,7 @@ def _constants(
     known = (
         f'guess = {inertia:.3g}, unit = "{body.mass}" }}'
         if force
-        else f'value = 1.0, unit = "{body.mass}" }}   # FILL IN'
+        else f'value = 1.0, unit = "{body.mass}" }}   # FILL IN what is known; only ratios to it are fitted'
     )
     yield f"{body.inertia} = {{ {known}"
     mark = "# " if period == 0.0 else ""

@@ -13,6 +13,7 @@ __all__ = ["Meaning", "meaning_of"]
 #: Words for which unit libraries have no name, or another meaning.
 _SPELLED = {
     "°": "deg",
+    "Grad": "deg",
     "degrees": "deg",
     "degree": "deg",
     "radians": "rad",
@@ -43,13 +44,13 @@ _RATE = re.compile(r"(?P<of>[^\W\d_]+)_(?:per_)?(?P<per>s|sec|seconds?|min|h)(?:
 _BRACKETS = re.compile(r"(?P<stem>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|/\s*(?P<slash>\S+))\s*$")
 _TIMES = {"t", "time", "times", "timestamp", "zeit", "temps", "elapsed", "seconds", "clock"}
 _CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "current", "i", "input", "command", "cmd"}
-_CAUSES |= {"excitation", "drive", "pwm", "thrust", "load"}
+_CAUSES |= {"excitation", "drive", "pwm", "thrust", "load", "kraft", "spannung", "strom"}
 _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support"}
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
 _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "position", "pos", "output", "y", "x", "z"}
-_MOTIONS |= {"q", "disp", "travel", "distance", "encoder", "tip", "swing", "rotation"}
+_MOTIONS |= {"q", "disp", "travel", "distance", "encoder", "tip", "swing", "rotation", "winkel", "weg"}
 _ACCELERATIONS = {"acceleration", "acc", "accel"}
-_SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm"}
+_SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "drehzahl"}
 _OTHERS = {"temperature", "error"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
 _WORDS = (

@@ -38,9 +38,10 @@ def overview(dataset: Dataset) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``rig`` (name, kind, declared model) and ``recordings``, each with role, number of readings, duration [s], rate
-        [Hz], missing readings, ``channels`` (unit, range, noise and where it is from, motion over noise), ``input``
-        (unit, range, band [Hz], period [s]; null without one), own period [s] and ``flags``.
+        ``rig`` (name, kind, declared model, file, what it marks to be filled in) and ``recordings``, each with role,
+        number of readings, duration [s], rate [Hz], missing readings, ``channels`` (unit, range, noise and where it is
+        from, motion over noise), ``input`` (unit, range, band [Hz], period [s]; null without one), own period [s] and
+        ``flags``.
 
     Raises
     ------
@@ -64,6 +65,7 @@ def overview(dataset: Dataset) -> dict[str, Any]:
             "base": rig.base,
             "declared": list(rig.declared),
             "file": None if rig.path is None else str(rig.path),
+            "to_fill_in": list(rig.unfilled),
         },
         "recordings": [_recording(role, experiment) for role, experiment in every],
     }
@@ -139,6 +141,7 @@ def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str
             yield f"  flag: {flag}"
     if dataset.rig.traits.shaken and columns.input is not None and is_one_line(columns.input.unit, columns.output.unit):
         yield _base(dataset, columns.input.name)
+    yield from (f"to fill in: {rig['file']}, {place}" for place in rig["to_fill_in"])
     if not dataset.holdout:
         yield "holdout: none is named; what is not fitted judges. Another release or input judges better"
 

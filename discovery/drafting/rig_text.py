@@ -15,7 +15,7 @@ from discovery.declarations.units import si_factor, si_symbol, split_suffix
 from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.equations import equations
 from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm
-from discovery.drafting.signals import FloatArray, Signal, Signals, find_signals, open_table
+from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.recordings.reading_noise import estimate_noise
@@ -82,6 +82,8 @@ def draft(
         time = np.arange(found.output.values.size) / (rate or 1.0) if found.time is None else found.time.si
         guess = guess_kind(path, found, time) if kind is None else Guess(kind, "")
         _check(path, found, guess)
+        if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
+            found = replace(found, output=replace(found.output, unit=angle_unit(found.output.values)))
         lines = _system(path, found, guess, time, rate)
     return "\n".join([*lines, "", *_records(fitted, held, place)]) + "\n"
 
@@ -130,7 +132,7 @@ def _arm(path: Path) -> Iterator[str]:
         reach = float(np.nanquantile(np.hypot(x, y), 0.99))
         yield f"length_m = {reach:.3f}                 # guessed: how far the tip was from the origin; measure it"
     else:
-        yield "length_m = 1.0                   # guessed, and no more than that: MEASURE IT"
+        yield "length_m = 1.0                   # FILL IN what you measure; guessed, and no more than that"
     yield "# Without these, nothing is predicted from first principles. A bare number has a usual uncertainty;"
     yield "# { value = 0.044, sd = 0.0002 } states it."
     yield "# tip_mass_kg = 0.044"
@@ -220,7 +222,7 @@ def _guessed(signal: Signal) -> str:
     """Say that a unit is a guess, and for one that nobody can know, what then holds."""
     if not signal.guessed:
         return ""
-    return "unit not stated: write it; " if signal.unit == "1" else "unit guessed; "
+    return "FILL IN the unit, which the name does not state; " if signal.unit == "1" else "unit guessed; "
 
 
 def _range(signal: Signal) -> str:

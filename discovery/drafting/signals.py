@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +17,18 @@ from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
 from discovery.foundation.text_table import unnamed_columns
 
-__all__ = ["Signal", "Signals", "find_signals", "open_table"]
+__all__ = ["Signal", "Signals", "angle_unit", "find_signals", "open_table"]
 
 FloatArray = NDArray[np.float64]
 
 #: Of a step, by which sampled times may differ.
 _JITTER = 0.05
+#: Roles without which other columns are looked at, and the fewest rows that tell anything.
+_NEEDED, _FEWEST = {"time", "output"}, 3
+#: Share of the cells, of at least so many, that are numbers in a column of numbers.
+_MOSTLY, _LOOKED = 0.8, 500
+#: Words for an angle.
+_ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
 #: Where an angle in degrees has no unit: more than two turns in radians.
 _TURNS = 4.0 * np.pi
 
@@ -111,8 +119,10 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
         If there are no times and no rate, no output, or several columns could be it.
     """
     table, header = open_table(path)
-    columns = _numbers(table)
     wanted = {role: name for role, name in (chosen or {}).items() if name is not None}
+    columns = _numbers(table, set(wanted.values()) if wanted.keys() >= _NEEDED else None)
+    if table.lines.size and table.lines.size < _FEWEST:
+        raise InputError(f"{path} has too few rows of readings ({table.lines.size}). Export the recording again.")
     for name in wanted.values():
         if name not in columns:
             raise InputError(f"{path} has no column of numbers {name!r}.{suggestion(name, columns)} {_list(columns)}")
@@ -144,17 +154,32 @@ def _varies(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
     return meanings[name].role != "time" and bool(np.nanmax(columns[name]) > np.nanmin(columns[name]))
 
 
-def _numbers(table: Table) -> dict[str, FloatArray]:
-    """Return the columns that hold numbers."""
+def _numbers(table: Table, used: set[str] | None) -> dict[str, FloatArray]:
+    """Return the columns that hold numbers; refuse one of numbers with a cell that is none, unless others are used."""
     found = {}
     for name in table.columns:
         try:
             values = table.numbers(name)
         except InputError:
+            if (used is None or name in used) and _mostly_numbers(table.columns[name]):
+                raise
             continue
         if np.isfinite(values).any():
             found[name] = values
     return found
+
+
+def _mostly_numbers(column: NDArray[Any]) -> bool:
+    """Whether a column that does not hold numbers only holds them nearly everywhere."""
+    cells = column[:: max(1, column.size // _LOOKED)]
+
+    def is_number(cell: Any) -> bool:
+        try:
+            return bool(np.isfinite(float(cell)))
+        except (TypeError, ValueError):
+            return False
+
+    return sum(map(is_number, cells)) > _MOSTLY * cells.size
 
 
 def _list(columns: Mapping[str, FloatArray]) -> str:
@@ -202,6 +227,11 @@ def _output(path: Path, names: Sequence[str], meanings: Mapping[str, Meaning]) -
     return None
 
 
+def angle_unit(values: FloatArray) -> str:
+    """Return the unit of an angle where nothing but its size tells it."""
+    return "deg" if float(np.nanmax(np.abs(values))) > _TURNS else "rad"
+
+
 def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], role: str) -> Signal:
     values, unit = columns[name], meanings[name].unit
     if unit is not None and (role == "time") == (si_symbol(unit) == "s"):
@@ -210,8 +240,8 @@ def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
         step = float(np.median(np.diff(values)))
         # Nobody samples a motion once a second: whole numbers count milliseconds or microseconds.
         unit = "s" if step < 1.0 else "ms" if step < 500.0 else "us"
-    elif role == "output" and {"angle", "theta", "phi", "swing", "rotation"} & set(name.lower().split("_")):
-        unit = "deg" if float(np.nanmax(np.abs(values))) > _TURNS else "rad"
+    elif role == "output" and _ANGLES & set(re.split(r"[\W_]+", name.lower())):
+        unit = angle_unit(values)
     elif role == "output" and meanings[name].role == "height":
         unit = "m"
     elif role == "output" and meanings[name].role == "speed":

@@ -70,7 +70,7 @@ def parse_text(
         rows, lines = rows[1:], lines[1:]
     if not rows:
         raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
-    _check_cells(path, lines, rows, separator, len(names))
+    _check_cells(path, lines, rows, separator, len(names), titled=header is None and not told)
     return _read(path, rows, separator, names), lines
 
 
@@ -154,10 +154,20 @@ def _check_names(path: Path, line: int, names: Sequence[str], first: Sequence[st
         raise InputError(f"{path}, line {line}: two columns are named {duplicate[0]!r}. Rename or remove one of them.")
 
 
-def _check_cells(path: Path, lines: npt.NDArray[np.int64], rows: Sequence[str], separator: str, columns: int) -> None:
+def _check_cells(
+    path: Path, lines: npt.NDArray[np.int64], rows: Sequence[str], separator: str, columns: int, *, titled: bool
+) -> None:
     blanks = separator == _BLANKS
+    # What stands above a table was taken for its names.
+    above = titled and not any(map(_is_either_number, _cells(rows[0], separator)))
     for line, row in zip(lines, rows, strict=True):
         cells = len(row.split()) if blanks else row.count(separator) + 1
+        if above and cells != columns:
+            raise InputError(
+                f"{path}, line {line}: {cells} cells in a table of {columns} columns. Its first line was taken for the "
+                f"names of the columns, and line {lines[0]} holds no numbers either: delete the lines above the names, "
+                "or begin each of them with #."
+            )
         if blanks and cells < columns:
             raise InputError(
                 f"{path}, line {line}: {cells} cells in a table of {columns} columns. Between blanks no cell can be "

@@ -104,23 +104,35 @@ class Sample(PosteriorViews):
     @property
     def status(self) -> str:
         """One sentence on what the intervals mean; it warns where the noise had to absorb misfit."""
+        absorbed = self._absorbed()
+        if absorbed is None:
+            return (
+                "The residuals are not clearly larger than the noise that is stated or estimated; the intervals take "
+                f"them as {words_of(self.noise)}."
+            )
+        meant = (
+            "so the intervals are naive and may be far too wide or too narrow."
+            if is_independent(self.noise)
+            else "so the intervals are as honest as that is."
+        )
+        return (
+            f"{absorbed[0]} is {absorbed[1]:.3g} times the stated noise: the model leaves a systematic residual, which "
+            f"is taken as noise that is {words_of(self.noise)}, {meant}"
+        )
+
+    @property
+    def warns(self) -> bool:
+        """Whether the noise had to absorb misfit."""
+        return self._absorbed() is not None
+
+    def _absorbed(self) -> tuple[str, float] | None:
+        """Return the quantity of the noise that is larger than stated, and how many times; None without one."""
         flat = self.flat()
         for name, stated in self.stated_noise.items():
             low, middle = np.quantile(flat[name] / stated, _QUANTILES[:2])
             if low > 1.0 and middle > 1.1:
-                meant = (
-                    "so the intervals are naive and may be far too wide or too narrow."
-                    if is_independent(self.noise)
-                    else "so the intervals are as honest as that is."
-                )
-                return (
-                    f"{name} is {middle:.3g} times the stated noise: the model leaves a systematic residual, which is "
-                    f"taken as noise that is {words_of(self.noise)}, {meant}"
-                )
-        return (
-            "The residuals are not clearly larger than the noise that is stated or estimated; the intervals take them "
-            f"as {words_of(self.noise)}."
-        )
+                return name, float(middle)
+        return None
 
     def summary(self) -> list[dict[str, Any]]:
         """Return one JSON-ready row a quantity, in its unit.

@@ -161,7 +161,13 @@ def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
 
 
 def clean_output(
-    label: str, unit: str, time: FloatArray, values: FloatArray, noise: float, returns: bool
+    label: str,
+    unit: str,
+    time: FloatArray,
+    values: FloatArray,
+    noise: float,
+    returns: bool,
+    given: FloatArray | None = None,
 ) -> tuple[FloatArray, list[Flag]]:
     """Leave out what the instrument did not measure, and tell what else is unusual.
 
@@ -175,6 +181,8 @@ def clean_output(
         Standard deviation of a reading.
     returns : bool
         Whether the system has a rest position, so that its mean must not creep.
+    given : array, shape (n,), optional
+        The input.
 
     Returns
     -------
@@ -202,6 +210,6 @@ def clean_output(
     found = spikes(kept, noise)
     if found.size:
         tell("spikes", count=int(found.size), start=float(time[found[0]]))
-    if returns and (creep := drift(time, kept)):
+    if returns and (creep := drift(time, kept, given)):
         tell("mean_creeps", creep=float(creep))
     return kept, flags

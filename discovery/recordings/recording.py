@@ -220,7 +220,7 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
         flags += gap_flags(name, found.time, found.as_read[channel])
         # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
         noise.append(max(estimate_noise(values, found.time) if known is None else known, resolution(values)))
-        values, told = clean_output(name, unit, found.time, values, noise[-1], returns)
+        values, told = clean_output(name, unit, found.time, values, noise[-1], returns, given=found.inputs)
         found.outputs[channel] = values
         flags += told if known is None else told + noise_flags(name, unit, found.time, values, known)
     return noise, flags

@@ -26,6 +26,7 @@ _SPIKE = 12.0  # robust sds
 _NEIGHBOURHOOD = 25  # samples on either side of a spike that tell what is usual
 _PERIODS = 4.0  # over which a mean is taken
 _CREEP = 0.05  # of the signal's sd
+_CERTAIN = 3.0  # standard errors
 
 
 @dataclass(frozen=True)
@@ -162,8 +163,10 @@ def spikes(values: FloatArray, error: float) -> npt.NDArray[np.int64]:
     return candidates[(np.abs(here) > _SPIKE * usual) & opposite & large]
 
 
-def drift(time: FloatArray, values: FloatArray) -> float:
+def drift(time: FloatArray, values: FloatArray, given: FloatArray | None = None) -> float:
     """Give by how much the mean about which a signal swings creeps over the record.
+
+    The slow part of a motion has a trend too, by chance or because its input has one. Such a trend is no creeping.
 
     Parameters
     ----------
@@ -171,12 +174,15 @@ def drift(time: FloatArray, values: FloatArray) -> float:
         Times [s], about equally spaced.
     values : array, shape (n,)
         Readings; NaN are skipped.
+    given : array, shape (n,), optional
+        The input, which a slow motion follows.
 
     Returns
     -------
     float
         The change over the whole record of a straight line through means over four periods, in the unit of `values`; 0
-        if it is below a twentieth of the signal's standard deviation, or the record is shorter than four such windows.
+        if it is below a twentieth of the signal's standard deviation, or below three of its own standard errors, or the
+        record is shorter than four such windows.
     """
     good = np.isfinite(values)
     x = np.interp(time, time[good], values[good])
@@ -187,7 +193,22 @@ def drift(time: FloatArray, values: FloatArray) -> float:
     if 4 * width > x.size:
         return 0.0
     window = np.hanning(width + 2)[1:-1]  # no side lobes that the swing could pass through
-    middle = np.convolve(x, window / window.sum(), mode="valid")
-    at = time[: middle.size] + (time[-1] - time[0]) * (width - 1) / (2 * (x.size - 1))
-    change = float(np.polynomial.Polynomial.fit(at, middle, 1).deriv()(at[0]) * (time[-1] - time[0]))
-    return change if abs(change) > _CREEP * float(np.std(x)) else 0.0
+    slow = [np.convolve(signal, window / window.sum(), mode="valid") for signal in (x, given) if signal is not None]
+    change, error = _trend(slow[0], slow[1:])
+    change, error = (size * (x.size - 1) / (slow[0].size - 1) for size in (change, error))  # over the whole record
+    return change if abs(change) > max(_CREEP * float(np.std(x)), _CERTAIN * error) else 0.0
+
+
+def _trend(values: FloatArray, beside: list[FloatArray]) -> tuple[float, float]:
+    """Return the change of a straight line through values over their length, beside other signals, and its error."""
+    line = np.linspace(-0.5, 0.5, values.size)
+    others = np.column_stack([np.ones_like(line), *(signal - signal.mean() for signal in beside)])
+    # What of the line the others cannot follow.
+    own = line - others @ np.linalg.lstsq(others, line, rcond=None)[0]
+    both = np.column_stack([line, others])
+    found = np.linalg.lstsq(both, values, rcond=None)[0]
+    left = values - both @ found
+    # What is left is smooth: a value is only independent of those on the other side of a zero.
+    independent = 1 + np.count_nonzero(np.diff(np.signbit(left)))
+    shown = np.sqrt(independent * max(float(np.mean(own**2)), np.finfo(float).tiny))
+    return float(found[0]), float(np.std(left) / shown)

@@ -92,7 +92,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         largest=1e6,
         kinds=("oscillator", "base_excited", "drive", "falling_body"),
         meaning="Mass of what moves along a line. With it, parameters are also told as forces. Where the "
-        "input of an oscillator or a drive is a force, it is not needed.",
+        "input of an oscillator or a drive is a force, it is not needed: the mass itself is then fitted.",
     ),
     "inertia": QuantityKind(
         unit="kg m^2",
@@ -100,7 +100,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         largest=1e6,
         kinds=("oscillator", "pendulum", "base_excited", "drive"),
         meaning="Moment of inertia of what turns. With it, parameters are also told as torques. Where the "
-        "input of an oscillator, a pendulum or a drive is a torque, it is not needed.",
+        "input of an oscillator, a pendulum or a drive is a torque, it is not needed: it is then fitted itself.",
     ),
     "position_noise": QuantityKind(
         unit="m",

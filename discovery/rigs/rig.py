@@ -211,6 +211,8 @@ class Rig:
         The rig file.
     sha256 : str
         Of the rig file's bytes.
+    unfilled : tuple of str
+        What the rig file still marks with FILL IN, with line and key.
 
     Examples
     --------
@@ -244,6 +246,7 @@ class Rig:
     deflection_limit: float | None = None
     path: Path | None = None
     sha256: str = ""
+    unfilled: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Return name, kind and the declared effects."""

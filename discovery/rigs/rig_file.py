@@ -33,6 +33,7 @@ from discovery.rigs.rig_mistakes import explain, line_of
 from discovery.rigs.rig_schema import RecordsTable, RigTable
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.rigs.rig_system import read_columns, system_of
+from discovery.rigs.unfilled import unfilled
 
 __all__ = ["read_rig"]
 
@@ -70,15 +71,13 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     rest, quantities, keys = quantities_of(path, text, document)
     table = _validated(path, text, rest)
     arm = KINDS[table.kind].has_rod
-    if arm and "length" not in quantities:
-        raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
+    if arm:
+        _check_arm(path, quantities)
     check_tables(path, text, table)
     check_kind(path, text, table, keys)
     system = system_of(path, text, table)
     _check_effects(path, text, table, KINDS[table.kind].base if system is None else declare(system))
     values = {stem: quantity.value for stem, quantity in quantities.items()}
-    if arm:
-        _check_noise(path, values)
     return Rig(
         name=table.name,
         kind=table.kind,
@@ -103,14 +102,18 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         deflection_limit=values.get("deflection_limit"),
         path=path,
         sha256=hashlib.sha256(content).hexdigest(),
+        unfilled=unfilled(text),
     )
 
 
-def _check_noise(path: Path, values: Mapping[str, float]) -> None:
-    if values.get("position_noise", 0.0) > 0.1 * values["length"]:
+def _check_arm(path: Path, quantities: Mapping[str, Quantity]) -> None:
+    if "length" not in quantities:
+        raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
+    length, noise = quantities["length"].value, quantities.get("position_noise")
+    if noise is not None and noise.value > 0.1 * length:
         raise InputError(
-            f"The rig file {path} states a position noise of {values['position_noise']:g} m on an arm of "
-            f"{values['length']:g} m. If it is in millimetres, name the key 'position_noise_mm'."
+            f"The rig file {path} states a position noise of {noise.value:g} m on an arm of {length:g} m. "
+            "If it is in millimetres, name the key 'position_noise_mm'."
         )
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -25,6 +26,9 @@ from discovery.rigs.rig_schema import (
     ViewTable,
 )
 from discovery.rigs.system_table import ConstantTable, SystemTable
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 __all__ = ["explain", "line_of"]
 
@@ -47,10 +51,12 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
 
     `outer` are the keys around what was validated; `bare` says that the innermost of them has the value itself.
     """
-    detail = next((d for d in error.errors() if d["type"] == "extra_forbidden"), error.errors()[0])
-    keys = outer if bare else (*outer, *(str(part) for part in detail["loc"] if isinstance(part, str)))
+    found = [(outer if bare else (*outer, *_keys(d, text, outer)), d) for d in error.errors()]
+    keys, detail = next(((k, d) for k, d in found if d["type"] == "extra_forbidden"), found[0])
     name = ".".join(keys)
-    more = f" ({error.error_count() - 1} more after this one.)" if error.error_count() > 1 else ""
+    # A key that may hold either of two types complains of both.
+    others = len({(k, d["loc"][: len(k) + sum(isinstance(p, int) for p in d["loc"])]) for k, d in found}) - 1
+    more = f" ({others} more after this one.)" if others else ""
     if detail["type"] == "missing":
         where = f", line {line_of(text, keys[:-1])}," if len(keys) > 1 else ""
         return f"The rig file {path}{where} lacks the key {name!r}. Add it.{more}"
@@ -64,7 +70,53 @@ def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...
             f"{where} the key {name!r} is {value!r}, which is not known.{suggestion(value, known)} Known here: "
             f"{', '.join(known)}.{more}"
         )
-    return f"{where} the key {name!r} is {value!r}, but {_lower(detail['msg'])}. Correct the value.{more}"
+    return f"{where} the key {name!r} is {value!r}, but {_demand(detail, keys)}. Correct the value.{more}"
+
+
+def _keys(detail: ErrorDetails, text: str, outer: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the keys of a complaint, without the type of a value that may be of several."""
+    keys = tuple(part for part in detail["loc"] if isinstance(part, str))
+    if detail["type"] == "missing":
+        return keys
+    place: Any = tomllib.loads(text)
+    for key in outer:
+        place = place.get(key)
+    known = []
+    for part in detail["loc"]:
+        try:
+            place = place[part]
+        except (KeyError, IndexError, TypeError):
+            break
+        if isinstance(part, str):
+            known.append(part)
+    return tuple(known) or keys
+
+
+#: What is demanded of a value, by pydantic's name of the complaint.
+_DEMANDS = {
+    "model_type": "it must be a table, { key = value }",
+    "dict_type": "it must be a table, { key = value }",
+    "list_type": "it must be a list, [ ... ]",
+    "string_type": "it must be a text in quotes",
+    "string_too_short": "it must not be empty",
+    "float_type": "it must be a number",
+    "int_type": "it must be a whole number",
+    "bool_type": "it must be true or false",
+    "string_pattern_mismatch": "it may hold letters, digits and _ . + - alone",
+    "finite_number": "it must be a finite number",
+}
+
+
+def _demand(detail: ErrorDetails, keys: Sequence[str]) -> str:
+    """Return what is demanded of a value."""
+    if detail["type"] == "model_type" and keys[-1] in RecordsTable.model_fields:
+        return 'each recording must be a table, { file = "a.csv" }'
+    if detail["type"] in ("too_short", "too_long"):
+        few, many = (detail["ctx"].get(key) for key in ("min_length", "max_length"))
+        return f"it must have at {f'least {few}' if many is None else f'most {many}'} entries"
+    message = _DEMANDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").rstrip(".")
+    message = message.replace("Input should", "it must").replace("String should", "it must")
+    return f"it {message}" if message.startswith(("must", "needs")) else message
 
 
 #: The table that holds the keys below each key.
@@ -103,7 +155,3 @@ def _known_instead(keys: Sequence[str], value: object) -> str:
     if value in get_args(RigTable.model_fields["kind"].annotation):
         hint = f' Did you mean kind = "{value}"?'
     return f"{hint} Known here: {', '.join(known)}."
-
-
-def _lower(message: str) -> str:
-    return message[:1].lower() + message[1:].rstrip(".")
