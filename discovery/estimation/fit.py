@@ -270,11 +270,8 @@ def _at(problem: Problem, minimum: Minimum) -> Fit:
         for e, channels in zip(bench.experiments, bench.predict(parameters, initial), strict=True):
             check_finite(channels, e.recording.time, bench.names, parameters)
         named = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
-        raise SimulationFailure(
-            named,
-            bench.experiments[0].recording.time[-1],
-            "the motion was a hundred times larger than what was measured.",
-        )
+        end = bench.experiments[0].recording.time[-1]
+        raise SimulationFailure(named, end, "the motion was a hundred times larger than what was measured.")
     covariance, reasons, directions = covariance_of(problem, minimum)
     return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
 

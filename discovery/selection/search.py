@@ -129,14 +129,14 @@ class Search:
     def _prune(self) -> None:
         """Take out, the least missed first, what is no larger than what the model error would do in its direction."""
         while self.best.added:
-            judged = {e: self._judged(self.best, self._without(e)) for e in self.best.added}
+            judged = {e: self._judged(self.best, self.neighbours.without(self.best, e)) for e in self.best.added}
             weak = [e for e, (_, code) in judged.items() if code != "accepted"]
             if not weak:
                 return
-            effect = max(weak, key=lambda e: self._without(e).joint)
+            effect = max(weak, key=lambda e: self.neighbours.without(self.best, e).joint)
             odds, code = judged[effect]
             self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
-            self.best = self._without(effect)
+            self.best = self.neighbours.without(self.best, effect)
 
     def _ask_the_unknown(self) -> None:
         """Weigh an unknown force beside the set found, where more than noise is left."""
@@ -245,16 +245,13 @@ class Search:
             code = odds.code(settings, self._chance(smaller, larger), judged=judged)
         return odds, code
 
-    def _without(self, effect: str) -> Contender:
-        return self.neighbours.without(self.best, effect)
-
     def _backward(self, before: Contender) -> None:
         """Take out members that the others make needless; exchange those that another effect serves better."""
         whole = len({*self.best.added} - {*before.added}) > 1
         for effect in self.best.added if whole else self.best.added[:-1]:
             if effect not in self.best.added or len(self.best.added) < 2:
                 continue
-            smaller = self._without(effect)
+            smaller = self.neighbours.without(self.best, effect)
             odds, code = self._judged(self.best, smaller)
             if code != "accepted":
                 self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
@@ -264,17 +261,14 @@ class Search:
 
     def _exchange(self, effect: str, smaller: Contender) -> None:
         """Let another effect take the place of a member where the evidence gains what an effect must gain."""
-        if not self.neighbours.affords(smaller):
-            return
-        offered = _plain(self.offers.beside(smaller))
+        offered = _plain(self.offers.beside(smaller)) if self.neighbours.affords(smaller) else []
         for contender in offered[:1]:
-            gain = contender.joint - self.best.joint
-            if frozenset(contender.added) == frozenset(self.best.added) or not gain > self.context.settings.nats:
-                continue
-            told = tuple(candidacy(c, smaller, self.root, self.context.settings) for c in offered[:_TOLD])
-            pair = effect, contender.added[-1]
-            self.decisions.append(Decision("exchange", pair, True, "accepted", {"odds": gain}, told))
-            self.best = contender
+            gain, settings = contender.joint - self.best.joint, self.context.settings
+            if frozenset(contender.added) != frozenset(self.best.added) and gain > settings.nats:
+                told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
+                pair = effect, contender.added[-1]
+                self.decisions.append(Decision("exchange", pair, True, "accepted", {"odds": gain}, told))
+                self.best = contender
 
 
 def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from discovery.equations.model import Model
-from discovery.foundation.arguments import check_number, check_seed, expect
+from discovery.foundation.checked_fields import check_fields
 
 __all__ = ["Budget", "LoopSettings"]
 
@@ -65,12 +65,7 @@ class LoopSettings:
     follow_up : bool
         Test the answer against the rig, and design manoeuvres for what the recordings cannot tell apart.
     budget : Budget
-        How much work is done.
-
-    Raises
-    ------
-    InputError
-        For a number out of its range.
+        How much work is done. A number out of its range is an InputError.
 
     Examples
     --------
@@ -80,26 +75,20 @@ class LoopSettings:
     """
 
     nats: float = 3.0
-    chance: float = 0.99
+    chance: float = field(default=0.99, metadata={"range": (0.0, 1.0)})
     error_scale: float = 0.15
     form: float = 0.45
     form_wide: float = 1.4
     form_pliable: float = 7.0
     law: float = 0.005
     law_arm: float = 0.045
-    tolerance: float = 2e-5
+    tolerance: float = field(default=2e-5, metadata={"range": (0.0, 1.0, 0.0)})
     seed: int = 1
     follow_up: bool = True
     budget: Budget = Budget()
 
     def __post_init__(self) -> None:
-        for name in ("nats", "error_scale", "form", "form_wide", "form_pliable", "law", "law_arm"):
-            check_number(getattr(self, name), name, 0.0)
-        check_number(self.chance, "chance", 0.0, 1.0)
-        check_number(self.tolerance, "tolerance", above=0.0)
-        check_seed(self.seed)
-        expect(self.follow_up, bool, "follow_up", "Give True or False.")
-        expect(self.budget, Budget, "budget", "Make one with discovery.selection.settings.Budget(name=value).")
+        check_fields(self)
 
     def form_of(self, model: Model) -> float:
         """Return the form error of a model's laws."""
