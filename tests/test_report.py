@@ -1310,3 +1310,10 @@ def test_a_unit_of_one_has_no_brackets_and_an_empty_column_is_left_out(made: Mad
     assert "( " not in text
     unsure = any(p.get("reason") for p in made[1]["loop"]["model"]["after"]["parameters"].values())
     assert ("why no interval" in text) == unsure
+
+
+@pytest.mark.parametrize(("largest", "power"), [(3.0, 0), (0.02, 0), (6e-3, -3), (4e-5, -5), (2e6, 6), (0.0, 0)])
+def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power: int) -> None:
+    from discovery.report.figures.corner_plot import _tens
+
+    assert _tens(np.array([0.0, -largest])) == power

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterable
 from typing import Any
@@ -19,6 +20,16 @@ _MOST = 8
 _DRAWS = 20_000
 #: Share of a panel at each end that bears no tick.
 _EDGE = 0.1
+#: Powers of ten of values whose numbers are short.
+_SHORT = (-2, 4)
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def _tens(values: np.ndarray) -> int:
+    """Return the power of ten in which values are drawn: zero where their numbers are short without one."""
+    largest = float(np.abs(values).max())
+    power = math.floor(math.log10(largest)) if largest > 0 else 0
+    return 0 if _SHORT[0] <= power <= _SHORT[1] else power
 
 
 def _inner(ticks: Iterable[float], low: float, high: float) -> list[float]:
@@ -61,16 +72,25 @@ def draw(run: Run) -> Picture | None:
         return None
     draws = np.stack([run.draws[r["name"]].ravel() for r in shown], axis=1)
     draws = draws[:: max(1, len(draws) // _DRAWS)]
-    labels = [quantity_label(r["name"], unit_text(r["unit"], run.coordinate_unit)) for r in shown]
+    tens = [_tens(column) for column in draws.T]
+    scale = 10.0 ** -np.array(tens)
+    units = [unit_text(r["unit"], run.coordinate_unit) for r in shown]
+    # A factor at an axis would stand on the panel above it.
+    units = [
+        f"10{str(k).translate(_RAISED)} {unit}".rstrip() if k else unit for k, unit in zip(tens, units, strict=True)
+    ]
+    labels = [quantity_label(r["name"], unit) for r, unit in zip(shown, units, strict=True)]
     figure = new_figure(1.35 * len(shown), 1.35 * len(shown), layout="none")
-    _draw_pairs(figure, draws, labels, [r["fit_value"] for r in shown])
+    _draw_pairs(figure, draws * scale, labels, [r["fit_value"] * k for r, k in zip(shown, scale, strict=True)])
     priors = {p["name"]: p for p in (run.results["posterior"] or {}).get("profiles", ())}
     for i, r in enumerate(shown):
         if r["name"] in priors:
             axis, prior = figure.axes[i * (len(shown) + 1)], priors[r["name"]]
             height = 0.95 * axis.get_ylim()[1] * np.array(prior["prior_density"])
             range_ = axis.get_xlim()
-            axis.plot(prior["prior_values"], height, color=GREY, linestyle=(0, (4, 1.6)), linewidth=1.0)
+            axis.plot(
+                scale[i] * np.array(prior["prior_values"]), height, color=GREY, linestyle=(0, (4, 1.6)), linewidth=1.0
+            )
             axis.set_xlim(range_)
     figure.subplots_adjust(left=0.13, bottom=0.14, right=0.99, top=0.985, wspace=0.06, hspace=0.06)
     names = ", ".join(prose(r["name"]) for r in shown)
