@@ -78,7 +78,15 @@ def displayed_formula(writer: Any, node: Any) -> None:
     raise SkipNode
 
 
+def level_of_captions(app: Any, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+    """Give captions of lists of pages a level: they are written as headings without one."""
+    for part in ("furo_navigation_tree", "body"):
+        if context.get(part):
+            context[part] = context[part].replace('role="heading">', 'role="heading" aria-level="2">')
+
+
 def setup(app: Any) -> None:
     """Tell Sphinx of the above."""
+    app.connect("html-page-context", level_of_captions, priority=900)  # after the theme's own
     app.connect("source-read", plain_mathematics)
     app.add_html_math_renderer("mathml", (inline_formula, None), (displayed_formula, None))

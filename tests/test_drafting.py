@@ -479,3 +479,8 @@ def test_a_new_user_gets_the_right_answer_from_init_and_loop(
     assert found["files"] == [str(out / "loop.json"), str(out / "report.html")]
     kept = json.loads((out / "loop.json").read_text())
     assert {key: found[key] for key in kept} == kept
+
+
+def test_large_numbers_are_said_in_digits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "a.csv", "time_s,u_mV,speed_rpm", TIME, 1e3 * HELD, 100.0 * turning())
+    assert "e+0" not in call(capsys, "init", path).out

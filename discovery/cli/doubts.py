@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from discovery.foundation.estimate_text import figures
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -60,7 +62,7 @@ def _scattered(result: LoopResult, held: Sequence[Recording]) -> list[str]:
     unit = result.errors["unit"]
     source = "estimated" if any(recording.noise_estimated for recording in held) else "stated"
     return [
-        f"held-out readings lie {rms:.3g} {unit} (rms) from the model, {rms / floor:.2g} times their {source} "
-        f"noise of {floor:.3g} {unit}, though averages of what is left are noise: are the time stamps off, are there "
-        "spikes, or is the noise larger?"
+        f"held-out readings lie {figures(rms)} {unit} (rms) from the model, {figures(rms / floor, 2)} times their "
+        f"{source} noise of {figures(floor)} {unit}, though averages of what is left are noise: are the time stamps "
+        "off, are there spikes, or is the noise larger?"
     ]

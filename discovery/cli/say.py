@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.foundation.estimate_text import estimate_text
+from discovery.foundation.estimate_text import estimate_text, figures
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -85,11 +85,11 @@ def _say_errors(errors: Mapping[str, Any]) -> None:
         shown = {k: v for k, v in found.items() if k == "holdout" or v != found["holdout"]}
         click.echo(
             f"{when:>6}: "
-            + ", ".join(f"{k} rms {v['rms']:.4g} (mean {v['mean']:.4g})" for k, v in shown.items())
+            + ", ".join(f"{k} rms {figures(v['rms'], 4)} (mean {figures(v['mean'], 4)})" for k, v in shown.items())
             + f" {errors['unit']}"
         )
     if errors["holdout_kind"] != SEPARATE:
-        tells = f"its motion is {errors['holdout_motion']:.2g} times the noise"
+        tells = f"its motion is {figures(errors['holdout_motion'], 2)} times the noise"
         click.echo(f"holdout: the {errors['holdout_kind']}; {tells}; --holdout names a recording of its own")
 
 

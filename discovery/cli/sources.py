@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,12 +59,17 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
         raise click.UsageError("--system picks from the list; the card of one effect says where it applies.")
     import inspect
 
+    from discovery.cli.plain_formula import plain_text
+
     effect = get_effect(name, UPGRADES)
     if as_json:
         print_json(_card(name, effect))
         return
     click.echo(f"{name} ({effect.kind}; {', '.join(sorted(effect.systems))})\n")
-    click.echo(_plain(inspect.getdoc(type(effect)) or ""))
+    described = inspect.getdoc(type(effect)) or ""
+    click.echo(plain_text(described))
+    if "\\dot" in described or "\\ddot" in described:
+        click.echo("\nx' is the rate of x.")
     if isinstance(effect, Upgrade):
         click.echo(f"\n{effect.switch()}")
     click.echo(f"\nSource: {effect.cite}")
@@ -77,12 +81,6 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
     _print_parameters(effect)
 
 
-def _plain(text: str) -> str:
-    """Return a docstring without its markup: formulas stay as LaTeX, displayed ones indented."""
-    text = re.sub(r"^\.\. math:: ?", "    ", text, flags=re.MULTILINE)
-    return re.sub(r":math:`([^`]*)`|``([^`]*)``", lambda found: found[1] or found[2], text)
-
-
 def _print_parameters(effect: Any) -> None:
     """Print the parameters of an effect, in radians where only an arm has it, and what q and u in a unit are."""
     from discovery.declarations.units import in_coordinate
@@ -90,10 +88,12 @@ def _print_parameters(effect: Any) -> None:
     parameters, own = effect.parameters(), set(effect.systems) == {"flexible_arm"}
     units = {p.name: in_coordinate(p.unit, "rad" if own else "q") for p in parameters}
     for p in parameters:
-        bounds = f"bounds {p.bounds[0]:g} to {p.bounds[1]:g} in natural units"
-        click.echo(f"  {p.name:10} [{units[p.name]}]  {p.meaning}, {bounds}")
+        click.echo(f"  {p.name:10} [{units[p.name]}]  {p.meaning}; from {p.bounds[0]:g} to {p.bounds[1]:g}")
     symbols = {"q": "q is the unit of the coordinate", "u": "u is the unit of the input"}
     used = {factor.partition("^")[0] for unit in units.values() for factor in unit.split()}
+    click.echo(
+        "\n  Bounds are in units of the motion itself: 1/omega of its small swings, its and the input's amplitude."
+    )
     if told := [words for symbol, words in symbols.items() if symbol in used]:
         click.echo("\n  " + "; ".join(told) + ".")
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from discovery.foundation.errors import InputError
+from discovery.foundation.estimate_text import figures
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -204,7 +205,7 @@ def quoted(value: float, unit: str, digits: int = 3) -> str:
     >>> quoted(0.25, "mm")
     '250 mm'
     """
-    return f"{value / si_factor(unit):.{digits}g}" + (f" {unit}" if unit != "1" else "")
+    return figures(value / si_factor(unit), digits) + (f" {unit}" if unit != "1" else "")
 
 
 def si_symbol(unit: str) -> str:

@@ -11,6 +11,7 @@ from discovery.declarations.units import quoted, si_symbol
 from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.law_of_motion import FloatArray, own_period
 from discovery.foundation.arguments import expect
+from discovery.foundation.estimate_text import figures
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.signals.periods import find_periods
@@ -161,19 +162,21 @@ def _told(experiment: Experiment) -> bool | None:
 
 def _size(found: Mapping[str, Any]) -> str:
     rate = (
-        f"{found['rate']:.4g} a second" if found["steady"] else f"at uneven times, about {found['rate']:.4g} a second"
+        f"{figures(found['rate'], 4)} a second"
+        if found["steady"]
+        else f"at uneven times, about {figures(found['rate'], 4)} a second"
     )
     left = found["role"] == "train" and found["fitted"] < found["readings"]
     fitted = f", the first {found['fitted']} are fitted" if left else ""
     missing = f", {found['missing']} without a reading" if found["missing"] else ""
-    return f"{found['role']} {found['name']}: {found['readings']} readings over {found['duration']:.4g} s, {rate}{fitted}{missing}"  # noqa: E501
+    return f"{found['role']} {found['name']}: {found['readings']} readings over {figures(found['duration'], 4)} s, {rate}{fitted}{missing}"  # noqa: E501
 
 
 def _channel(channel: Mapping[str, Any], unit: str) -> str:
     least, largest, noise = (quoted(channel[key], unit) for key in ("least", "largest", "noise"))
     source = "from the scatter" if channel["noise_is"] == "estimated" else "as stated"
     ratio = channel["motion_over_noise"]
-    above = "" if ratio is None else f"; the motion is {ratio:.3g} times that (rms)"
+    above = "" if ratio is None else f"; the motion is {figures(ratio)} times that (rms)"
     return f"  {channel['name']}: {least} to {largest}, noise {noise} {source}{above}"
 
 
@@ -181,11 +184,12 @@ def _driven(found: Mapping[str, Any], unit: str) -> str:
     low, high = found["band"]
     again = "" if found["period"] is None else f", repeats every {found['period']:.4g} s"
     least, largest = quoted(found["least"], unit), quoted(found["largest"], unit)
-    return f"  input: {least} to {largest}, most of it from {low:.3g} to {high:.3g} Hz{again}"
+    return f"  input: {least} to {largest}, most of it from {figures(low)} to {figures(high)} Hz{again}"
 
 
 def _swing(found: Mapping[str, Any]) -> str:
     period = found["own_period"]
     if period is None:
         return ""
-    return f"; swings about once in {period:.3g} s ({1.0 / period:.3g} Hz), {found['duration'] / period:.3g} times"
+    times = figures(found["duration"] / period)
+    return f"; swings about once in {period:.3g} s ({figures(1.0 / period)} Hz), {times} times"

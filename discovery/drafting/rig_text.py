@@ -18,6 +18,7 @@ from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_a
 from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.estimate_text import figures
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording_columns import ARM_STEMS
 from discovery.rigs.kinds import KINDS
@@ -182,7 +183,7 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
     if found.header:
         yield f"header = [{', '.join(map(_text, found.header))}]   # the file has no line of names: name every column"
     span = time[-1] - time[0]
-    size = f"{time.size} readings, {span:.4g} s, about {(time.size - 1) / span:.4g} a second"
+    size = f"{time.size} readings, {figures(span, 4)} s, about {figures((time.size - 1) / span, 4)} a second"
     if found.time is None:
         yield f"time = {{ rate_hz = {rate:g} }}   # {size}"
     else:
@@ -197,7 +198,7 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
         more += ', reads = "acceleration"'
     yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{_range(found.output)}"
     noise = estimate_noise(found.output.values, time)
-    shown = f"{noise:.2g}" if noise > 0.0 else "0.1"
+    shown = figures(noise, 2) if noise > 0.0 else "0.1"
     if noise > 0.0:
         unit = "" if found.output.unit == "1" else f" {found.output.unit}"
         yield f"# Its readings scatter by {shown}{unit} from one to the next, which is taken as their noise."
@@ -226,7 +227,7 @@ def _guessed(signal: Signal) -> str:
 
 
 def _range(signal: Signal) -> str:
-    return f"{np.nanmin(signal.values):.4g} to {np.nanmax(signal.values):.4g}"
+    return f"{figures(float(np.nanmin(signal.values)), 4)} to {figures(float(np.nanmax(signal.values)), 4)}"
 
 
 def _zero(found: Signals, guess: Guess) -> str:

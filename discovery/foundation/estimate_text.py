@@ -4,12 +4,28 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["decimals", "estimate_text", "places"]
+__all__ = ["decimals", "estimate_text", "figures", "places"]
+
+
+#: From here on a number has an exponent.
+_PLAIN = 1e7
 
 
 def decimals(sd: float) -> int:
     """Return the decimals that leave two significant digits of a standard deviation; negative for tens and more."""
     return 1 - math.floor(math.log10(float(f"{sd:.1e}")))
+
+
+def figures(value: float, digits: int = 3) -> str:
+    """Write a number with so many significant digits, and one of less than ten million without an exponent.
+
+    Examples
+    --------
+    >>> figures(-5103.2, 2), figures(0.25), figures(2.5e7)
+    ('-5100', '0.25', '2.5e+07')
+    """
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(float(text)) < _PLAIN else text
 
 
 def places(value: float, sd: float) -> tuple[int, int]:

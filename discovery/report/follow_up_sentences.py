@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.diagnosis.manoeuvre_design import Move
-from discovery.foundation.estimate_text import decimals, estimate_text
+from discovery.foundation.estimate_text import decimals, estimate_text, figures
 
 __all__ = ["contradiction_sentences", "separation_sentence", "stand_in_sentence"]
 
@@ -26,7 +26,7 @@ def _contradiction(found: Record, check: Record) -> str:
     head = (
         f"{check['parameter']} = {estimate_text(check['value'], check['sd'], check['unit'])} contradicts "
         f"{check['source']}, {estimate_text(check['predicted'], check['predicted_sd'])} "
-        f"({abs(check['z']):.2g} standard deviations apart); "
+        f"({figures(abs(check['z']), 2)} standard deviations apart); "
     )
     if not found["sought"]:
         return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
@@ -36,22 +36,23 @@ def _contradiction(found: Record, check: Record) -> str:
     best, *others = found["reconciling"]
     odds = next(t["odds"] for t in found["tried"] if t["id"] == best)
     also = f"; so would {', '.join(others)}" if others else ""
-    return head + f"{best} reconciles them, {odds:.3g} nats against an error of the rig file{also}."
+    return head + f"{best} reconciles them, {figures(odds)} nats against an error of the rig file{also}."
 
 
 def separation_sentence(found: Record) -> str:
     """Return what a designed manoeuvre of loop.json promises."""
     rivals, designed, most = ", ".join(found["rivals"]), found["designed"], found["limits"]
     if found["decides"]:
+        given, then = found["given"]["projected"], designed["projected"]
         return (
             f"To tell {rivals} apart: {_what_to_do(found)}. With their parameters readjusted, the predictions then "
-            f"differ by {designed['projected']:.2g} noise sds rms ({found['given']['projected']:.2g} on the given "
-            f"recordings), and the right one is expected to win by a chi-square of {designed['chi2']:.3g}, the best "
-            f"of {found['evaluations']} manoeuvres tried."
+            f"differ by {figures(then, 2)} noise sds rms ({figures(given, 2)} on the given recordings), and the right "
+            f"one is expected to win by a chi-square of {figures(designed['chi2'])}, the best of "
+            f"{found['evaluations']} manoeuvres tried."
         )
     arm = found["columns"][1] == "motor_angle_rad"
     if found["deflection"] <= most["deflection"]:
-        won = f"{designed['chi2']:.2g}, and less than {found['decides_from']:g} may be chance"
+        won = f"{figures(designed['chi2'], 2)}, and less than {found['decides_from']:g} may be chance"
         best = f"the best lets the right one win by an expected chi-square of {won}"
     elif math.isfinite(found["deflection"]):
         best = f"the gentlest deflects {'the tip' if arm else 'it'} by {found['deflection']:.3g} {found['unit']}"
@@ -104,5 +105,5 @@ def stand_in_sentence(effect: str, found: Record) -> str:
         advice = "is that excluded? A usual standard deviation stands for one that the rig file does not state"
     return (
         f"a {quantity} of {value} {unit} in place of {stated} would do the same as {effect}; "
-        f"it is {abs(found['z']):.2g} standard deviations off: {advice}"
+        f"it is {figures(abs(found['z']), 2)} standard deviations off: {advice}"
     )
