@@ -98,10 +98,10 @@
     plots.forEach((p) => p.destroy());
     plots = [];
     // Both plots are seen with the answer beside them.
-    const narrow = box.clientWidth < 480, [tall, less] = narrow ? [130, 95] : [190, 130];
+    const narrow = box.clientWidth < 480, [tall, less] = narrow ? [125, 102] : [190, 130];
     const label = (what, unit) => unit ? `${narrow ? "" : `${what} `}[${unit}]` : what;
     const top = made(values, ["measured", ...present], label(channel.name, channel.unit), tall, find("values"), false);
-    const low = made(left, present, label("error", channel.small), less, find("left"), true);
+    const low = made(left, present, channel.small ? `error [${channel.small}]` : "error", less, find("left"), true);
     plots = [top, low];
     box.dataset.from = whole[0];
     box.dataset.to = whole[1];
