@@ -256,7 +256,7 @@ def test_the_page_holds_what_the_files_say(page: Path) -> None:
     assert 'href="set/rig/report.html"' in text
     assert "test circuit &amp; more" in text.lower()
     assert "Odds of 400 to 1, probability 0.60, of the group 0.997." in text
-    assert "The verdict rests on the model error: the model error goes from 0.00400 to 0.00400 mV" in text
+    assert "The verdict rests on the model error: the model error goes from 4.00 to 4.00 µV" in text
     rows = text[text.index('id="table-laws"') :]
     assert rows.index("Heavy ball") < rows.index("Light ball")
     assert "rig_absent" not in text

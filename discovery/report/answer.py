@@ -135,12 +135,13 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
     found = []
     for name, p in _parameters(run).items():
         latex = declared[name].latex if name in declared else ""
+        meaning = [declared[name].meaning] if name in declared else []
         found.append(
             {
                 "symbol": Markup(f"<math>{symbol(latex or name)}</math>"),
-                "value": uncertain(p["value"], p["sd"]),
+                "value": significant(p["value"]) if "reason" in p else uncertain(p["value"], p["sd"]),
                 "unit": unit_of(name, p["unit"], run),
-                "meaning": str(declared[name].meaning) if name in declared else "",
+                "meaning": ", ".join([*meaning, *([p["reason"]] if "reason" in p else [])]),
                 "physical": in_newtons(physical.get(name)),
             }
         )
