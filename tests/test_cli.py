@@ -767,7 +767,7 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     assert call(capsys, "effects", "coulomb_friction", "--system", "oscillator").status == 2
     card = call(capsys, "effects", "coulomb_friction")
     assert card.status == 0
-    for part in ("dissipation", "f_c", "q s^-2", "dry friction", "Coulomb (1785)"):
+    for part in ("dissipation", "f_c", "q s^-2", "Dry friction", "Coulomb (1785)"):
         assert part in card.out
     assert ":math:" not in card.out
     assert ".. math::" not in card.out

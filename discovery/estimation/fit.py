@@ -68,8 +68,8 @@ class Fit(FitViews):
     {'train_high': 0.042, 'train_low': 0.011}
     >>> [p.shape for p in fit.predict()], len(fit.plot_residuals())
     ([(800, 1), (800, 1)], 2)
-    >>> fit.summary()["parameters"]["alpha"]["unit"], fit.specialised().values == fit.values
-    ('s^-2', True)
+    >>> fit.told("alpha")["unit"], len(fit.summary()["parameters"]), fit.specialised().values == fit.values
+    ('s^-2', 6, True)
     """
 
     problem: Problem

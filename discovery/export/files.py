@@ -97,8 +97,12 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
         described = content.get("models")
         if described is None:
             raise InputError(f"{path} does not hold its models: it was written by an earlier version. Make it again.")
-        found = FittedModel.from_dict(described[what])
+        model = described[what]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path} cannot be read ({error!r}). Run it again.") from None
+    try:
+        found = FittedModel.from_dict(model)
+    except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} cannot be read ({error!r}). Run it again.") from None
     revision = content.get("provenance", {}).get("git_revision")
     return replace(found, provenance={**found.provenance, "git_revision": revision}) if revision else found

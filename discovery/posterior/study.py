@@ -178,7 +178,8 @@ def study_posterior(
     starts = fitted_starts(posterior, held)
 
     def banded(experiments: Sequence[Experiment]) -> list[Band]:
-        return predictive(posterior, experiments, draws, seed=rng, initial=starts) if experiments else []
+        own = {e.recording.name: starts[e.recording.name] for e in experiments if e.recording.name in starts}
+        return predictive(posterior, experiments, draws, seed=rng, initial=own) if experiments else []
 
     try:
         bands = banded([*train, *held])
