@@ -30,7 +30,7 @@ from discovery.mechanics import base_names, get_base
 from discovery.mechanics.systems import declare
 from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, posterior, sentences, story
-from discovery.report.charts import chart_data
+from discovery.report.charts import _every, chart_data
 from discovery.report.convergence import convergence_sentence
 from discovery.report.drive import drive_symbols
 from discovery.report.effect_formulas import effect_formula
@@ -293,6 +293,12 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
         "added, later dropped",
     ):
         assert words in text
+
+
+def test_a_chart_of_readings_with_others_left_out_warns_of_nothing() -> None:
+    time = np.linspace(0.0, 30.0, 12_000)
+    readings = np.where(np.arange(time.size) % 2 == 0, np.sin(time), np.nan)[:, None]
+    assert _every(readings) >= 1
 
 
 def test_every_decision_of_the_loop_has_its_words() -> None:

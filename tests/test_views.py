@@ -153,7 +153,7 @@ def arm() -> Dataset:
         (lambda d, f: discovery.LoopSettings(nats=-5), "`nats` is a number from 0 on, but it is -5"),
         (lambda d, f: discovery.LoopSettings(form=np.nan), "`form` is a number from 0 on, but it is nan"),
         (lambda d, f: discovery.LoopSettings(chance=7), "`chance` is a number from 0 to 1"),
-        (lambda d, f: discovery.LoopSettings(tolerance=0), "`tolerance` is a number above 0"),
+        (lambda d, f: discovery.LoopSettings(tolerance=0), "`tolerance` is a number above 0, but"),
         (lambda d, f: discovery.LoopSettings(seed="x"), "`seed` is an integer from 0 on"),
         (lambda d, f: discovery.LoopSettings(budget=3), "`budget` is a Budget"),
         (lambda d, f: discovery.LoopSettings(follow_up=3), "`follow_up` is True or False"),

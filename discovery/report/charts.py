@@ -72,8 +72,10 @@ def _every(measured: FloatArray) -> int:
     spread = np.nanstd(measured, axis=0)
     every = 1
     while measured.shape[0] > every * _MOST:
-        change = np.sqrt(np.nanmean((measured[every + 1 :] - measured[: -every - 1]) ** 2, axis=0))
-        if not np.all(change <= _SMOOTH * spread):
+        change = measured[every + 1 :] - measured[: -every - 1]
+        # Where readings were left out, no two may be so far apart.
+        told = np.isfinite(change).any(axis=0).all()
+        if not told or not np.all(np.sqrt(np.nanmean(change**2, axis=0)) <= _SMOOTH * spread):
             break
         every += 1
     return every

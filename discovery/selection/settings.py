@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
 
 from discovery.equations.model import Model
 from discovery.foundation.checked_fields import check_fields
@@ -82,7 +83,7 @@ class LoopSettings:
     form_pliable: float = 7.0
     law: float = 0.005
     law_arm: float = 0.045
-    tolerance: float = field(default=2e-5, metadata={"range": (0.0, 1.0, 0.0)})
+    tolerance: float = field(default=2e-5, metadata={"range": (0.0, inf, 0.0)})
     seed: int = 1
     follow_up: bool = True
     budget: Budget = Budget()
