@@ -117,7 +117,9 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool
 
 def _say_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the rows of a posterior, what belongs to a recording after what belongs to the system."""
-    of_recordings = [row for row in rows if row["name"].partition("[")[0].endswith("_init")]
+    from discovery.plots.starts import is_start
+
+    of_recordings = [row for row in rows if is_start(row["name"])]
     for row in (*(row for row in rows if row not in of_recordings), *of_recordings):
         if of_recordings and row is of_recordings[0]:
             click.echo("initial states:")

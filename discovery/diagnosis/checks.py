@@ -90,7 +90,7 @@ def against_length(fit: Fit) -> tuple[Check, ...]:
     at = [fit.problem.names.index(n) for n in names]
     torque = fit.minimum.x[at]
     size = float(np.linalg.norm(torque))
-    sd = math.sqrt(float(torque @ fit.covariance[np.ix_(at, at)] @ torque)) / abs(size)
+    sd = math.sqrt(float(torque @ fit.covariance[np.ix_(at, at)] @ torque)) / size
     around = float(np.nanmedian(first.recording.output))
     if torque @ (math.cos(around), math.sin(around)) < 0.0:
         size = -size

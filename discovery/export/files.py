@@ -92,18 +92,14 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
     if path.name == "results.json" and isinstance(content, dict):
         check_whole(folder, content)
     try:
-        if (content.get("loop") or content).get("failure"):
-            raise InputError(f"{path} holds no model: the declared one has no fit. The page says what would help.")
-        described = content.get("models")
-        if described is None:
-            raise InputError(f"{path} does not hold its models: it was written by an earlier version. Make it again.")
-        model = described[what]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path} cannot be read ({error!r}). Run it again.") from None
-    try:
-        found = FittedModel.from_dict(model)
+        failed, described = (content.get("loop") or content).get("failure"), content.get("models")
+        found = None if failed or described is None else FittedModel.from_dict(described[what])
     except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} cannot be read ({error!r}). Run it again.") from None
+    if failed:
+        raise InputError(f"{path} holds no model: the declared one has no fit. The page says what would help.")
+    if found is None:
+        raise InputError(f"{path} does not hold its models: it was written by an earlier version. Make it again.")
     revision = content.get("provenance", {}).get("git_revision")
     return replace(found, provenance={**found.provenance, "git_revision": revision}) if revision else found
 

@@ -176,7 +176,7 @@ def simulated(
     rows = [draws[name] for name in problem.free]
     for experiment in () if posterior.model.mechanics.prescribed else experiments:
         name = experiment.recording.name
-        sampled = [draws.get(f"{part}[{name}]", np.zeros(n)) for part in ("delta_0_init", "rate_0_init")]
+        sampled = [draws.get(part, np.zeros(n)) for part in experiment.initial_names]
         given = (initial or {}).get(name)
         rows += sampled if given is None else [np.full(n, value) for value in given]
     parameters, states = problem.expand(np.array(rows))

@@ -115,7 +115,7 @@ def replicated(
 
 def _check_fitted(posterior: Sample, experiment: Experiment) -> None:
     name = experiment.recording.name
-    if posterior.model.mechanics.prescribed or f"rate_0_init[{name}]" in posterior.names:
+    if posterior.model.mechanics.prescribed or experiment.initial_names[1] in posterior.names:
         return
     known = [n.partition("[")[2][:-1] for n in posterior.names if n.startswith("rate_0_init[")]
     raise InputError(f"The recording {name!r} was not fitted: the posterior is of {', '.join(known)}. Give those.")
