@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit
@@ -23,7 +24,7 @@ from discovery.estimation.problem import known_values, natural_units
 from discovery.estimation.step import choose_step
 from discovery.recordings.dataset import Dataset, load_dataset
 from discovery.runs.loop import close_loop
-from discovery.screening.attribution import candidates, screen
+from discovery.screening.attribution import screen
 from discovery.screening.refits import refit
 from discovery.selection.settings import LoopSettings
 

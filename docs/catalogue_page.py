@@ -16,11 +16,11 @@ from pathlib import Path
 from discovery.declarations.effect import ARM, Effect
 from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Parameter
 from discovery.declarations.registry import catalogue
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.foundation.io import atomic_write
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES, Upgrade
-from discovery.screening.attribution import candidates
 
 __all__ = ["catalogue_page", "main"]
 

@@ -8,6 +8,7 @@ import pytest
 
 from discovery.declarations.effect import Sensor
 from discovery.declarations.registry import catalogue
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
@@ -16,7 +17,7 @@ from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
-from discovery.screening.attribution import Candidate, candidates, grid_of, screen
+from discovery.screening.attribution import Candidate, grid_of, screen
 from discovery.screening.likeness import similarity
 from discovery.screening.refits import Refit, refit
 from discovery.screening.responses import Grid, plan, respond

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from discovery.declarations.formula import Quantity, read_formula
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.predict import equilibrium
@@ -16,7 +17,6 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import system_base
 from discovery.rigs.rig_file import read_rig
 from discovery.rigs.rig_system import ready_made
-from discovery.screening.attribution import candidates
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.testing.systems import SystemContract
 

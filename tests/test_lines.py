@@ -16,12 +16,12 @@ from scipy.signal import TransferFunction, lsim
 from discovery.declarations.effect import Mode, Sensor
 from discovery.declarations.registry import get_effect
 from discovery.equations.equation import equation_of_motion, equation_terms
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.export import to_json, to_latex, to_sympy
 from discovery.recordings.drive import Drive
 from discovery.report.equations import model_formulas
-from discovery.screening.attribution import candidates
 from discovery.simulation.grid import DriveLike
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator

@@ -13,11 +13,11 @@ from scipy import integrate, stats
 from discovery.declarations.effect import OSCILLATOR
 from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal, Parameter, natural_scale
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
-from discovery.screening.attribution import candidates
 
 sizes = st.floats(1e-3, 1e3)
 exponents = st.integers(-4, 4)

@@ -14,6 +14,7 @@ from scipy.special import ellipk
 from discovery.declarations.effect import ARM, OSCILLATOR
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.symbols import v2
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.export import to_numpy
@@ -22,7 +23,6 @@ from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
-from discovery.screening.attribution import candidates
 from discovery.simulation.grid import DriveLike
 from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect

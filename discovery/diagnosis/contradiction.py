@@ -23,11 +23,11 @@ import numpy as np
 
 from discovery.diagnosis.checks import Check, against_length, against_rig, against_stiffness
 from discovery.diagnosis.reconciliation import Reconciliation, reconcile
+from discovery.equations.lacking import candidates as possible
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit_near
 from discovery.estimation.problem import Problem
 from discovery.foundation.errors import SimulationFailure
-from discovery.screening.attribution import candidates as possible
 from discovery.screening.refits import Refit
 from discovery.selection.contender import contenders
 from discovery.selection.context import Context

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-from discovery.declarations.place import placed
-from discovery.declarations.registry import get_effect
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
@@ -97,17 +96,7 @@ def _costs(dataset: Dataset) -> tuple[dict[str, float], int]:
 
 def _widened(model: Model) -> Model:
     """Return the model with the laws beside it that it has not."""
-    base = model.mechanics
-    for name in _LAWS:
-        effect = get_effect(name)
-        if base.places():
-            names = [placed(name, place) for place, at in base.places().items() if at.suits(effect)]
-        else:
-            acts = base.system in effect.systems and (base.anchored or not effect.anchored)
-            names = [name] if acts and name not in base.provides else []
-        for new in names:
-            model = model if new in model.effects else model.with_effect(new)
-    return model
+    return model.with_effect(*(e for e in candidates(model) if e.partition("_at_")[0] in _LAWS))
 
 
 def _with(dataset: Dataset, interpolation: str) -> Dataset:

@@ -15,10 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import OSCILLATOR, Effect, Mode
+from discovery.declarations.effect import Effect
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.place import can_be_placed, placed
-from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import NaturalUnits, Problem
@@ -28,7 +27,7 @@ from discovery.screening.responses import Grid, Responses, plan, respond
 from discovery.screening.scalar_products import grams
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Candidate", "Shapes", "Start", "candidates", "grid_of", "screen"]
+__all__ = ["Candidate", "Shapes", "Start", "grid_of", "screen"]
 
 FloatArray = NDArray[np.float64]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
@@ -129,51 +128,6 @@ class Candidate:
     starts: tuple[Start, ...]
     sensitivity: FloatArray
     shapes: Shapes
-
-
-def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
-    """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    unit : str
-        Unit of an oscillator's coordinate: laws of an angle ask for radians.
-    """
-    base = model.mechanics
-    if base.places():
-        return _at_places(model)
-    return tuple(
-        e
-        for e, effect in catalogue().items()
-        if base.system in effect.systems
-        and e not in model.effects
-        and e not in base.provides
-        and (base.system.has_rod or unit == "rad" or not effect.angular)
-        and (base.push() is not None or not isinstance(effect, Mode))
-        and _is_heard(effect, model)
-        and (base.anchored or not effect.anchored)
-        and (not effect.needs or effect.needs in base.has)
-    )
-
-
-def _is_heard(effect: Effect, model: Model) -> bool:
-    """Return whether an effect of the drive, if it is one, changes an input that there is."""
-    if effect.kind != "drive" or model.mechanics.system.has_rod:
-        return True
-    return model.mechanics.is_pushed and model.known.get("g") != 0.0
-
-
-def _at_places(model: Model) -> tuple[str, ...]:
-    """Return the effects that a declared system could lack: forces at each of its places, and those of instruments."""
-    found = []
-    for e, effect in catalogue().items():
-        if effect.kind in ("drive", "sensor") and OSCILLATOR in effect.systems:
-            found += [e] if _is_heard(effect, model) else []
-        elif can_be_placed(effect):
-            found += [placed(e, name) for name, place in model.mechanics.places().items() if place.suits(effect)]
-    return tuple(e for e in found if e not in model.effects)
 
 
 def _sizes(parameter: Parameter) -> list[float]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.smooth_force import SmoothForce
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
@@ -19,7 +20,6 @@ from discovery.estimation.step_control import affordable_bench
 from discovery.estimation.unequal_steps import unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
-from discovery.screening.attribution import candidates
 from discovery.selection.settings import LoopSettings
 
 __all__ = ["Context"]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
 from discovery.mechanics import get_base
-from discovery.screening.attribution import candidates
 
 __all__ = ["Sample", "derivative", "every_effect", "sample_states", "whole", "without"]
 

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from discovery.declarations.system import SystemDeclaration
+from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
 from discovery.mechanics.declared import DeclaredBase
 from discovery.mechanics.declared_equations import INPUT, coordinates_of
 from discovery.mechanics.systems import system_base
-from discovery.screening.attribution import candidates
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
 
