@@ -1280,14 +1280,15 @@ def test_numbers_before_a_term_are_multiplied_and_have_the_digits_of_their_devia
 @pytest.mark.parametrize(
     ("numbers", "said"),
     [
-        ({"effects": 5, "offers": 4, "cost": 1.0}, "the model holds 5 added effects, as many as the search may add"),
-        ({"effects": 1, "offers": 1, "cost": 32.0}, "cost 32 times those of the start, and beyond 4 times no further"),
-        ({"effects": 2, "offers": 7, "cost": 1.0}, "the catalogue was tried beside 7 sets"),
+        ({"effects": 3, "offers": 4, "cost": 1.0}, "the model holds 3 added effects, as many as the search may add"),
+        ({"effects": 1, "offers": 1, "cost": 32.0}, "cost 32 times those of the start, and beyond 8 times no further"),
+        ({"effects": 2, "offers": 9, "cost": 1.0}, "the catalogue was tried beside 9 sets"),
         ({}, "a limit of the search’s work was reached"),
     ],
 )
 def test_the_limit_that_ended_the_search_is_told(numbers: dict[str, float], said: str) -> None:
-    step = synthetic_run.decision("stop", accepted=True, code="budget", numbers=numbers)
+    limits = {"most_effects": 3, "most_offers": 9, "most_cost": 8.0} if numbers else {}
+    step = synthetic_run.decision("stop", accepted=True, code="budget", numbers={**numbers, **limits})
     assert said in sentences.decision_sentence(step)
 
 

@@ -12,7 +12,6 @@ from typing import Any
 from discovery.declarations.effect import effect_name
 from discovery.report.failure_sentences import failure_sentence
 from discovery.report.number_words import plain, sizes
-from discovery.selection.settings import Budget
 
 __all__ = [
     "OUTCOMES",
@@ -220,16 +219,17 @@ def _complete(numbers: Record) -> str:
 
 def _budget(numbers: Record) -> str:
     """Return which limit of work ended the search; results of old do not state it."""
-    most, cost = Budget(), numbers.get("cost", 0.0)
-    if numbers.get("effects", 0) >= most.most_effects:
-        return f"the model holds {most.most_effects} added effects, as many as the search may add"
-    if cost > most.dearer:
+    work = ("effects", "offers", "cost")
+    effects, offers, cost = ((numbers.get(n, 0), numbers.get(f"most_{n}", math.inf)) for n in work)
+    if effects[0] >= effects[1]:
+        return f"the model holds {effects[1]} added effects, as many as the search may add"
+    if cost[0] > cost[1]:
         return (
-            f"simulations with what was added cost {plain(cost, 2)} times those of the start, and beyond "
-            f"{plain(most.dearer, 2)} times no further effect is sought"
+            f"simulations with what was added cost {plain(cost[0], 2)} times those of the start, and beyond "
+            f"{plain(cost[1], 2)} times no further effect is sought"
         )
-    if numbers.get("offers", 0) >= most.offers:
-        return f"the catalogue was tried beside {most.offers} sets, as many as the search may extend"
+    if offers[0] >= offers[1]:
+        return f"the catalogue was tried beside {offers[1]} sets, as many as the search may extend"
     return "a limit of the search’s work was reached, so no further effect was sought"
 
 

@@ -31,13 +31,14 @@ class Neighbours:
 
     def affords(self, node: Contender) -> bool:
         """Return whether the catalogue may be tried beside a set: not where that costs far more than at the start."""
-        budget, work = self.context.settings.budget, self.work(node)
-        return self.offers.has(node) or (work["offers"] < budget.offers and work["cost"] <= budget.dearer)
+        work = self.work(node)
+        return self.offers.has(node) or (work["offers"] < work["most_offers"] and work["cost"] <= work["most_cost"])
 
     def work(self, node: Contender) -> dict[str, float]:
-        """Return the members of a set, the sets extended so far, and its simulations' cost in those of the start."""
-        here, start = (c.refit.problem.bench.cost for c in (node, self.root))
-        return {"effects": len(node.added), "offers": len(self.offers), "cost": here / start}
+        """Return a set's members, the sets extended so far, its simulations' cost in those of the start, and limits."""
+        most, (here, start) = self.context.settings.budget, (c.refit.problem.bench.cost for c in (node, self.root))
+        limits = {"most_effects": most.most_effects, "most_offers": most.offers, "most_cost": most.dearer}
+        return {"effects": len(node.added), "offers": len(self.offers), "cost": here / start, **limits}
 
     def without(self, found: Contender, effect: str) -> Contender:
         """Return the best set without one of the members of another, refitted."""

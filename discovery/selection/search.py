@@ -81,8 +81,7 @@ class Search:
         while len(self.best.added) < self.context.settings.budget.most_effects and self.neighbours.affords(self.best):
             if self._is_complete():
                 return
-            before = self.best
-            if before.key in been:
+            if (before := self.best).key in been:
                 # Sets that give way to each other in turn: the likeliest of them stands.
                 self.best = max((c for c in been.values() if len(c.added) == len(before.added)), key=lambda c: c.joint)
                 return self._exhausted()
