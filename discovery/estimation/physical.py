@@ -68,8 +68,8 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
     stated, unit = (rig.inertia, "kg m^2") if rig.inertia else (rig.mass, "kg")
     told = rig.columns.input
     force = None if told is None else known_dimension(si_symbol(told.unit))
-    if base.name in {"oscillator", "accelerometer"} and force and force in _FORCES:
-        return "g", 0.0, _product((force, 1), (acceleration, -1))
+    if base.gain and force and force in _FORCES:
+        return base.gain, 0.0, _product((force, 1), (acceleration, -1))
     return None if stated is None else (stated.value, stated.sd / stated.value, dimension(unit))
 
 

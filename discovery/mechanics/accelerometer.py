@@ -12,7 +12,7 @@ class Accelerometer(ForceDriven):
     r"""A force-driven coordinate, q'' = g u(t) + effects, of which an instrument reads the acceleration q''."""
 
     name = "accelerometer"
-    reads_state = False
+    reads = "acceleration"
 
     def reading(self, closure, rod=None):
         """Return the acceleration."""

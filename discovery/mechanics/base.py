@@ -187,8 +187,14 @@ class Base(ABC):
     prescribed: ClassVar[bool] = False
     #: Whether the coordinate is an angle about a pivot that the input shifts: it tells no path in the plane.
     pivots: ClassVar[bool] = False
-    #: Whether the instrument reads the state itself, not an acceleration or a force that follows from it.
-    reads_state: ClassVar[bool] = True
+    #: What the instrument reads, in a word, where that is not the state but follows from it: a force, an acceleration.
+    reads: ClassVar[str] = ""
+    #: What the input is, in a word, where the kind of system does not tell it.
+    input_word: ClassVar[str] = ""
+    #: Parameter that is the acceleration per unit of an input that may be a force; none where it is none.
+    gain: ClassVar[str] = ""
+    #: Whether the library of the sparse regression describes it.
+    in_library: ClassVar[bool] = False
     #: Bases of the same parameters that this one approximates; an answer stands on the first that is as likely.
     approximates: ClassVar[tuple[str, ...]] = ()
     #: Parameter sets simulated side by side in one block of the kernel.
@@ -209,6 +215,15 @@ class Base(ABC):
 
     def push(self) -> sp.Expr | None:
         """Return what the input alone does to the coordinate [s^-2 q]; None where no mode could be added to it."""
+        return None
+
+    @property
+    def reads_state(self) -> bool:
+        """Whether the instrument reads the state itself."""
+        return not self.reads
+
+    def idle(self, q: NDArray, rate: NDArray, values: Mapping[str, float]) -> NDArray | None:
+        """Return the input at which a drive asks for nothing, in these states; None where none pushes the body."""
         return None
 
     @property

@@ -23,6 +23,7 @@ class ConstantRadius(ArmBase):
     """
 
     name = "constant_radius"
+    in_library = True
     n_coordinates = 1
     provides = frozenset({"base_compliance", *ROOT_JOINTS})
 

@@ -24,7 +24,7 @@ class InverseDynamics(OneCoordinate):
     """
 
     name = "inverse_dynamics"
-    reads_state = False
+    reads = "force"
     input_moves = True
     prescribed = True
     provides = frozenset({"sensor_delay", "time_base_error", "position_scale", "angle_offset"})

@@ -97,8 +97,14 @@ class OneCoordinate(Base):
 class ForceDriven(OneCoordinate):
     """A coordinate under the recorded input u: q'' = g u(t) + effects."""
 
+    gain = "g"
+
     g = Parameter("s^-2 q", "acceleration per unit of input", (-1e4, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
 
     def pull(self) -> sp.Expr:
         """Return g u."""
         return self.g * s.u
+
+    def idle(self, q, rate, values):
+        """Return no input."""
+        return np.zeros_like(q)

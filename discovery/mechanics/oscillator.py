@@ -11,6 +11,7 @@ class Oscillator(ForceDriven):
     r"""One coordinate q with unit inertia: q'' = g u(t) + effects, with the recorded input u (none in a free decay)."""
 
     name = "oscillator"
+    in_library = True
 
 
 BASE = Oscillator()

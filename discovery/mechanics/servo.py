@@ -21,6 +21,7 @@ class Servo(OneCoordinate):
     """
 
     name = "servo"
+    input_word = "reference"
     provides = frozenset()
 
     g = Parameter("s^-2 q", "acceleration per unit of command", (0.0, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
@@ -35,6 +36,10 @@ class Servo(OneCoordinate):
         q, rate = self.position
         command = self.k_v * (self.k_p * (s.u - q) - rate)
         return self.g * (sp.Abs(command + self.c_max) - sp.Abs(command - self.c_max)) / 2
+
+    def idle(self, q, rate, values):
+        """Return the reference at which the controller asks for nothing."""
+        return q + rate / values["k_p"]
 
 
 BASE = Servo()

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from discovery.declarations.systems import System
 from discovery.foundation.errors import InputError
+from discovery.mechanics import get_base
+from discovery.mechanics.base import Base
 from discovery.mechanics.systems import know_system
 from discovery.posterior.inference_data import attributes, by_name
 from discovery.recordings.angles import within_half_a_turn
@@ -31,8 +33,6 @@ FloatArray = NDArray[np.float64]
 MODELS = ("linear", "before", "after")
 #: Predictions are drawn up to so many times the largest reading.
 _FARTHEST = 10.0
-#: What is read where it is not the coordinate, by base.
-_READS = {"inverse_dynamics": "force", "accelerometer": "acceleration"}
 
 
 @dataclass(frozen=True)
@@ -128,13 +128,12 @@ class Run:
     @property
     def reads_coordinate(self) -> bool:
         """Whether the instrument reads where the system is, not the force on it or its acceleration."""
-        return self._base not in _READS
+        return self._base is None or self._base.reads_state
 
     @property
     def output_name(self) -> str:
         """What is read, in the words of a reader; of an arm the channels have names of their own."""
-        kind = KINDS[self.results["rig"]["kind"]]
-        return _READS.get(self._base, "output" if kind.name == "oscillator" else kind.output)
+        return (self._base and self._base.reads) or KINDS[self.results["rig"]["kind"]].words[1]
 
     @property
     def told(self) -> Mapping[str, Any]:
@@ -151,9 +150,9 @@ class Run:
     @property
     def input_name(self) -> str:
         """What drives the system, in the words of a reader."""
-        kind = KINDS[self.results["rig"]["kind"]]
-        given = {"inverse_dynamics": kind.output, "servo": "reference"}
-        return given.get(self._base, "input" if kind.name == "oscillator" else kind.input)
+        kind, base = KINDS[self.results["rig"]["kind"]], self._base
+        given = base and (kind.output if base.prescribed else base.input_word)
+        return given or kind.words[0]
 
     @property
     def input_unit(self) -> str:
@@ -161,8 +160,9 @@ class Run:
         return "rad" if self.system.has_rod else str(self.results["rig"].get("input_unit") or "")
 
     @property
-    def _base(self) -> str:
-        return str(self.results["rig"].get("base", ""))
+    def _base(self) -> Base | None:
+        name = self.results["rig"].get("base")
+        return get_base(name) if name else None
 
     def open(self, file: str, group: str | None = None) -> xr.Dataset | None:
         """Return one group of a netCDF file of the run, loaded; None where the file or the group is not there."""

@@ -39,6 +39,8 @@ class Kind:
         Whether it has a rest position, about which it swings where nothing drives it.
     hangs, falls, shaken : bool
         Whether gravity turns it, gravity moves it, or what it hangs on is moved.
+    general : bool
+        Whether it may be any such system: a reader is then told of its input and its output.
     """
 
     name: str
@@ -55,6 +57,12 @@ class Kind:
     hangs: bool = False
     falls: bool = False
     shaken: bool = False
+    general: bool = False
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """Input and output in the words of a reader."""
+        return ("input", "output") if self.general else (self.input, self.output)
 
     @property
     def has_rod(self) -> bool:
@@ -81,7 +89,9 @@ KINDS: Mapping[str, Kind] = {
         Kind(
             "flexible_arm", "constant_radius", PAPER_MODEL, True, "motor angle", "tip position", interpolation="motion"
         ),
-        Kind("oscillator", "oscillator", LINEAR_MODEL, None, "force", "deflection from rest", returns=True),
+        Kind(
+            "oscillator", "oscillator", LINEAR_MODEL, None, "force", "deflection from rest", returns=True, general=True
+        ),
         Kind(
             "pendulum",
             "oscillator",

@@ -11,6 +11,7 @@ from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, teller
+from discovery.mechanics import get_base
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.rigs.rig import Rig
@@ -80,7 +81,7 @@ class Discovered:
 
 def can_discover(rig: Rig) -> bool:
     """Return whether the library of the sparse regression describes a system: a coordinate read under a force."""
-    return rig.base in ("constant_radius", "oscillator")
+    return not rig.traits.has_own_equations and get_base(rig.base).in_library
 
 
 def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -> Discovered:
