@@ -298,6 +298,7 @@ def test_a_slow_arm_follows_the_perpendicular_law() -> None:
 # The rod's mass goes to zero.
 
 
+@pytest.mark.slow
 def test_the_twin_nears_the_massless_arm() -> None:
     drive = exact_drive(MOVES["minimum_jerk"])
     motion, mean, corrected = simulate_general(ARM, drive, TIME), [], []

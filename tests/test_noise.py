@@ -315,6 +315,7 @@ def test_uniform_share_is_a_density():
     assert Logistic().width == pytest.approx(math.sqrt(variance))
 
 
+@pytest.mark.slow
 def test_white_intervals_are_too_narrow_on_correlated_errors_and_honest_ones_are_not():
     """Coverage of the gain by 90 % intervals over sixty recordings with errors that are mostly correlated."""
     rng = np.random.default_rng(10)

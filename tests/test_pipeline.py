@@ -272,6 +272,7 @@ def page_of(folder: Path) -> str:
     return build_report(folder).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_recordings_too_long_for_predictive_bands_are_no_trouble(
     begun: Answer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

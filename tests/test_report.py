@@ -948,6 +948,7 @@ def test_optional_files_may_be_missing(tmp_path: Path) -> None:
     assert "What sparse regression proposes" not in page
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_files(arm: Made, tmp_path: Path) -> None:
     synthetic_run.write_arm_run(tmp_path)
     assert build_report(tmp_path).read_text(encoding="utf-8") == arm[2]

@@ -190,6 +190,7 @@ def test_freed_inertial_terms_fit_better_and_mean_less(recorded: Stand, inside: 
     assert held["errors"]["trained"]["angle_rms"] == pytest.approx(0.5e-3, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_second_calibration_has_the_papers_alpha(recorded: Stand) -> None:
     arm, there = calibrated_rig(recorded)
     found = fit_from_rest("constant_radius", CUBIC, there, angle=True)
@@ -339,6 +340,7 @@ def test_a_fit_is_not_led_astray_by_a_wrong_rig_file(recorded: Stand) -> None:
     assert found.values == pytest.approx(right.values, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_standard_deviations_are_those_of_repeated_fits(brief: Stand) -> None:
     model = Model("constant_radius", (*CUBIC, "radius_law"), {"length": 1.0})
     truth = RestFit(model, {**TRUTH, "gamma": 0.4462}, {}, 0.01)
@@ -584,6 +586,7 @@ def everything(recording: Recording) -> Sequence[np.ndarray]:
     return recording.time, recording.input, recording.output
 
 
+@pytest.mark.slow
 def test_results_are_the_same_with_one_and_two_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     speeds = (1.4, 0.6, 1.0)
     found = {}

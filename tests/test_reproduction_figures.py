@@ -244,6 +244,7 @@ def test_every_picture_fits_its_figure(drawn: dict[str, list[Picture]]) -> None:
             assert axes.bbox.width > 0.45 * width, name
 
 
+@pytest.mark.slow
 def test_the_same_results_give_the_same_bytes() -> None:
     one, two = (_by_name(draw_all(_results(), _curves)) for _ in range(2))
     with styled():

@@ -45,6 +45,8 @@ from benchmarks.paper.study import STUDIES, run_studies
 from discovery.foundation.errors import InputError
 from discovery.report.paper import paper_numbers
 
+#: Its small studies take half a minute; `make reproduce` builds the same page and its checks see it.
+pytestmark = pytest.mark.slow
 DURATION = 7.0
 #: Figures that a section of the page has beside Figures 5 to 13.
 OTHERS = {

@@ -533,6 +533,7 @@ print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values(
     assert first == pytest.approx(np.cos(3.0), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_kernel_computes_the_same_when_just_compiled_and_when_loaded(tmp_path: Path) -> None:
     code = """
 import hashlib, numpy as np
