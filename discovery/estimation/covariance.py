@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
+from discovery.estimation.resolution import resolves_slopes
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
@@ -134,11 +135,16 @@ def _change(problem: Problem, minimum: Minimum, residual: FloatArray) -> FloatAr
 
 
 def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:
-    """Return the largest shift of the minimum against a solve with half the step, in standard deviations."""
+    """Return the largest shift of the minimum against a solve with half the step, in standard deviations.
+
+    Where the steps do not resolve the slopes of the readings, it is the largest that their change allows.
+    """
     change = _change(problem, minimum, minimum.residual[: problem.bench.n_rows])
     known = np.isfinite(np.diag(covariance))
     if not known.any():
         return float("nan")
+    if not resolves_slopes(problem, minimum.x, np.sqrt(np.diag(covariance))):
+        return float(np.linalg.norm(change))
     # What is known beside the recordings does not move.
     push = np.zeros(len(minimum.jacobian))
     push[: change.size] = -change
