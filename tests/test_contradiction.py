@@ -89,9 +89,11 @@ def test_several_effects_that_reconcile_are_all_named() -> None:
     assert both.reconciling == ("base_compliance", "base_backlash")
     assert "base_compliance reconciles them, 1.5 nats against an error of the rig file" in said(both)
     assert said(both).endswith("so would base_backlash.")
-    none = Contradiction(numbers(6.0), (tried("base_compliance", False),))
+    none = Contradiction(numbers(6.0), (Reconciliation("time_base_error", {}, 0.1, 9.0, 100.0, -56.2, False),))
     assert none.reconciling == ()
-    assert "no effect of the catalogue reconciles" in said(none)
+    assert "no effect of the catalogue reconciles them. Is the rig" in said(none)
+    near = Contradiction(numbers(6.0), (Reconciliation("time_base_error", {}, 0.1, 0.1, 100.0, -56.2, False),))
+    assert "; the nearest is time_base_error, 56 nats less likely than an error of the rig file." in said(near)
 
 
 def with_rig(found: Fit, rig: Rig) -> Fit:

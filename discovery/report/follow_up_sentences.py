@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from discovery.diagnosis.manoeuvre_design import Move
@@ -12,6 +12,8 @@ from discovery.foundation.estimate_text import decimals, estimate_text, figures
 __all__ = ["contradiction_sentences", "separation_sentence", "stand_in_sentence"]
 
 Record = Mapping[str, Any]
+#: A value so many standard deviations from its prediction agrees with it.
+_AGREES = 3.0
 
 
 def contradiction_sentences(tested: Record | None) -> list[str]:
@@ -32,11 +34,20 @@ def _contradiction(found: Record, check: Record) -> str:
         return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
     if not found["reconciling"]:
         doubt = " Is the rig file right?" if found["gross"] else ""
-        return head + f"no effect of the catalogue reconciles them.{doubt}"
+        return head + f"no effect of the catalogue reconciles them{_nearest(found['tried'])}.{doubt}"
     best, *others = found["reconciling"]
     odds = next(t["odds"] for t in found["tried"] if t["id"] == best)
     also = f"; so would {', '.join(others)}" if others else ""
     return head + f"{best} reconciles them, {figures(odds)} nats against an error of the rig file{also}."
+
+
+def _nearest(tried: Sequence[Record]) -> str:
+    """Return the likeliest effect with which the parameter is as predicted, though an error of the rig is likelier."""
+    near = [t for t in tried if abs(t["z"]) < _AGREES and math.isfinite(t["odds"])]
+    if not near:
+        return ""
+    best = max(near, key=lambda t: t["odds"])
+    return f"; the nearest is {best['id']}, {figures(-best['odds'], 2)} nats less likely than an error of the rig file"
 
 
 def separation_sentence(found: Record) -> str:
