@@ -159,7 +159,7 @@ def _scanned(fit: Fit, stated: Problem, name: str, target: float, candidate: Can
     sized = {p.name: p.bounds[0] < 0 for p in effect.parameters() if not p.shape}
     every = grid_of(effect, system, stated.units)
     grid = list({tuple(v for n, v in g.items() if n not in sized): g for g in every}.values())
-    # Of very many shapes some, evenly: what matters may be a part that has none, as a clock's drift beside its sawtooth.
+    # Of very many shapes some, evenly: what matters may have none, as a clock that drifts beside its sawtooth.
     grid = grid[:: -(-len(grid) // MOST_SHAPES)]
     sizes = [*_SIZES, *(-_SIZES if any(sized.values()) else ())]
     points = [{n: v * s if n in sized else v for n, v in values.items()} for values in grid for s in sizes]
