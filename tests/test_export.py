@@ -62,6 +62,7 @@ TIME = np.linspace(0.0, 0.48, 121)
 STEP = 0.002
 SINGLY = [(b, e) for b in ("constant_radius", "oscillator") for e in every_effect(b)]
 SINGLY += [("reduced", "base_compliance"), ("base_excited", "second_mode"), ("inverse_dynamics", "constant_force")]
+SINGLY += [("base_excited", "ground_damping")]
 SINGLY += [("inverse_dynamics", "friction_through_play"), *(("elastica_1", e) for e in sorted(ROOT_JOINTS))]
 #: One by one on bases whose files are tried with all of their effects at once.
 SLOWLY = [(b, e) for b in ("reduced", "accelerometer", "inverse_dynamics") for e in every_effect(b)]

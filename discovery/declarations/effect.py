@@ -29,6 +29,7 @@ __all__ = [
     "ARM",
     "OSCILLATOR",
     "ROTOR",
+    "SHAKEN",
     "SPRING",
     "WEIGHT",
     "Closure",
@@ -47,8 +48,9 @@ __all__ = [
     "effect_name",
 ]
 
-#: What an effect may need: a linear spring between two parts, an angle that nothing ties, or a body that falls.
-SPRING, ROTOR, WEIGHT = "spring", "rotor", "weight"
+#: What an effect may need: a linear spring between two parts, an angle that nothing ties, a body that falls, or a base
+#: that moves beneath a body.
+SPRING, ROTOR, WEIGHT, SHAKEN = "spring", "rotor", "weight", "shaken"
 #: Names of people in those of effects.
 _PEOPLE = {"coriolis", "coulomb", "stribeck"}
 
@@ -100,7 +102,7 @@ class Effect(ABC):
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
-    #: What a base, or the place of a declared system, must have for it: `SPRING`, `ROTOR` or `WEIGHT`.
+    #: What a base, or the place of a declared system, must have for it: `SPRING`, `ROTOR`, `WEIGHT` or `SHAKEN`.
     needs: ClassVar[str] = ""
     #: Where it acts on a declared system, see `discovery.declarations.place`.
     place: ClassVar[str] = ""

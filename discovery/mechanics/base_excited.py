@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import sympy as sp
+
 from discovery.declarations import symbols as s
+from discovery.declarations.effect import SHAKEN
 from discovery.declarations.parameters import Normal, Parameter
+from discovery.mechanics.base import Channel
 from discovery.mechanics.one_coordinate import OneCoordinate
+from discovery.mechanics.rod import STRAIGHT
 
 __all__ = ["BASE", "BaseExcited"]
 
@@ -19,6 +26,7 @@ class BaseExcited(OneCoordinate):
 
     name = "base_excited"
     input_moves = True
+    has = frozenset({SHAKEN})
 
     p = Parameter(
         "1", "participation of the base's motion", (-100.0, 100.0), Normal(1.0, 3.0), default=1.0, starts=(1.0,)
@@ -32,6 +40,12 @@ class BaseExcited(OneCoordinate):
     def pull(self):
         """Return -p u''."""
         return -self.p * s.alpha_m
+
+    def mechanics(self, rod=STRAIGHT):
+        """Return the mathematics: springs and losses act on the deflection, the rate in the fixed frame holds u'."""
+        found = super().mechanics(rod)
+        against_ground = Channel(s.omega_m + self.position[1], (sp.Integer(1),), s.alpha_m)
+        return replace(found, channels={**found.channels, s.slope_dot: against_ground})
 
 
 BASE = BaseExcited()

@@ -26,7 +26,7 @@ def _states(coordinate: str) -> dict[str, tuple[str, int]]:
     if not coordinate:
         return {}
     oscillator = coordinate == "q"
-    moving, bending = ("q", "q") if oscillator else ("delta", "b")
+    moving, bending, end = ("q", "q", "q_0") if oscillator else ("delta", "b", "theta_e")
     return {
         "theta": (coordinate, 0), "omega": (coordinate, 1), "q": ("q", 0), "delta": (moving, 0),
         "delta_dot": (moving, 1),
@@ -36,7 +36,7 @@ def _states(coordinate: str) -> dict[str, tuple[str, int]]:
         "root": ("b", 0), "root_dot": ("b", 1),
         "x": ("x_t", 0), "y": ("y_t", 0), "x_g": ("x_g", 0), "y_g": ("y_g", 0), "v_x": ("x_t", 1), "v_y": ("y_t", 1),
         "tip_x": ("x_t", 0), "tip_y": ("y_t", 0), "U": ("U", 0), "rho": ("rho", 0), "t": ("t", 0), "u": ("u", 0),
-        "slope": ("theta_e", 0), "slope_dot": ("theta_e", 1), "arc": ("s", 0), "kappa_r": ("kappa_r", 0),
+        "slope": (end, 0), "slope_dot": (end, 1), "arc": ("s", 0), "kappa_r": ("kappa_r", 0),
         "acceleration": (coordinate, 2),
     }  # fmt: skip
 

@@ -72,7 +72,7 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
         Name of the base; the simplest one on which the effect means something by default.
     """
     arms = ARM in get_effect(effect).systems
-    bases = ("constant_radius", "reduced", "elastica_1") if arms else ("oscillator", "servo")
+    bases = ("constant_radius", "reduced", "elastica_1") if arms else ("oscillator", "servo", "base_excited")
     base = base or next(b for b in bases if effect in every_effect(b))
     context = ("viscous_damping", "linear_stiffness")
     rod = {n: v for n, v in _ROD.items() if n in {p.name for p in get_base(base).parameters()}}

@@ -12,7 +12,7 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
-from discovery.mechanics import get_base
+from discovery.mechanics import base_names, get_base
 
 __all__ = ["Sample", "derivative", "every_effect", "sample_states", "whole", "without"]
 
@@ -55,11 +55,9 @@ def every_effect(base_name: str) -> tuple[str, ...]:
 
     What only places of declared systems have is tried on the oscillator.
     """
-    joints = (
-        [e for e, effect in catalogue().items() if effect.needs and effect.needs not in get_base(base_name).has]
-        if base_name == "oscillator"
-        else []
-    )
+    # What only a base that moves has would be nothing of its own on one that rests.
+    had = {"", *(need for base in map(get_base, base_names()) if base.input_moves for need in base.has)}
+    joints = [e for e, effect in catalogue().items() if effect.needs not in had] if base_name == "oscillator" else []
     return (*candidates(Model(base_name, ())), *joints)
 
 
