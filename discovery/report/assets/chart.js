@@ -99,7 +99,9 @@
     plots = [];
     // Both plots are seen with the answer beside them.
     const narrow = box.clientWidth < 480, [tall, less] = narrow ? [125, 102] : [190, 130];
-    const label = (what, unit) => unit ? `${narrow ? "" : `${what} `}[${unit}]` : what;
+    // The choice of recordings says what is read: a name that is longer than the axis is left out, at 6.3 px a letter.
+    const fits = (text) => !narrow && 6.3 * text.length < tall - 25;
+    const label = (what, unit) => !unit || fits(`${what} [${unit}]`) ? `${what}${unit ? ` [${unit}]` : ""}` : `[${unit}]`;
     const top = made(values, ["measured", ...present], label(channel.name, channel.unit), tall, find("values"), false);
     const low = made(left, present, channel.small ? `error [${channel.small}]` : "error", less, find("left"), true);
     plots = [top, low];
