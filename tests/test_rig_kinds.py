@@ -25,7 +25,8 @@ SERVO = (
     + 'input = { name = "r", unit = "mm" }\noutput = { name = "y", unit = "mm" }\n'
     + '[controller]\nkp = 160.0\nkv = 0.2\nlimit = 10\nunit = "mV"\nadded = "p"\n'
 )
-VIEW = f'name = "d"\nkind = "drive"\n{DRIVEN}[view]\noutput = "force"\nmotion_cutoff_hz = 30\ncutoff_hz = 10\n'
+SEEN = TIME + 'input = { name = "y", unit = "mm" }\noutput = { name = "u", unit = "V" }\n'
+VIEW = f'name = "d"\nkind = "drive"\n{SEEN}[view]\noutput = "force"\nmotion_cutoff_hz = 30\ncutoff_hz = 10\n'
 
 
 @pytest.fixture
@@ -111,6 +112,8 @@ def test_a_view_makes_inverse_dynamics(read):
     assert rig.view == ForceView(30.0, 10.0, None)
     assert read(VIEW + "decimation = 5\n").view.decimation == 5
     assert rig.columns.input.interpolation == "spline"
+    # What a unit of the instrument's own measures is not known: of counts, either may be.
+    assert read(VIEW.replace('"mm"', '"count"').replace('"V"', '"count"')).base == "inverse_dynamics"
 
 
 def test_columns_are_scaled_named_and_read_as_accelerations(read):
@@ -167,6 +170,16 @@ def test_records_pick_rows_and_have_names(read):
         (SERVO.replace('"r", unit = "mm"', '"r", unit = "V"'), "line 5, column 'input'.*cannot be converted to 'mm'"),
         (SERVO.replace('unit = "mV"', 'unit = "mVV"'), r"line 11, \[controller\]: The unit 'mVV' is not known"),
         (VIEW.replace("cutoff_hz = 10", "cutoff_hz = 50"), "Raise motion_cutoff_hz"),
+        (
+            VIEW.replace('"mm"', '"kN"'),
+            r"rig\.toml, line 5: the key 'columns\.input\.unit' is 'kN', a force or a torque, .* motion as input",
+        ),
+        (VIEW.replace('"mm"', '"mN m"'), r"line 5: the key 'columns\.input\.unit' is 'mN m'"),
+        (
+            VIEW.replace('"V"', '"deg"'),
+            r"line 6: the key 'columns\.output\.unit' is 'deg', a position, but with .* the output is the force",
+        ),
+        (VIEW.replace('"V"', '"um"'), r"line 6: the key 'columns\.output\.unit' is 'um'"),
         (VIEW.replace('"force"', '"torque"'), "line 8: the key 'view.output'"),
         (f"{SERVO}[view]\noutput = 'force'\nmotion_cutoff_hz = 30\ncutoff_hz = 10\n", "Keep one of"),
         (f'name = "a"\nlength_m = 1.0\n[view]\n{VIEW.split("[view]")[1]}', r"line 3, declares \[view\], but"),
