@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 
+from discovery.equations.lacking import candidates, ever_candidates
+from discovery.equations.model import Model
 from discovery.foundation.errors import InputError
 from discovery.recordings.recording import read_recording
 from discovery.rigs.kinds import KINDS
@@ -58,9 +61,18 @@ def test_the_schema_knows_the_kinds():
 def test_defaults_of_a_kind(read, kind, columns, base, interpolation):
     rig = read(f'name = "a"\nkind = "{kind}"\n{columns}')
     assert (rig.kind, rig.base) == (kind, base)
+    assert base in KINDS[kind].searched
     assert rig.declared == KINDS[kind].declared
     assert (rig.columns.input.interpolation if rig.columns.input else None) == interpolation
     assert rig.gravity == (Quantity(9.80665, 0.02) if kind in ("pendulum", "falling_body") else None)
+
+
+def test_what_is_tried_on_a_rig_is_told_for_its_kind():
+    rigs = [read_rig(path) for path in sorted((Path(__file__).parents[1] / "datasets").glob("*/rig*.toml"))]
+    assert {rig.kind for rig in rigs} >= {"oscillator", "pendulum", "base_excited", "drive", "falling_body"}
+    for rig in rigs:
+        if rig.system is None and not rig.traits.has_rod:
+            assert {*candidates(Model(rig.base, ()))} <= ever_candidates(rig.traits.searched)
 
 
 def test_gravity_and_the_length_of_a_pendulum(read):
@@ -103,6 +115,7 @@ def test_a_falling_body_may_be_declared_bare(read):
 def test_a_controller_makes_a_servo_in_si_units(read):
     rig = read(SERVO)
     assert rig.base == "servo"
+    assert rig.base in rig.traits.searched
     assert rig.controller == Controller(160.0, pytest.approx(0.2), pytest.approx(0.01), "mV", "p")
 
 

@@ -46,8 +46,20 @@ def check_tables(path: Path, text: str, table: RigTable) -> None:
             f"The rig file {path}, line {line_of(text, ('columns', 'input'))}, declares an input, but {called} has "
             "none. Remove it."
         )
-    for name, kinds in (("controller", ("drive",)), ("view", ("drive", "oscillator"))):
-        if getattr(table, name) is not None and (kind.name not in kinds or columns.input is None):
+    _check_loop_and_view(path, text, table, called)
+    if table.model is not None and not table.model.effects and not kind.may_be_bare:
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('model', 'effects'))}: the key 'model.effects' is empty, but "
+            f"{called} needs at least one effect. Name some, or remove the key for {', '.join(kind.declared)}."
+        )
+
+
+def _check_loop_and_view(path: Path, text: str, table: RigTable, called: str) -> None:
+    """Refuse a controller or a view where the mechanics with it are not those of the kind, and both at once."""
+    driven = table.columns is not None and table.columns.input is not None
+    for name, base in (("controller", "servo"), ("view", "inverse_dynamics")):
+        kinds = [other.name for other in KINDS.values() if base in other.searched]
+        if getattr(table, name) is not None and (table.kind not in kinds or not driven):
             raise InputError(
                 f"The rig file {path}, line {line_of(text, (name,))}: [{name}] belongs to {' or '.join(kinds)} with "
                 f"an input, not to {called}. Remove the table."
@@ -56,11 +68,6 @@ def check_tables(path: Path, text: str, table: RigTable) -> None:
         raise InputError(
             f"The rig file {path}, line {line_of(text, ('view',))}: the force is seen without the controller. Keep one "
             "of [controller] and [view]."
-        )
-    if table.model is not None and not table.model.effects and not kind.may_be_bare:
-        raise InputError(
-            f"The rig file {path}, line {line_of(text, ('model', 'effects'))}: the key 'model.effects' is empty, but "
-            f"{called} needs at least one effect. Name some, or remove the key for {', '.join(kind.declared)}."
         )
 
 
