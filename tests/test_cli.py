@@ -760,10 +760,6 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "effects")
     assert [line.split()[0] for line in listed.out.splitlines()] == sorted({*catalogue(), *(n for _, n in UPGRADES)})
     assert list(NAMED_KINDS) == list(get_args(RigTable.model_fields["kind"].annotation))
-    for kind in NAMED_KINDS:
-        listed = {line.split()[0] for line in call(capsys, "effects", "--system", kind).out.splitlines()}
-        steps = {name for _, name in UPGRADES} if kind == "flexible_arm" else set()
-        assert listed == {i for i, e in catalogue().items() if System.of(kind) in e.systems} | steps
     assert call(capsys, "effects", "coulomb_friction", "--system", "oscillator").status == 2
     card = call(capsys, "effects", "coulomb_friction")
     assert card.status == 0
@@ -777,12 +773,33 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Did you mean coulomb_friction" in unknown.err
 
 
+#: Some effects that a loop tries on a kind or that it declares, and some that act on such a system but are not tried.
+TRIED = {
+    "flexible_arm": ({"cubic_stiffness", "base_backlash", "elastica_geometry"}, {"coriolis_coupling", "cogging"}),
+    "oscillator": ({"second_mode", "constant_force", "sensor_delay"}, {"cogging", "play", "buoyancy"}),
+    "pendulum": ({"gravity_torque", "input_dead_zone"}, {"cogging", "constant_force"}),
+    "base_excited": ({"linear_stiffness", "second_mode"}, {"input_dead_zone", "play"}),
+    "drive": ({"friction_through_play", "viscous_damping", "input_saturation"}, {"cogging", "play", "buoyancy"}),
+    "system": ({"cogging", "play", "sensor_delay"}, {"linear_stiffness", "second_mode", "buoyancy"}),
+    "falling_body": ({"buoyancy", "quadratic_drag"}, {"coulomb_friction", "gravity_torque", "constant_force"}),
+}
+
+
+@pytest.mark.parametrize("kind", NAMED_KINDS)
+def test_effects_of_a_kind_are_those_that_a_loop_tries(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    listed = {line.split()[0] for line in call(capsys, "effects", "--system", kind).out.splitlines()}
+    tried, never = TRIED[kind]
+    assert tried <= listed
+    assert not never & listed
+    assert listed <= {i for i, e in catalogue().items() if System.of(kind) in e.systems} | {n for _, n in UPGRADES}
+
+
 def test_effects_says_where_an_effect_applies_and_what_to_do_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
     card = call(capsys, "effects", "base_backlash").out
     assert "Applies to a flexible arm. On any other system" in card
     assert "w_p        [rad]" in card
     assert "unit of the coordinate" not in card
-    assert "`discovery effects --system oscillator` lists what can" in card
+    assert "`discovery effects --system oscillator` lists what is tried there" in card
     both = call(capsys, "effects", "coulomb_friction").out
     assert "Applies to a flexible arm and to any other system" in both
     assert "[q s^-2]" in both

@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -627,7 +628,9 @@ def fitted():
 def test_json_gives_back_model_and_numbers(fitted) -> None:
     text = to_json(fitted)
     found, expected = from_json(text), FittedModel.from_fit(fitted)
-    assert found == expected
+    assert replace(found, physical={}) == replace(expected, physical={})
+    # What lies at a bound has no interval.
+    np.testing.assert_equal(found.physical, expected.physical)
     assert found.model == fitted.model
     np.testing.assert_array_equal(found.covariance, fitted.covariance)
     assert found.sd == pytest.approx(fitted.sd, rel=1e-15, nan_ok=True)

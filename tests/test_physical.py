@@ -7,11 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 from test_export import with_stiffness
 
+from discovery.declarations.amplitudes import amplitudes
+from discovery.declarations.effect import Load, Memory
+from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.symbols import bend_dot, delta, delta_dot, t
 from discovery.estimation.physical import physical_parameters
 from discovery.export import FittedModel, from_json, to_c, to_json, to_latex, to_numpy, to_sympy_file
 from discovery.rigs.rig import Quantity, Rig
+
+_SLIP = sp.Symbol("z_slip", real=True)
 
 
 def stand_in(rig: Any, coordinate: str, output: str = "m") -> Any:
@@ -87,6 +94,91 @@ def test_an_inverse_rig_reads_the_force() -> None:
     values = {"m": 95.0, "m_0": 100.0, "f_c": 0.2, "v_c": 1e-3}
     found = physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("m"), "m", "N"))
     assert found == {"inertia": (95.0, 0.0, "kg"), "f_c": (pytest.approx(20.0), 0.0, "N")}
+
+
+def test_a_view_tells_every_amplitude_of_a_law_as_a_force() -> None:
+    """Sliding friction and its bump are forces, the Stribeck speed is none: 15 N, 10 N with m_0 = 100 kg."""
+    model = with_stiffness("inverse_dynamics", "stribeck_friction").without(["linear_stiffness"])
+    values = {"m": 20.0, "m_0": 100.0, "f_k": 0.15, "f_b": 0.1, "v_s": 0.02, "v_e": 7e-4}
+    covariance = np.diag([0.5, 1e-3, 2e-3, 1e-3]) ** 2
+    names = ("m", "f_k", "f_b", "v_s")
+    found = physical_parameters(model, values, names, covariance, stand_in(pushed("m"), "m", "N"))
+    assert found == {
+        "inertia": (20.0, pytest.approx(0.5), "kg"),
+        "f_k": (pytest.approx(15.0), pytest.approx(0.1), "N"),
+        "f_b": (pytest.approx(10.0), pytest.approx(0.2), "N"),
+    }
+
+
+def test_a_torque_tells_gravity_also_where_a_part_of_it_is_zero() -> None:
+    """A link of J = 1/g = 0.05 kg m^2 with g_c = 30 s^-2 hangs with m g_0 r = 1.5 N m; a zero is uncertain, too."""
+    model = with_stiffness("oscillator", "gravity_torque").without(["linear_stiffness"])
+    values = {"g": 20.0, "g_c": 30.0, "g_s": 0.0}
+    covariance = np.diag([0.2, 0.3, 0.4]) ** 2
+    rig = stand_in(pushed("mN m"), "rad", "rad")
+    found = physical_parameters(model, values, ("g", "g_c", "g_s"), covariance, rig)
+    assert found == {
+        "inertia": (pytest.approx(0.05), pytest.approx(0.05 * 0.01), "kg m^2"),
+        "g_c": (pytest.approx(1.5), pytest.approx(1.5 * np.hypot(0.01, 0.01)), "N m"),
+        "g_s": (0.0, pytest.approx(0.4 * 0.05), "N m"),
+    }
+
+
+def test_only_forces_are_told_as_forces() -> None:
+    """Of cogging the torques, not the count; of a periodic force those along the only line; of shares nothing."""
+    model = with_stiffness("inverse_dynamics", "cogging", "periodic_disturbance", "equilibrium_offset")
+    values = dict.fromkeys(model.parameters, 1.0) | {"m_0": 0.002}
+    found = physical_parameters(model, values, (), np.empty((0, 0)), stand_in(pushed("deg"), "rad", "N m"))
+    assert {n: u for n, (_, _, u) in found.items()} == {
+        "inertia": "kg m^2", **dict.fromkeys(("alpha", "n_a", "n_b", "a_s", "a_c"), "N m")
+    }  # fmt: skip
+    assert found["n_a"][0] == 0.002
+
+
+class Product(Load):
+    """A force that two parameters scale, so that neither alone does."""
+
+    on = delta_dot
+    first = Parameter("s^-2", "one factor", (0.0, 1.0), HalfNormal(1.0))
+    second = Parameter("q", "the other", (0.0, 1.0), HalfNormal(1.0))
+
+    def expression(self) -> Any:
+        return self.first * self.second
+
+
+class Fading(Load):
+    """A force that fades: its rate is free, but scales nothing."""
+
+    on = delta_dot
+    size = Parameter("s^-2 q", "force at first", (0.0, 1.0), HalfNormal(1.0))
+    fades = Parameter("s^-1", "rate", (0.0, 1.0), HalfNormal(1.0))
+
+    def expression(self) -> Any:
+        return self.size * sp.exp(-self.fades * t)
+
+
+class Offset(Fading):
+    """A force of which a part is there whatever the amplitude is."""
+
+    def expression(self) -> Any:
+        return super().expression() + delta
+
+
+class Sliding(Memory):
+    """A force that grows with a length that its own memory depends on."""
+
+    reach = Parameter("s^-2", "reach", (0.0, 1.0), HalfNormal(1.0))
+
+    def states(self) -> Any:
+        return {_SLIP: bend_dot - _SLIP / self.reach}
+
+    def expression(self) -> Any:
+        return -self.reach * _SLIP * bend_dot
+
+
+@pytest.mark.parametrize(("law", "found"), [(Product, ()), (Fading, ("size",)), (Offset, ()), (Sliding, ())])
+def test_what_scales_with_the_inertia(law: Any, found: tuple[str, ...]) -> None:
+    assert amplitudes(law()) == found
 
 
 def test_every_export_says_them() -> None:

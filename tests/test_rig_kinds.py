@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 
+from discovery.equations.lacking import candidates, ever_candidates
+from discovery.equations.model import Model
 from discovery.foundation.errors import InputError
 from discovery.recordings.recording import read_recording
 from discovery.rigs.kinds import KINDS
@@ -25,7 +28,8 @@ SERVO = (
     + 'input = { name = "r", unit = "mm" }\noutput = { name = "y", unit = "mm" }\n'
     + '[controller]\nkp = 160.0\nkv = 0.2\nlimit = 10\nunit = "mV"\nadded = "p"\n'
 )
-VIEW = f'name = "d"\nkind = "drive"\n{DRIVEN}[view]\noutput = "force"\nmotion_cutoff_hz = 30\ncutoff_hz = 10\n'
+SEEN = TIME + 'input = { name = "y", unit = "mm" }\noutput = { name = "u", unit = "V" }\n'
+VIEW = f'name = "d"\nkind = "drive"\n{SEEN}[view]\noutput = "force"\nmotion_cutoff_hz = 30\ncutoff_hz = 10\n'
 
 
 @pytest.fixture
@@ -57,9 +61,18 @@ def test_the_schema_knows_the_kinds():
 def test_defaults_of_a_kind(read, kind, columns, base, interpolation):
     rig = read(f'name = "a"\nkind = "{kind}"\n{columns}')
     assert (rig.kind, rig.base) == (kind, base)
+    assert base in KINDS[kind].searched
     assert rig.declared == KINDS[kind].declared
     assert (rig.columns.input.interpolation if rig.columns.input else None) == interpolation
     assert rig.gravity == (Quantity(9.80665, 0.02) if kind in ("pendulum", "falling_body") else None)
+
+
+def test_what_is_tried_on_a_rig_is_told_for_its_kind():
+    rigs = [read_rig(path) for path in sorted((Path(__file__).parents[1] / "datasets").glob("*/rig*.toml"))]
+    assert {rig.kind for rig in rigs} >= {"oscillator", "pendulum", "base_excited", "drive", "falling_body"}
+    for rig in rigs:
+        if rig.system is None and not rig.traits.has_rod:
+            assert {*candidates(Model(rig.base, ()))} <= ever_candidates(rig.traits.searched)
 
 
 def test_gravity_and_the_length_of_a_pendulum(read):
@@ -102,6 +115,7 @@ def test_a_falling_body_may_be_declared_bare(read):
 def test_a_controller_makes_a_servo_in_si_units(read):
     rig = read(SERVO)
     assert rig.base == "servo"
+    assert rig.base in rig.traits.searched
     assert rig.controller == Controller(160.0, pytest.approx(0.2), pytest.approx(0.01), "mV", "p")
 
 
@@ -111,6 +125,8 @@ def test_a_view_makes_inverse_dynamics(read):
     assert rig.view == ForceView(30.0, 10.0, None)
     assert read(VIEW + "decimation = 5\n").view.decimation == 5
     assert rig.columns.input.interpolation == "spline"
+    # What a unit of the instrument's own measures is not known: of counts, either may be.
+    assert read(VIEW.replace('"mm"', '"count"').replace('"V"', '"count"')).base == "inverse_dynamics"
 
 
 def test_columns_are_scaled_named_and_read_as_accelerations(read):
@@ -167,6 +183,16 @@ def test_records_pick_rows_and_have_names(read):
         (SERVO.replace('"r", unit = "mm"', '"r", unit = "V"'), "line 5, column 'input'.*cannot be converted to 'mm'"),
         (SERVO.replace('unit = "mV"', 'unit = "mVV"'), r"line 11, \[controller\]: The unit 'mVV' is not known"),
         (VIEW.replace("cutoff_hz = 10", "cutoff_hz = 50"), "Raise motion_cutoff_hz"),
+        (
+            VIEW.replace('"mm"', '"kN"'),
+            r"rig\.toml, line 5: the key 'columns\.input\.unit' is 'kN', a force or a torque, .* motion as input",
+        ),
+        (VIEW.replace('"mm"', '"mN m"'), r"line 5: the key 'columns\.input\.unit' is 'mN m'"),
+        (
+            VIEW.replace('"V"', '"deg"'),
+            r"line 6: the key 'columns\.output\.unit' is 'deg', a position, but with .* the output is the force",
+        ),
+        (VIEW.replace('"V"', '"um"'), r"line 6: the key 'columns\.output\.unit' is 'um'"),
         (VIEW.replace('"force"', '"torque"'), "line 8: the key 'view.output'"),
         (f"{SERVO}[view]\noutput = 'force'\nmotion_cutoff_hz = 30\ncutoff_hz = 10\n", "Keep one of"),
         (f'name = "a"\nlength_m = 1.0\n[view]\n{VIEW.split("[view]")[1]}', r"line 3, declares \[view\], but"),

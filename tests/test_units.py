@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.declarations.units import dimension, homogeneous, si_factor, si_symbol, split_suffix, suffix_unit, to_si
+from discovery.declarations.unit_suffixes import split_suffix, suffix_unit
+from discovery.declarations.units import dimension, homogeneous, si_factor, si_symbol, to_si
 from discovery.foundation.errors import InputError
 
 UREG = pint.UnitRegistry()
@@ -108,7 +109,10 @@ def test_wrong_units_are_refused(unit, expected, message):
 
 @pytest.mark.parametrize(
     ("unit", "symbol"),
-    [("mV", "V"), ("deg", "rad"), ("mm", "m"), ("g", "kg"), ("", "1"), ("mm/s", "m/s"), ("count", "count"), ("N", "N")],
+    [
+        *[("mV", "V"), ("deg", "rad"), ("mm", "m"), ("g", "kg"), ("", "1"), ("mm/s", "m/s"), ("count", "count")],
+        *[("N", "N"), ("N m", "N m"), ("mN*m", "N m"), ("cm kgf", "N m"), ("mJ", "J"), ("W s", "J")],
+    ],
 )
 def test_si_symbol(unit, symbol):
     assert si_symbol(unit) == symbol

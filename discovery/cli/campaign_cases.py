@@ -78,7 +78,7 @@ def _is_rig(path: Path) -> bool:
     """Whether a TOML file describes a system, rightly or not."""
     import tomllib
 
-    from discovery.declarations.units import split_suffix
+    from discovery.declarations.unit_suffixes import split_suffix
     from discovery.rigs.kinds import KINDS
     from discovery.rigs.quantities import QUANTITIES
 

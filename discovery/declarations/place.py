@@ -9,6 +9,7 @@ from typing import Any
 import sympy as sp
 
 from discovery.declarations import symbols as s
+from discovery.declarations.amplitudes import amplitudes
 from discovery.declarations.effect import OSCILLATOR, Dissipation, Effect, Load, Memory, Potential
 
 __all__ = ["INERTIA", "at_place", "can_be_placed", "local", "placed"]
@@ -48,7 +49,7 @@ def at_place(effect: Effect, place: str) -> Effect:
     words["reduces_to"] = frozenset(placed(simpler, place) for simpler in effect.reduces_to)
     weight = local(INERTIA, place)
     own = {p.name: sp.Symbol(f"{p.name}_{place}", real=True) for p in kind.parameters()}
-    forced = _forced(effect)
+    forced = amplitudes(effect)
     meant = {s.rho: sp.Integer(1)}
     meant |= {sp.Symbol(n, real=True): symbol / weight if n in forced else symbol for n, symbol in own.items()}
     meant |= {c: local(c, place) for c in (*s.POSITION_CHANNELS, *s.RATE_CHANNELS, s.alpha)}
@@ -76,13 +77,6 @@ def at_place(effect: Effect, place: str) -> Effect:
         renamed = replace(p, latex="", place=place, name=own[p.name].name, meaning=said, forced=forces)
         setattr(found, p.name, renamed)
     return found()
-
-
-def _forced(effect: Effect) -> frozenset[str]:
-    """Return the amplitudes that give a force by themselves, not as a part of the stiffness that is there."""
-    law = effect.expression()  # type: ignore[attr-defined]
-    slopes = {p.name: sp.diff(law, sp.Symbol(p.name, real=True)) for p in effect.parameters() if not p.shape}
-    return frozenset(n for n, d in slopes.items() if d != 0 and not d.has(s.alpha, sp.Symbol(n, real=True)))
 
 
 def channels_of(effect: Potential | Dissipation | Load) -> tuple[sp.Symbol, ...]:

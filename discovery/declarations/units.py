@@ -1,14 +1,13 @@
 """Units at the border: everything inside the package is SI and radians.
 
-Three notations meet here: unit strings of declarations (``"kg m^2 s^-2"``), unit strings of users (``"mm"``, ``"deg"``)
-and the suffixes of column and key names (``tip_x_mm``, ``flexural_rigidity_N_m2``). Exponents are parsed here; factors
-come from pint, which is imported at the first conversion only.
+Two notations meet here: unit strings of declarations (``"kg m^2 s^-2"``) and of users (``"mm"``, ``"deg"``). Exponents
+are parsed here; factors come from pint, which is imported at the first conversion only.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
@@ -32,8 +31,6 @@ __all__ = [
     "quoted",
     "si_factor",
     "si_symbol",
-    "split_suffix",
-    "suffix_unit",
     "to_si",
 ]
 
@@ -61,8 +58,6 @@ _COHERENT: dict[str, dict[str, int]] = {
     "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
 }
-# What ordinary columns and keys end in: it needs no pint, whose import takes longer than the reading.
-_SUFFIXES = frozenset({"s", "m", "rad", "kg", "N m^2"})
 _TOKEN = re.compile(
     r"\s*(?:(?P<slash>/)|(?P<symbol>[A-Za-z]+|1)(?:\^(?:(?P<power>-?\d+)|\((?P<fraction>-?\d+(?:/\d+)?)\)))?(?=[\s/]|\Z))"
 )
@@ -209,7 +204,10 @@ def quoted(value: float, unit: str, digits: int = 3) -> str:
 
 
 def si_symbol(unit: str) -> str:
-    """Name the SI unit of values that were given in `unit`: ``"mV"`` gives ``"V"``, ``"deg"`` gives ``"rad"``."""
+    """Name the SI unit of values that were given in `unit`: ``"mV"`` gives ``"V"``, ``"deg"`` gives ``"rad"``.
+
+    What is written with a unit of force is no energy: ``"mN m"`` gives ``"N m"``, and ``"mJ"`` gives ``"J"``.
+    """
     if unit in _COHERENT:
         return unit
     base = _base(unit)[1]
@@ -217,8 +215,14 @@ def si_symbol(unit: str) -> str:
         if symbol in ("q", "u"):  # of declarations, not of users
             continue
         if _base("dimensionless" if symbol == "1" else symbol)[1] == base:
-            return symbol
+            return "N m" if symbol == "J" and _holds_force(unit) else symbol
     return f"{_registry().Unit(base):~C}".replace("**", "^").replace("*", " ")
+
+
+def _holds_force(unit: str) -> bool:
+    """Return whether a unit is written with one of force, as the newton metre is and the watt second is not."""
+    factors = _registry().Quantity(1.0, unit).unit_items()
+    return any(_registry().Unit(name).is_compatible_with("N") for name, _ in factors)
 
 
 def in_coordinate(unit: str, coordinate: str, given: str = "u") -> str:
@@ -254,43 +258,3 @@ def _factors(unit: str) -> list[tuple[str, Fraction]]:
         symbol, _, power = word.partition("^")
         found.append((symbol, sign * Fraction(power.strip("()") or 1)))
     return found
-
-
-def suffix_unit(suffix: str) -> str:
-    """Read the unit in the suffix of a name: ``"N_m2"`` gives ``"N m^2"``, ``"rad_per_s"`` gives ``"rad / s"``."""
-    words = []
-    for word in suffix.split("_"):
-        match = re.match(r"([A-Za-z]+?)(-?\d+)?\Z", word)
-        if match is None:
-            raise InputError(f"The suffix {suffix!r} is not a unit. Write it like 'm', 'mm', 'deg' or 'N_m2'.")
-        words.append("/" if word == "per" else match.group(1) + (f"^{match.group(2)}" if match.group(2) else ""))
-    return " ".join(words)
-
-
-def split_suffix(name: str, stems: Mapping[str, str] | Iterable[str]) -> tuple[str, str] | None:
-    """Split a name such as ``tip_x_mm`` into the stem and its unit.
-
-    Parameters
-    ----------
-    name : str
-        Name of a column or of a key.
-    stems : iterable of str
-        The stems that are known; the longest one that fits wins.
-
-    Returns
-    -------
-    (stem, unit) or None
-        The unit is ``""`` where the suffix is missing; None if no stem fits or what follows it is not a unit.
-    """
-    for stem in sorted(stems, key=len, reverse=True):
-        if name == stem:
-            return stem, ""
-        if name.startswith(stem + "_"):
-            try:
-                unit = suffix_unit(name[len(stem) + 1 :])
-                if unit not in _SUFFIXES:
-                    _base(unit)
-            except InputError:
-                return None
-            return stem, unit
-    return None

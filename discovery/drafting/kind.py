@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from discovery.declarations.units import si_symbol, split_suffix
+from discovery.declarations.unit_suffixes import split_suffix
+from discovery.declarations.units import si_symbol
 from discovery.drafting.law_of_motion import FloatArray, own_period
 from discovery.drafting.signals import Signals
 from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.units import si_factor, si_symbol, split_suffix
+from discovery.declarations.unit_suffixes import split_suffix
+from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.equations import equations
 from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import product
+
 from discovery.declarations.effect import OSCILLATOR, Effect, Mode
 from discovery.declarations.place import can_be_placed, placed
 from discovery.declarations.registry import catalogue
 from discovery.equations.model import Model
+from discovery.mechanics.base import Place
 
-__all__ = ["candidates"]
+__all__ = ["candidates", "ever_candidates"]
+
+#: What acts on the whole of a declared system, not at one of its places.
+_WHOLE = ("drive", "sensor")
 
 
 def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
@@ -37,6 +44,33 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
     )
 
 
+def ever_candidates(bases: Iterable[str], unit: str = "rad") -> frozenset[str]:
+    """Return the effects that models on some bases may lack, whatever a rig file declares: without a base, at places.
+
+    Parameters
+    ----------
+    bases : iterable of str
+        Names of bases that are built in; none of them stands for every declared system.
+    unit : str
+        As in `candidates`.
+
+    Examples
+    --------
+    >>> "cogging" in ever_candidates(["servo"]), "cogging" in ever_candidates([])
+    (False, True)
+    """
+    found = frozenset(e for base in bases for e in candidates(Model(base, ()), unit))
+    return found or frozenset(e for e, effect in catalogue().items() if _has_a_place(effect))
+
+
+def _has_a_place(effect: Effect) -> bool:
+    """Return whether some declared system has a place for an effect, or an instrument or an input that it changes."""
+    if effect.kind in _WHOLE:
+        return OSCILLATOR in effect.systems
+    ties = product((False, True), repeat=2)
+    return can_be_placed(effect) and any(Place("rad", tied, 1.0, sprung).suits(effect) for tied, sprung in ties)
+
+
 def _is_heard(effect: Effect, model: Model) -> bool:
     """Return whether an effect of the drive, if it is one, changes an input that there is."""
     if effect.kind != "drive" or model.mechanics.system.has_rod:
@@ -48,7 +82,7 @@ def _at_places(model: Model) -> tuple[str, ...]:
     """Return the effects that a declared system could lack: forces at each of its places, and those of instruments."""
     found = []
     for e, effect in catalogue().items():
-        if effect.kind in ("drive", "sensor") and OSCILLATOR in effect.systems:
+        if effect.kind in _WHOLE and OSCILLATOR in effect.systems:
             found += [e] if _is_heard(effect, model) else []
         elif can_be_placed(effect):
             found += [placed(e, name) for name, place in model.mechanics.places().items() if place.suits(effect)]

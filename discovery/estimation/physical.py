@@ -8,11 +8,9 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import Dissipation, Effect, Load, Memory, Potential
-from discovery.declarations.symbols import alpha
+from discovery.declarations.amplitudes import amplitudes
 from discovery.declarations.unit_words import named_unit
 from discovery.declarations.units import dimension, known_dimension, si_symbol
 from discovery.equations.model import Model
@@ -31,20 +29,6 @@ def _product(*factors: tuple[Dimension, int]) -> Dimension:
         for base, exponent in unit.items():
             total[base] = total.get(base, Fraction(0)) + power * exponent
     return {base: exponent for base, exponent in total.items() if exponent}
-
-
-def _amplitudes(effect: Effect) -> list[str]:
-    """Return the parameters to which the force of an effect is proportional, where no other parameter scales it."""
-    if not isinstance(effect, Potential | Dissipation | Load | Memory):
-        return []
-    law = sp.sympify(effect.expression())
-    symbols = {p.name: sp.Symbol(p.name, real=True) for p in effect.parameters()}
-    relative = alpha in law.free_symbols and "alpha" not in symbols
-    return [
-        name
-        for name, symbol in symbols.items()
-        if not relative and symbol in law.free_symbols and sp.expand(law / symbol).diff(symbol) == 0
-    ]
 
 
 def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, Dimension] | None:
@@ -113,24 +97,31 @@ def physical_parameters(
     places = {name: k for k, name in enumerate(fitted)}
     q = {} if model.mechanics.system.has_rod else dimension(experiment.coordinate_unit)
 
-    def spread(value: float, *powers: tuple[str | None, int]) -> float:
-        """Return the standard deviation of a product of powers of parameters, and of the rig's inertia."""
-        own = [(places[n], p / values[n]) for n, p in powers if n in places and values[n]]
+    def spread(value: float, **slopes: float) -> float:
+        """Return the standard deviation of a value of such derivatives, that of the rig's inertia included."""
+        if source:
+            slopes.setdefault(source, power * value / values[source])
+        own = [(places[n], slope) for n, slope in slopes.items() if n in places]
         variance = sum(a * b * covariance[i, j] for i, a in own for j, b in own)
-        return float(abs(value) * math.sqrt(max(variance + relative**2, 0.0)))
+        return float(math.sqrt(max(variance + (value * relative) ** 2, 0.0)))
 
-    rows: dict[str, tuple[float, float, str]] = {}
     if "m" in model.parameters and model.mechanics.prescribed:
-        rows["inertia"] = (values["m"], spread(values["m"], ("m", 1)), named_unit(unit))
+        inertia = values["m"], spread(values["m"], m=1.0), named_unit(unit)
     else:
-        rows["inertia"] = (scale, spread(scale, (source, power)), named_unit(unit))
-    for effect in model.terms:
-        for name in _amplitudes(effect):
-            value = scale * values[name]
-            declared = model.parameters[name].unit
-            exponents = _product((dimension(declared.replace("q", "rad")), 1), (unit, 1), (q, _power_of_q(declared)))
-            rows[name] = (value, spread(value, (name, 1), (source, power)), named_unit(exponents))
+        inertia = scale, spread(scale), named_unit(unit)
+    rows: dict[str, tuple[float, float, str]] = {"inertia": inertia}
+    for name in _forces(model):
+        value = scale * values[name]
+        declared = model.parameters[name].unit
+        exponents = _product((dimension(declared.replace("q", "rad")), 1), (unit, 1), (q, _power_of_q(declared)))
+        rows[name] = (value, spread(value, **{name: scale}), named_unit(exponents))
     return rows
+
+
+def _forces(model: Model) -> list[str]:
+    """Return the parameters of a model that are forces, without the directions that its system does not have."""
+    found = [name for effect in model.terms for name in amplitudes(effect)]
+    return [name for name in found if model.mechanics.system.has_rod or not model.parameters[name].planar]
 
 
 def _power_of_q(unit: str) -> int:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from discovery.declarations.units import si_factor, split_suffix
+from discovery.declarations.unit_suffixes import split_suffix
+from discovery.declarations.units import si_factor
 from discovery.foundation.arguments import check_whole
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table

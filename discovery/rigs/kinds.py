@@ -39,6 +39,9 @@ class Kind:
         Whether it has a rest position, about which it swings where nothing drives it.
     hangs, falls, shaken : bool
         Whether gravity turns it, gravity moves it, or what it hangs on is moved.
+    searched : tuple of str
+        Names of the mechanics on which effects are searched, as a rig file may declare the signals; none where it
+        states the equations.
     general : bool
         Whether it may be any such system: a reader is then told of its input and its output.
     """
@@ -57,6 +60,7 @@ class Kind:
     hangs: bool = False
     falls: bool = False
     shaken: bool = False
+    searched: tuple[str, ...] = ()
     general: bool = False
 
     @property
@@ -87,10 +91,25 @@ KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
         Kind(
-            "flexible_arm", "constant_radius", PAPER_MODEL, True, "motor angle", "tip position", interpolation="motion"
+            "flexible_arm",
+            "constant_radius",
+            PAPER_MODEL,
+            True,
+            "motor angle",
+            "tip position",
+            interpolation="motion",
+            searched=("elastica_calm",),
         ),
         Kind(
-            "oscillator", "oscillator", LINEAR_MODEL, None, "force", "deflection from rest", returns=True, general=True
+            "oscillator",
+            "oscillator",
+            LINEAR_MODEL,
+            None,
+            "force",
+            "deflection from rest",
+            returns=True,
+            searched=("oscillator", "accelerometer", "inverse_dynamics"),
+            general=True,
         ),
         Kind(
             "pendulum",
@@ -102,6 +121,7 @@ KINDS: Mapping[str, Kind] = {
             unit="rad",
             returns=True,
             hangs=True,
+            searched=("oscillator", "accelerometer"),
         ),
         Kind(
             "base_excited",
@@ -113,8 +133,18 @@ KINDS: Mapping[str, Kind] = {
             interpolation="motion",
             returns=True,
             shaken=True,
+            searched=("base_excited", "moving_pivot"),
         ),
-        Kind("drive", "oscillator", ("viscous_damping",), True, "force", "position", may_be_bare=True),
+        Kind(
+            "drive",
+            "oscillator",
+            ("viscous_damping",),
+            True,
+            "force",
+            "position",
+            may_be_bare=True,
+            searched=("oscillator", "accelerometer", "servo", "inverse_dynamics"),
+        ),
         Kind("system", "", (), None, "input", "output", may_be_bare=True),
         Kind(
             "falling_body",
@@ -127,6 +157,7 @@ KINDS: Mapping[str, Kind] = {
             may_be_bare=True,
             fewest=20,
             falls=True,
+            searched=("falling_body",),
         ),
     )
 }

@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from discovery.declarations.units import known_dimension, si_factor, si_symbol, split_suffix
+from discovery.declarations.unit_suffixes import split_suffix
+from discovery.declarations.units import known_dimension, si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.quantities import QUANTITIES, key_of

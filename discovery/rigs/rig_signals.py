@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from discovery.declarations.units import si_factor, si_symbol
+from discovery.declarations.units import dimension, known_dimension, si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
@@ -46,8 +46,20 @@ def check_tables(path: Path, text: str, table: RigTable) -> None:
             f"The rig file {path}, line {line_of(text, ('columns', 'input'))}, declares an input, but {called} has "
             "none. Remove it."
         )
-    for name, kinds in (("controller", ("drive",)), ("view", ("drive", "oscillator"))):
-        if getattr(table, name) is not None and (kind.name not in kinds or columns.input is None):
+    _check_loop_and_view(path, text, table, called)
+    if table.model is not None and not table.model.effects and not kind.may_be_bare:
+        raise InputError(
+            f"The rig file {path}, line {line_of(text, ('model', 'effects'))}: the key 'model.effects' is empty, but "
+            f"{called} needs at least one effect. Name some, or remove the key for {', '.join(kind.declared)}."
+        )
+
+
+def _check_loop_and_view(path: Path, text: str, table: RigTable, called: str) -> None:
+    """Refuse a controller or a view where the mechanics with it are not those of the kind, and both at once."""
+    driven = table.columns is not None and table.columns.input is not None
+    for name, base in (("controller", "servo"), ("view", "inverse_dynamics")):
+        kinds = [other.name for other in KINDS.values() if base in other.searched]
+        if getattr(table, name) is not None and (table.kind not in kinds or not driven):
             raise InputError(
                 f"The rig file {path}, line {line_of(text, (name,))}: [{name}] belongs to {' or '.join(kinds)} with "
                 f"an input, not to {called}. Remove the table."
@@ -56,11 +68,6 @@ def check_tables(path: Path, text: str, table: RigTable) -> None:
         raise InputError(
             f"The rig file {path}, line {line_of(text, ('view',))}: the force is seen without the controller. Keep one "
             "of [controller] and [view]."
-        )
-    if table.model is not None and not table.model.effects and not kind.may_be_bare:
-        raise InputError(
-            f"The rig file {path}, line {line_of(text, ('model', 'effects'))}: the key 'model.effects' is empty, but "
-            f"{called} needs at least one effect. Name some, or remove the key for {', '.join(kind.declared)}."
         )
 
 
@@ -164,17 +171,34 @@ def view_of(path: Path, text: str, table: RigTable) -> ForceView | None:
     Raises
     ------
     InputError
-        If the motion is smoothed more than the force that it explains.
+        If input and output are the wrong way round, or the motion is smoothed more than the force that it explains.
     """
     given = table.view
     if given is None:
         return None
+    _refuse_swapped(path, text, table.columns)
     if given.motion_cutoff_hz < given.cutoff_hz:
         raise InputError(
             f"The rig file {path}, line {line_of(text, ('view', 'motion_cutoff_hz'))}: the motion is smoothed below "
             f"{given.motion_cutoff_hz:g} Hz, but the force holds up to {given.cutoff_hz:g} Hz. Raise motion_cutoff_hz."
         )
     return ForceView(given.motion_cutoff_hz, given.cutoff_hz, given.decimation)
+
+
+def _refuse_swapped(path: Path, text: str, columns: ColumnsTable | None) -> None:
+    """Refuse a recorded motion that is certainly a force, and a force that is certainly a position."""
+    for name in ("input", "output"):
+        column = getattr(columns, name)
+        unit = si_symbol(column.unit)
+        forced, placed = known_dimension(unit) in (dimension("N"), dimension("N m")), unit in ("m", "rad")
+        if forced if name == "input" else placed:
+            is_what, wanted = ("a force or a torque", "motion") if forced else ("a position", "force")
+            raise InputError(
+                f"The rig file {path}, line {line_of(text, ('columns', name, 'unit'))}: the key 'columns.{name}.unit' "
+                f"is {column.unit!r}, {is_what}, but with a table [view] the {name} is the {wanted}. Declare the "
+                "recorded motion as input and the measured force or torque as output, or remove [view] to compare "
+                "the motion."
+            )
 
 
 def _factors(path: Path, text: str) -> Callable[[str, str, str | None], float]:

@@ -11,6 +11,8 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
+from sympy import Symbol
+
 from discovery.declarations import symbols
 from discovery.declarations.formula import reserved_words
 from discovery.declarations.registry import catalogue
@@ -26,13 +28,13 @@ from discovery.rigs.rig_schema import RigTable
 from discovery.rigs.rig_signals import columns_of
 from discovery.rigs.system_table import ConstantTable, SystemTable
 
-__all__ = ["read_columns", "ready_made", "system_of"]
+__all__ = ["read_columns", "ready_made", "system_of", "taken_names"]
 
 _WORD = re.compile(r"[A-Za-z]\w*\Z", re.ASCII)
-#: Names in the text of compiled programs.
-_INTERNAL = re.compile(
-    r"(?:q|qd|qdd|[DFGHILNQ]|r|z|slope|part|reading|sum|hermite|cubic|acceleration|largest|age|drive|"
-    r"parameters|math|np|run)(?:_\w*)?\Z"
+#: Names in the text of compiled programs, also with an underscore and more behind them.
+_INTERNAL = (
+    *("q", "qd", "qdd", *"DFGHILNQ", "r", "z", "slope", "part", "reading", "sum", "hermite", "cubic", "acceleration"),
+    *("largest", "age", "drive", "parameters", "math", "np", "run"),
 )
 _NEEDED = ("coordinates", "kinetic", "output", "places")
 
@@ -76,8 +78,19 @@ def system_of(path: Path, text: str, table: RigTable) -> SystemDeclaration | Non
     whole = _whole(given, refuse)
     for name in ("coordinates", "constants", "places", "input"):
         for word in getattr(whole, name) or {}:
-            if (why := _unfit(word, name)) is not None:
-                raise refuse(f"{name}.{word}" if name != "input" else "input", why)
+            if not _is_word(word):
+                raise refuse(
+                    f"{name}.{word}" if name != "input" else "input",
+                    f"{word!r} cannot be a name. Use letters, digits and underscores, as in 'phi_l', and no function's "
+                    "name.",
+                )
+    if taken := [word for word in whole.constants if _is_taken(word)]:
+        others = f", and so {'is' if len(taken) == 2 else 'are'} {', '.join(map(repr, taken[1:]))}" if taken[1:] else ""
+        raise refuse(
+            f"constants.{taken[0]}",
+            f"the name {taken[0]!r} is that of something else in a model{others}. Write a longer one, such as "
+            f"'{taken[0]}_body'. docs/YOUR_SYSTEM.md lists the names that are taken.",
+        )
     declaration = _declaration(table.name, whole, refuse)
     try:
         base = system_base(declaration)
@@ -143,17 +156,21 @@ def _whole(given: SystemTable, refuse: _Refuse) -> SystemTable:
     return given
 
 
-def _unfit(word: str, table: str) -> str | None:
-    """Return why a word cannot be the name of something in a system; None where it can."""
-    if not _WORD.match(word) or keyword.iskeyword(word) or word in reserved_words() or "_at_" in word:
-        return f"{word!r} cannot be a name. Use letters, digits and underscores, as in 'phi_l', and no function's name."
-    if table != "constants":
-        return None
-    taken = {p.name for effect in catalogue().values() for p in effect.parameters()}
-    taken |= {symbol.name for symbol in vars(symbols).values() if hasattr(symbol, "name")}
-    if len(word) < 2 or word in taken or _INTERNAL.match(word):
-        return f"the name {word!r} is that of something else in a model. Write a longer one, such as '{word}_body'."
-    return None
+def taken_names() -> tuple[frozenset[str], tuple[str, ...]]:
+    """Return the names that no constant can have, and the beginnings of others, before an underscore."""
+    laws = {p.name for effect in catalogue().values() for p in effect.parameters()}
+    return frozenset(laws | {s.name for s in vars(symbols).values() if isinstance(s, Symbol)}), _INTERNAL
+
+
+def _is_word(word: str) -> bool:
+    """Return whether a word can be the name of something in a system."""
+    return bool(_WORD.match(word)) and not (keyword.iskeyword(word) or word in reserved_words() or "_at_" in word)
+
+
+def _is_taken(word: str) -> bool:
+    """Return whether something else in a model has, or may have, the name of a constant."""
+    names, beginnings = taken_names()
+    return len(word) < 2 or word in names or word.partition("_")[0] in beginnings
 
 
 def _unit(unit: str, key: str, refuse: _Refuse) -> str:
