@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from discovery.estimation.problem import Problem
 from discovery.recordings.experiment import Experiment
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "correlation_length",
     "errors",
     "examine",
+    "explains",
     "roughness",
     "systematic_share",
 ]
@@ -27,6 +29,8 @@ FloatArray = NDArray[np.float64]
 BINS_PER_PERIOD = 24
 #: A prediction that errs by so many times the largest reading has blown up.
 _BLOWN = 1e6
+#: What leaves so many times the variance of the noise leaves little, however small the motion.
+_NOISE = 4.0
 
 
 @dataclass(frozen=True)
@@ -249,3 +253,24 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
         "mean": float(distance.mean()),
         "peak": float(distance.max()),
     }
+
+
+def explains(problem: Problem, chi2: float, left: float) -> bool:
+    """Return whether a fit leaves a small part of the variance of the motion, or little more than the noise.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of a motion that is simulated.
+    chi2 : float
+        Sum of squared normalised residuals of the fit.
+    left : float
+        What counts as a small part.
+    """
+    spread = 0.0
+    for e in problem.bench.experiments:
+        # Of an arm the tip may be read, and its deflection is an angle.
+        lever = problem.units.length if e.system.has_rod and e.recording.units[0] != "rad" else 1.0
+        read = lever * e.deflection[e.fitted] / e.recording.noise[0]
+        spread += float(np.nansum((read - np.nanmean(read)) ** 2))
+    return bool(chi2 < max(left * spread, _NOISE * problem.bench.n_data))

@@ -17,6 +17,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.residual import explains
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["start_of_system"]
@@ -29,8 +30,8 @@ _SWINGS, _LONGER = 3.0, 3.0
 _FEWEST, _ITERATIONS = 64, 15
 #: Steps in the time in which the fastest motion seen turns by one radian.
 _STEPS = 10.0
-#: A fit explains a motion that leaves at most this part of its variance, or so many times that of the noise.
-_LEFT, _NOISE = 0.1, 4.0
+#: A fit that leaves less than this part of the variance of the motion explains it.
+_LEFT = 0.1
 
 
 def start_of_system(
@@ -66,7 +67,7 @@ def start_of_system(
 
     whole = begun(max(lengths))
     (guessed,) = _followed(whole, [whole.start({})])
-    if _explains(whole, guessed):
+    if explains(whole, 2 * guessed.cost, _LEFT):
         return {}
     samples = _SWINGS * 2 * np.pi * units.time / float(np.median(np.diff(experiments[0].recording.time)))
     count, problem = round(samples), begun(round(samples))
@@ -88,15 +89,6 @@ def start_of_system(
 def _followed(problem: Problem, starts: Sequence[FloatArray]) -> list[Minimum]:
     """Return where some steps of a fit lead from starts."""
     return fit_problems([problem] * len(starts), starts, iterations=_ITERATIONS, tolerance=1e-3, rough=True)
-
-
-def _explains(problem: Problem, found: Minimum) -> bool:
-    """Return whether a fit leaves a small part of the variance of the recordings, or little more than the noise."""
-    spread = 0.0
-    for e in problem.bench.experiments:
-        read = e.deflection[e.fitted] / e.recording.noise[0]
-        spread += float(np.nansum((read - np.nanmean(read)) ** 2))
-    return bool(2 * found.cost < max(_LEFT * spread, _NOISE * problem.bench.n_data))
 
 
 def _points(problem: Problem) -> FloatArray:

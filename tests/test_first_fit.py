@@ -1,0 +1,127 @@
+"""The first fit of a declared model: not in a minimum that explains nothing while a better one is in reach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from discovery.estimation import first_fit as module
+from discovery.estimation.declared import declared_model
+from discovery.estimation.first_fit import first_fit
+from discovery.estimation.fit import fit
+from discovery.estimation.problem import natural_units
+from discovery.recordings.dataset import load_dataset
+from discovery.recordings.experiment import Experiment
+
+FloatArray = NDArray[np.float64]
+RIG = """
+name = "driven"
+kind = "KIND"
+
+[columns]
+time = { name = "t", unit = "s" }
+input = { name = "u", unit = "INPUT" }
+output = { name = "y", unit = "OUTPUT", noise = NOISE }
+"""
+
+
+def sines(frequencies: tuple[float, ...], size: float, order: int = 0) -> Callable[[FloatArray], FloatArray]:
+    """Return a sum of sines of one size with spread phases, or its derivative of an order."""
+    w, phases = np.array(frequencies), np.arange(len(frequencies)) ** 2 + 0.5 * np.pi * order
+    return lambda t: size * (w**order * np.sin(np.multiply.outer(t, w) + phases)).sum(axis=-1)
+
+
+def recorded(
+    folder: Path, time: FloatArray, u: FloatArray, force: Callable, *, words: dict[str, str], noise: float
+) -> tuple[Experiment, ...]:
+    """Return the recording of q'' = force(t, q, q') from rest beside its input."""
+    q = solve_ivp(lambda t, s: [s[1], force(t, *s)], time[[0, -1]], [0, 0], "DOP853", time, rtol=1e-9, atol=1e-10).y[0]
+    text = RIG.replace("NOISE", repr(noise))
+    for word, value in words.items():
+        text = text.replace(word, value)
+    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    read = q + np.random.default_rng(1).normal(0.0, noise, time.size)
+    table = np.column_stack([time, u, read])
+    np.savetxt(folder / "record.csv", table, "%.9g", ",", header="t,u,y", comments="")
+    return load_dataset(folder / "rig.toml", [folder / "record.csv"]).train
+
+
+def shaken(folder: Path, hardening: float, size: float) -> tuple[Experiment, ...]:
+    """Return a mass on a hardening spring of 30 rad/s on a shaker."""
+    frequencies, time = (49.0, 34.0, 37.0, 47.0, 32.0, 41.0, 44.0, 16.0), np.arange(1200) / 200
+    base = sines(frequencies, size, 2)
+    words = {"KIND": "base_excited", "INPUT": "m", "OUTPUT": "m"}
+    return recorded(
+        folder,
+        time,
+        sines(frequencies, size)(time),
+        lambda t, q, rate: -3.0 * rate - 900.0 * q - hardening * q**3 - base(t),
+        words=words,
+        noise=1e-5,
+    )
+
+
+def turned(folder: Path) -> tuple[Experiment, ...]:
+    """Return a pendulum of 5 rad/s that a torque turns over the top."""
+    torque, time = sines((1.3, 2.9, 4.3, 6.1), 8.0), np.arange(1200) / 60
+    words = {"KIND": "pendulum", "INPUT": "N m", "OUTPUT": "rad"}
+    return recorded(
+        folder,
+        time,
+        torque(time),
+        lambda t, q, rate: torque(t) - 25.0 * np.sin(q) - 0.3 * rate,
+        words=words,
+        noise=1e-3,
+    )
+
+
+def test_a_hardening_spring_on_a_shaker_is_not_taken_for_a_body_that_leaves_its_base(tmp_path: Path) -> None:
+    train = shaken(tmp_path, 4e5, 2.8e-3)
+    units = natural_units(train)
+    guessed, found = fit(declared_model(train[0]), train, units=units), first_fit(train, units)
+    # A base that moves to the right leaves the mass behind: p is about one whatever the spring is like.
+    assert guessed.values["p"] < 0
+    assert found.values["p"] == pytest.approx(1.0, abs=0.1)
+    assert found.chi2 < 0.5 * guessed.chi2
+
+
+def test_a_pendulum_that_goes_over_the_top_is_followed_from_its_first_swings(tmp_path: Path) -> None:
+    train = turned(tmp_path)
+    units = natural_units(train)
+    assert fit(declared_model(train[0]), train, units=units).reduced_chi2 > 1e6
+    found = first_fit(train, units)
+    assert found.reduced_chi2 < 1.2
+    assert [found.values[n] for n in ("g", "g_c", "xi")] == pytest.approx([1.0, 25.0, 0.3], rel=1e-3)
+
+
+def test_the_first_parts_reach_over_a_gap(tmp_path: Path) -> None:
+    (whole,) = turned(tmp_path)
+    output = whole.recording.output.copy()
+    output[1:70] = np.nan
+    gap = replace(whole, recording=replace(whole.recording, output=output))
+    assert first_fit([gap], natural_units([gap])).reduced_chi2 < 1.2
+
+
+@pytest.mark.parametrize("stopped", ["", "p", "xi"])
+def test_only_a_fit_that_may_be_wrong_is_tried_again(
+    stopped: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train = shaken(tmp_path, 0.0, 1e-3)
+    units = natural_units(train)
+    good = fit(declared_model(train[0]), train, units=units)
+    # A loss of zero is an answer, a participation of a hundred is a search that was stopped.
+    x = good.minimum.x.copy()
+    at_bound = np.array([name == stopped for name in good.problem.names])
+    x[at_bound] = 100.0 if stopped == "p" else 0.0
+    ended = replace(good, minimum=replace(good.minimum, x=x, at_bound=at_bound))
+    tried = []
+    monkeypatch.setattr(module, "fit", lambda *_, **__: ended)
+    monkeypatch.setattr(module, "led", lambda *_: (tried.append(True), ({}, 0.5))[1])
+    assert first_fit(train, units) is ended
+    assert bool(tried) == (stopped == "p")
