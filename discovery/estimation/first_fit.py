@@ -23,15 +23,17 @@ __all__ = ["first_fit", "led"]
 
 #: Parts of the recordings that are followed one after the other, and how many readings the first one has at least.
 _PARTS, _FEWEST = tuple(2.0**-k for k in range(8, -1, -1)), 64
-#: A swing that is lost among n leaves about 2/n of the variance: a fit that leaves less than this has lost none of 200.
-_LEFT = 0.01
+#: A swing that is lost among n leaves about 2/n of the variance: a fit that leaves less than this has lost none of 20.
+_LEFT = 0.1
+#: A model that lacks an effect has minima about equally low: only one that leaves less than this part is better.
+_BETTER = 0.5
 
 
 def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
     """Fit the model that the rig file declares, wherever its guesses lead.
 
     A fit that leaves much of the motion, or that a bound stops, is tried again along growing parts of the recordings,
-    and the better one of both is returned.
+    and the other one is returned if it leaves less than half.
 
     Parameters
     ----------
@@ -55,8 +57,7 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
             raise
         return again
     again = _led_fit(model, experiments, units, gaussian) if _is_doubtful(found) else None
-    # Less than one standard deviation of one parameter apart, both are the same minimum.
-    return again if again is not None and again.chi2 < found.chi2 - found.reduced_chi2 else found
+    return again if again is not None and again.chi2 < _BETTER * found.chi2 else found
 
 
 def _is_doubtful(found: Fit) -> bool:
