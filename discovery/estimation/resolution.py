@@ -38,9 +38,11 @@ def resolves_slopes(problem: Problem, x: FloatArray, sd: FloatArray) -> bool:
     probe = Probed.around(problem, x, np.where(known, sd, _LITTLE * problem.scale))
     with np.errstate(over="ignore", invalid="ignore"):
         own, finer = (_slopes(problem, bench, probe) for bench in (problem.bench, problem.bench.finer(2)))
-    size, apart = (sd * np.linalg.norm(slopes, axis=0) for slopes in (finer, own - finer))
+        size, apart = (sd * np.linalg.norm(slopes, axis=0) for slopes in (finer, own - finer))
+    # What is so uncertain that the motion blows up within it tells nothing of the steps.
+    judged = known & np.isfinite(size) & np.isfinite(apart)
     # By one standard deviation readings move by about their noise; by less where something else tells the parameter.
-    return bool(np.all(apart[known] <= _ERROR * np.maximum(size, 1.0)[known]))
+    return bool(np.all(apart[judged] <= _ERROR * np.maximum(size, 1.0)[judged]))
 
 
 def _slopes(problem: Problem, bench: Bench, probe: Probed) -> FloatArray:
