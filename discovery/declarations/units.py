@@ -26,6 +26,7 @@ __all__ = [
     "dimension",
     "homogeneous",
     "in_coordinate",
+    "is_force",
     "known_dimension",
     "powers_text",
     "quoted",
@@ -121,6 +122,11 @@ def known_dimension(unit: str) -> dict[str, Fraction] | None:
     with suppress(InputError):
         return dimension(unit)
     return None
+
+
+def is_force(unit: str) -> bool:
+    """Return whether a unit is certainly one of a force or a torque."""
+    return known_dimension(unit) in (dimension("N"), dimension("N m"))
 
 
 def homogeneous(first: str, second: str) -> bool:

@@ -72,11 +72,9 @@ def _is_doubtful(found: Fit) -> bool:
 def _is_stopped(found: Fit) -> bool:
     """Return whether a bound holds a parameter of a fit: one at which an effect is absent is an answer like others."""
     problem = found.problem
-    for name, value, stopped in zip(problem.free, found.minimum.x, found.minimum.at_bound, strict=False):
-        parameter = problem.model.parameters[name]
-        if stopped and name not in problem.gaussian and value != parameter.default * problem.units.scale(parameter):
-            return True
-    return False
+    held = {*found.minimum.bound(problem.names)}.intersection(problem.free).difference(problem.gaussian)
+    stopped = [problem.model.parameters[name] for name in held]
+    return any(found.values[p.name] != p.default * problem.units.scale(p) for p in stopped)
 
 
 def _led_fit(

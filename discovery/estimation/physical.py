@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from discovery.declarations.amplitudes import amplitudes
 from discovery.declarations.unit_words import named_unit
-from discovery.declarations.units import dimension, known_dimension, si_symbol
+from discovery.declarations.units import dimension, is_force, known_dimension, si_symbol
 from discovery.equations.model import Model
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["physical_parameters", "physical_rows"]
 
 Dimension = dict[str, Fraction]
-#: What a drive gives whose input is a force or a torque.
-_FORCES = tuple(dimension(unit) for unit in ("N", "N m"))
 
 
 def _product(*factors: tuple[Dimension, int]) -> Dimension:
@@ -47,13 +45,13 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
         return None
     acceleration = _product((q, 1), (dimension("s^-2"), 1))
     if base.prescribed:
-        force = known_dimension(experiment.recording.units[0])
-        return ("m_0", 0.0, _product((force, 1), (acceleration, -1))) if force and force in _FORCES else None
+        force = experiment.recording.units[0]
+        return ("m_0", 0.0, _product((dimension(force), 1), (acceleration, -1))) if is_force(force) else None
     stated, unit = (rig.inertia, "kg m^2") if rig.inertia else (rig.mass, "kg")
     told = rig.columns.input
-    force = None if told is None else known_dimension(si_symbol(told.unit))
-    if base.gain and force and force in _FORCES:
-        return base.gain, 0.0, _product((force, 1), (acceleration, -1))
+    given = "" if told is None else si_symbol(told.unit)
+    if base.gain and is_force(given):
+        return base.gain, 0.0, _product((dimension(given), 1), (acceleration, -1))
     return None if stated is None else (stated.value, stated.sd / stated.value, dimension(unit))
 
 

@@ -79,14 +79,15 @@ def _command(model: Model) -> _Command:
             return np.asarray(np.broadcast_to(read(0.0, q, v, a, *memory, *row), q.shape), float)
 
         return recorded
+    if not base.gain:
+        raise InputError(f"A feed-forward needs a body that a command pushes; {base.name!r} has none.")
     slopes = numpy_derivative(build_program(model.base, model.effects))
 
     def needed(q: FloatArray, v: FloatArray, a: FloatArray, values: Mapping[str, float]) -> FloatArray:
         row = [values[p.name] for p in program.parameters]
-        if (idle := base.idle(q, v, values)) is None:
-            raise InputError(f"A feed-forward needs a body that a command pushes; {base.name!r} has none.")
+        idle = base.idle(q, v, values)
         state = [q, v, *[0.0 * q] * (len(program.states) - 2)]
-        return np.asarray((a - slopes(0.0, (idle, 0.0 * q, 0.0 * q), state, row)[1]) / values["g"], float)
+        return np.asarray((a - slopes(0.0, (idle, 0.0 * q, 0.0 * q), state, row)[1]) / values[base.gain], float)
 
     return needed
 

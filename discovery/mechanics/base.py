@@ -191,7 +191,7 @@ class Base(ABC):
     reads: ClassVar[str] = ""
     #: What the input is, in a word, where the kind of system does not tell it.
     input_word: ClassVar[str] = ""
-    #: Parameter that is the acceleration per unit of an input that may be a force; none where it is none.
+    #: Parameter that is the acceleration per unit of what pushes the body, an input or a command; none where none does.
     gain: ClassVar[str] = ""
     #: Whether the library of the sparse regression describes it.
     in_library: ClassVar[bool] = False
@@ -222,9 +222,9 @@ class Base(ABC):
         """Whether the instrument reads the state itself."""
         return not self.reads
 
-    def idle(self, q: NDArray, rate: NDArray, values: Mapping[str, float]) -> NDArray | None:
-        """Return the input at which a drive asks for nothing, in these states; None where none pushes the body."""
-        return None
+    def idle(self, q: NDArray, rate: NDArray, values: Mapping[str, float]) -> NDArray:
+        """Return the input at which nothing pushes the body, in these states."""
+        return 0.0 * q
 
     @property
     def is_pushed(self) -> bool:

@@ -104,7 +104,3 @@ class ForceDriven(OneCoordinate):
     def pull(self) -> sp.Expr:
         """Return g u."""
         return self.g * s.u
-
-    def idle(self, q, rate, values):
-        """Return no input."""
-        return np.zeros_like(q)

@@ -22,6 +22,7 @@ class Servo(OneCoordinate):
 
     name = "servo"
     input_word = "reference"
+    gain = "g"
     provides = frozenset()
 
     g = Parameter("s^-2 q", "acceleration per unit of command", (0.0, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from discovery.declarations.units import dimension, known_dimension, si_factor, si_symbol
+from discovery.declarations.units import is_force, si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
@@ -190,7 +190,7 @@ def _refuse_swapped(path: Path, text: str, columns: ColumnsTable | None) -> None
     for name in ("input", "output"):
         column = getattr(columns, name)
         unit = si_symbol(column.unit)
-        forced, placed = known_dimension(unit) in (dimension("N"), dimension("N m")), unit in ("m", "rad")
+        forced, placed = is_force(unit), unit in ("m", "rad")
         if forced if name == "input" else placed:
             is_what, wanted = ("a force or a torque", "motion") if forced else ("a position", "force")
             raise InputError(
