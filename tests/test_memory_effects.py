@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from discovery_datasets.manoeuvres import trapezoid
 from discovery_datasets.quick import readings
 from discovery_datasets.quick_effects import BaseBacklash, BaseHysteresis, Hysteresis
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.registry import get_effect
@@ -25,6 +27,8 @@ from discovery.export import to_numpy
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
 from discovery.runs.loop import close_loop
+from discovery.simulation.classical_step import classical_step
+from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
 
 MOVE = trapezoid(1.0, 1.35)
@@ -250,3 +254,83 @@ def test_the_loop_names_a_clamp_that_slips(tmp_path: Path) -> None:
     values = result.after.values
     assert (values["c_c"], values["e_c"]) == pytest.approx((1 / 30, 1 / 60), rel=0.02)
     assert result.errors["after"]["holdout"]["mean"] < 1.2 * result.errors["after"]["train"]["mean"]
+
+
+# Steps that are long beside the time in which a memory forgets.
+
+
+class Swing:
+    """A linear oscillator whose spring slips early, released from rest: its memory forgets within 2 ms at most."""
+
+    effects = ("viscous_damping", "linear_stiffness", "hysteresis")
+    time = np.arange(0.0, 5.0, 0.02)
+    numbers: ClassVar = {"g": 0.0, "xi": 0.05, "alpha": 10.0, "h_b": 3.0, "w_h": 0.016}
+
+    def simulator(self, step: float) -> Simulator:
+        return Simulator("oscillator", self.effects, self.time, None, step=step)
+
+    def parameters(self) -> NDArray:
+        return np.array([[self.numbers[n]] for n in self.simulator(0.02).names])
+
+    def run(self, step: float) -> NDArray:
+        return self.simulator(step)(self.parameters(), np.full(1, 1.2), np.zeros(1))[:, 0, 0]
+
+    def exact(self) -> NDArray:
+        """Return the motion by a solver for stiff equations, written from the law of the docstring."""
+        x = self.numbers
+
+        def slopes(_: float, y: NDArray) -> list[float]:
+            b, v, z = y
+            held = (abs(v) * abs(z) * z + v * z * z) / (2 * x["w_h"] ** 2)
+            return [v, -x["alpha"] * (b + x["h_b"] * z) - x["xi"] * v, v - held]
+
+        span = (self.time[0], self.time[-1])
+        return solve_ivp(slopes, span, [1.2, 0, 0], "LSODA", self.time, rtol=1e-10, atol=1e-12).y[0]
+
+
+def test_a_memory_that_forgets_fast_does_not_set_the_step() -> None:
+    """At 20 ms, ten times what it takes to forget, the classical method blows up."""
+    swing = Swing()
+    assert np.abs(swing.run(0.02) - swing.exact()).max() < 1e-3
+    assert np.abs(swing.run(0.01) - swing.exact()).max() < 1e-4
+
+
+def test_others_are_told_a_step_that_the_classical_method_stands() -> None:
+    swing = Swing()
+    simulate = swing.simulator(0.02)
+    program, values = simulate.kernel.program, swing.parameters()
+    motion = simulate.motion(simulate.batch(values, np.full(1, 1.2), np.zeros(1)))
+    step = classical_step(program, simulate.grid, motion, values[:, 0])
+    slopes = numpy_derivative(program)
+
+    def classical(h: float) -> float:
+        y = np.array([1.2, 0.0, 0.0])
+
+        def f(y: NDArray) -> NDArray:
+            return np.array(slopes(0.0, np.zeros(3), y, values[:, 0]))
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(round(1.0 / h)):
+                k1 = f(y)
+                k2 = f(y + h / 2 * k1)
+                k3 = f(y + h / 2 * k2)
+                y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + f(y + h * k3))
+        return float(y[0])
+
+    there = swing.exact()[50]
+    assert 0.001 < step < 0.01
+    assert abs(classical(1.0 / np.ceil(1.0 / step)) - there) < 1e-3
+    assert not abs(classical(0.02) - there) < 1e-1
+
+
+@pytest.mark.parametrize("effect", ["hysteresis", "friction_through_play"])
+def test_a_memory_forgets_no_faster_than_it_says(effect: str) -> None:
+    law = get_effect(effect)
+    ((state, slope),) = law.states().items()
+    (width,) = slope.free_symbols - {state, s.bend_dot}
+    forgets = sp.lambdify([state, s.bend_dot, width], -sp.diff(slope, state))
+    told = sp.lambdify([state, s.bend_dot, width], law.relaxation()[state])
+    z, rate = np.meshgrid(np.linspace(-0.2, 0.2, 41) + 1e-9, np.linspace(-3.0, 3.0, 30))
+    found, bound = forgets(z, rate, 0.2), told(z, rate, 0.2)
+    assert (found <= bound * (1 + 1e-6)).all()
+    assert np.max(found[:, -1] / bound[:, -1]) == pytest.approx(1.0, rel=1e-6)

@@ -206,6 +206,13 @@ class Memory(Expressed):
     def states(self) -> dict[sp.Symbol, sp.Expr]:
         """Return each extra state with its time derivative."""
 
+    def relaxation(self) -> dict[sp.Symbol, sp.Expr]:
+        """Return how fast states forget at most [s^-1], where steps should not have to resolve it.
+
+        It bounds minus the derivative of a state's rate with respect to the state.
+        """
+        return {}
+
 
 class Mode(Memory):
     """Another mode of vibration, moved by the input beside the coordinate and added to what the instrument reads."""

@@ -33,6 +33,10 @@ class FrictionThroughPlay(Memory):
         held = (sp.Abs(bend_dot) * sp.Abs(_SLACK) * _SLACK + bend_dot * _SLACK**2) / (2 * self.w_d**2)
         return {_SLACK: bend_dot - held}
 
+    def relaxation(self):
+        """Return how fast it slips: once in half of its reach at most."""
+        return {_SLACK: 2 * sp.Abs(bend_dot) / self.w_d}
+
     def expression(self):
         """Return P."""
         return -self.f_d * (_SLACK / self.w_d) ** 3 * bend_dot

@@ -33,6 +33,10 @@ class Hysteresis(Memory):
         held = (sp.Abs(bend_dot) * sp.Abs(_SLIP) * _SLIP + bend_dot * _SLIP**2) / (2 * self.w_h**2)
         return {_SLIP: bend_dot - held}
 
+    def relaxation(self):
+        """Return how fast it slips: once in half of its reach at most."""
+        return {_SLIP: 2 * sp.Abs(bend_dot) / self.w_h}
+
     def expression(self):
         """Return P."""
         return -alpha * self.h_b * _SLIP * bend_dot

@@ -27,6 +27,7 @@ __all__ = ["RECORDED", "channel_forces", "kinetic_of", "memory_of", "radius_of",
 RECORDED = sp.symbols("r_0 r_1 r_2", real=True)
 
 Assignments = list[tuple[sp.Symbol, sp.Expr]]
+Laws = dict[sp.Symbol, sp.Expr]
 
 
 def received_input(effects: list[Drive], input_moves: bool, root: Root | None) -> Assignments:
@@ -83,19 +84,20 @@ def strands(effect: Memory, mechanics: Mechanics) -> list[tuple[float, Strand]]:
     return list(mechanics.fibres) if effect.local else [(1, strand) for strand in mechanics.bending]
 
 
-def memory_of(effect: Memory, mechanics: Mechanics, n: int) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
-    """Return the states of a memory effect, one set for each of its strands, and its force."""
+def memory_of(effect: Memory, mechanics: Mechanics, n: int) -> tuple[Laws, Laws, list[sp.Expr]]:
+    """Return the states of a memory effect, one set for each of its strands, how fast they forget, and its force."""
     power, states = effect.expression(), effect.states()
     force: list[sp.Expr] = [sp.Integer(0)] * n
-    found = {}
+    found, forgets = {}, {}
     for k, (weight, (value, rate, jacobian)) in enumerate(strands(effect, mechanics)):
         own = {z: sp.Symbol(f"{z.name}_{k}", real=True) for z in states}
         here = {**own, s.bend: value, s.bend_dot: rate}
         found.update({own[z]: sp.sympify(slope).subs(here) for z, slope in states.items()})
+        forgets.update({own[z]: sp.sympify(rate).subs(here) for z, rate in effect.relaxation().items()})
         pull = weight * sp.diff(power, s.bend_dot).subs(here)
         for i in range(n):
             force[i] += jacobian[i] * pull
-    return found, force
+    return found, forgets, force
 
 
 def kinetic_of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import sympy as sp
@@ -23,6 +23,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.contributions import (
     RECORDED,
     Assignments,
+    Laws,
     channel_forces,
     kinetic_of,
     memory_of,
@@ -63,6 +64,8 @@ class Program:
         Age of the reported state [s].
     rod : Rod
         The rod as the effects change it.
+    relaxation : dict of sympy.Symbol to sympy.Expr
+        How fast states of memory forget at most [s^-1], of those that steps need not resolve.
     """
 
     parameters: tuple[str, ...]
@@ -74,6 +77,7 @@ class Program:
     reading: tuple[sp.Expr, ...]
     lateness: sp.Expr
     rod: Rod = STRAIGHT
+    relaxation: Mapping[sp.Symbol, sp.Expr] = field(default_factory=dict)
 
     @cached_property
     def _form(self) -> Callable[..., tuple]:
@@ -159,12 +163,11 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     rod, n = rod_of(effects), base.n_coordinates
     root = root_of(base.mechanics(rod), [e for e in effects if isinstance(e, Joint)])
     mechanics = hinged(base.mechanics(rod), root)
-    channels = dict(mechanics.channels)
-    end = loaded_end(mechanics, effects)
+    channels, end = dict(mechanics.channels), loaded_end(mechanics, effects)
     forces = _forces(effects, end)
     mass, force = _inertia(effects, mechanics, end)
-    memory, force = _memory(effects, mechanics, {} if root is None else dict(root.states), force)
-    named = set().union(*[e.free_symbols for e in [*forces.values(), *memory.values(), *force, *mass[0]]])
+    memory, forgets, force = _memory(effects, mechanics, {} if root is None else dict(root.states), force)
+    named = sp.Tuple(*forces.values(), *memory.values(), *forgets.values(), *force, *mass[0]).free_symbols
     program: Assignments = list(mechanics.assignments)
     program += [(c, sp.sympify(channels[c].value)) for c in channels if c in named]
     for channel, expression in forces.items():
@@ -190,6 +193,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         reading=reading,
         lateness=sp.Add(*[e.lateness() for e in effects if isinstance(e, Sensor)]),
         rod=rod,
+        relaxation=forgets,
     )
     _check_complete(result, base_name)
     return result
@@ -225,15 +229,16 @@ def _inertia(
 
 
 def _memory(
-    effects: Sequence[Effect], mechanics: Mechanics, states: dict[sp.Symbol, sp.Expr], force: list[sp.Expr]
-) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr]]:
-    """Return states and force with those of the memory effects."""
+    effects: Sequence[Effect], mechanics: Mechanics, states: Laws, force: list[sp.Expr]
+) -> tuple[Laws, Laws, list[sp.Expr]]:
+    """Return states and force with those of the memory effects, and how fast states forget."""
+    forgets: Laws = {}
     for effect in effects:
         if isinstance(effect, Memory):
-            own, pull = memory_of(effect, mechanics, len(force))
-            states = {**states, **own}
+            own, fast, pull = memory_of(effect, mechanics, len(force))
+            states, forgets = {**states, **own}, {**forgets, **fast}
             force = [a + b for a, b in zip(force, pull, strict=True)]
-    return states, force
+    return states, forgets, force
 
 
 def _named_once(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from discovery.foundation.workers import in_threads
 from discovery.recordings.experiment import Experiment
 from discovery.simulation import simulate
+from discovery.simulation.classical_step import classical_step
 from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
 from discovery.simulation.simulate import Batch, Misses, Simulator
@@ -121,6 +122,13 @@ class Bench:
         """Return how a first parameter set moves in every experiment, for `residuals`."""
         batches = self._batches(parameters[:, :1], initial[:, :, :1])
         return [simulator.motion(batch) for simulator, batch in zip(self.simulators, batches, strict=True)]
+
+    def classical_step(self, parameters: FloatArray, initial: FloatArray) -> float:
+        """Return the shortest step that the classical method needs where the simulators' may be longer [s]."""
+        motions = self.motions(parameters, initial)
+        own = zip(self.simulators, motions, strict=True)
+        steps = [classical_step(s.kernel.program, s.grid, motion, parameters[:, 0]) for s, motion in own]
+        return min(self.shortest, *steps)
 
     def moves_alike(self, parameters: FloatArray) -> NDArray[np.bool_]:
         """Return which parameter sets (p, k) move as the first one does: they differ in what is read at most."""

@@ -49,7 +49,7 @@ class FittedModel:
     initial : mapping of str to (float, float)
         Deflection [q] and rate [q/s] at the first sample, by recording; of a prescribed motion there are none.
     step : float
-        Integration step of the fit, the shortest where they differ [s].
+        Integration step of the fit, the shortest where they differ, in reach of the classical method [s].
     provenance : mapping
         Where the numbers come from: version, rig file and recordings with their hashes.
     physical : mapping of str to (float, float, str)
@@ -146,7 +146,7 @@ class FittedModel:
             initial={}
             if fit.model.mechanics.prescribed
             else {r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :, 0], strict=True)},
-            step=bench.shortest,
+            step=bench.classical_step(parameters, initial),
             provenance={
                 "discovery": version("discovery"),
                 "git_revision": surroundings()["git_revision"],

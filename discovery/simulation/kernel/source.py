@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import reduce
-from itertools import groupby
 from pathlib import Path
 
 import sympy as sp
@@ -16,13 +13,14 @@ from discovery.simulation.kernel.islands import Loop, Plan, plan
 from discovery.simulation.kernel.lanes import PLACES
 from discovery.simulation.kernel.owned_terms import NOBODY, Effects, Piece, Splitter, cost
 from discovery.simulation.kernel.reading import fused_reading, late_interpolation, misses, reading
+from discovery.simulation.kernel.staged import staged_step
 from discovery.simulation.kernel.straight_line import received
-from discovery.simulation.kernel.text import computed
+from discovery.simulation.kernel.text import computed, filled
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
 __all__ = ["kernel_source"]
 
-_TEMPLATE, _STAGES = (Path(__file__).with_name(f"{name}.txt") for name in ("template", "stages"))
+_TEMPLATE = Path(__file__).with_name("template.txt")
 #: Operations below which an effect is evaluated always: loops of its own would cost as much.
 _LEAST = 20
 #: Operations of a slope up to which a step is one loop: with more, its stages are too long a chain for one set alone.
@@ -107,6 +105,11 @@ def _smooth(pieces: Sequence[Piece]) -> bool:
     )
 
 
+def _rate(state: sp.Symbol) -> sp.Symbol:
+    """Return the symbol of how fast a state forgets at most."""
+    return sp.Symbol(f"rate_of_{state.name}", real=True)
+
+
 def _plans(
     program: Program, parameters: Sequence[sp.Symbol], switches: Mapping[str, Sequence[str]]
 ) -> tuple[Plan, Plan, Mapping[str, Sequence[str]]]:
@@ -115,23 +118,20 @@ def _plans(
     readings = [(sp.Symbol(f"reading_{k}", real=True), e) for k, e in enumerate(program.reading)]
     slopes = [(sp.Symbol(f"slope_{k}", real=True), e) for k, e in enumerate(program.slopes)]
     memory = {slopes[k][0]: program.states[k] for k in range(n, len(slopes))}
+    forgets = [(_rate(z), e) for z, e in program.relaxation.items()]
+    memory |= dict(zip((rate for rate, _ in forgets), program.relaxation, strict=True))
     while True:
         owners = {sp.Symbol(name, real=True): effect for effect, names in switches.items() for name in names}
         observed = plan(program.drive, readings, switches=owners, parameters=parameters)
         derived = plan(
-            (*program.drive, *program.derivative), slopes, switches=owners, parameters=parameters, rates=memory,
-            needs=observed.needs,
+            (*program.drive, *program.derivative), slopes + forgets, switches=owners, parameters=parameters,
+            rates=memory, needs=observed.needs,
         )  # fmt: skip
         shares = [derived.shares(), observed.shares()]
         cheap = {e for share in shares for e in share if sum(own.get(e, 0) for own in shares) < _LEAST}
         if not cheap:
             return observed, derived, switches
         switches = {effect: names for effect, names in switches.items() if effect not in cheap}
-
-
-def _filled(text: str, values: Mapping[str, object]) -> str:
-    """Return a text with what stands between two @ replaced."""
-    return reduce(lambda filled, key: filled.replace(f"@{key}@", str(values[key])), values, text)
 
 
 def _indented(lines: Sequence[str], depth: int) -> str:
@@ -155,6 +155,7 @@ def kernel_source(
         Steps are taken by it where a step is one short loop of smooth terms, by the classical one elsewhere.
     """
     n_q, states = program.n_coordinates, [y.name for y in program.states]
+    rates = {z.name: _rate(z).name for z in program.relaxation}
     real = [sp.Symbol(name, real=True) for name in program.parameters]
     observed, derived, switches = _plans(program, real, switches)
     # Rates and memory are interpolated where the reading needs them.
@@ -165,6 +166,7 @@ def kernel_source(
     for label, names in (
         ("P", program.parameters),
         *((label, states) for label in "YSKFA"),
+        *((label, states if rates else ()) for label in "JGUV"),
         ("Q", [*states[:n_q], *(states[k] for k in sampled)]),
         ("D", [*(r.name for r in RECORDED), "t"]),
         ("R", [f"reading_{k}" for k in range(len(program.reading))]),
@@ -184,7 +186,11 @@ def kernel_source(
     for found, inputs in (
         (
             derived,
-            {**places["S"], **dict(zip((f"slope_{k}" for k in range(len(states))), places["K"].values(), strict=True))},
+            {
+                **places["S"],
+                **dict(zip((f"slope_{k}" for k in range(len(states))), places["K"].values(), strict=True)),
+                **{rate: places["J"][z] for z, rate in rates.items()},
+            },
         ),
         (observed, places["Q"] | places["D"] | places["R"]),
         (aged, places["T"] | places["L"]),
@@ -196,21 +202,6 @@ def kernel_source(
         texts.append(write.loops(found.loops, {**known, **fixed, **inputs}))
 
     awake = ["True"] * 2 * n_q + [write.condition(derived.needs.get(y, NOBODY)) for y in program.states[2 * n_q :]]
-    moving = [
-        (condition, [k for k, _ in run]) for condition, run in groupby(enumerate(awake), key=lambda pair: pair[1])
-    ]
-
-    def sweep(found: re.Match[str]) -> str:
-        """Repeat a loop over the states for those that always move, and for each memory that does."""
-        indent, body = found.groups()
-        text = ""
-        for condition, own in moving:
-            loop = write.over(
-                f"range({own[0] * lanes}, {(own[-1] + 1) * lanes})", [x.strip() for x in body.splitlines()]
-            )
-            text += f"{indent}if {condition}:\n" + "".join(f"{indent}    {line}\n" for line in loop)
-        return text
-
     lagging = Splitter(owners, real).owner(program.lateness)
     late = "False" if program.lateness == 0 else write.condition(lagging)
     single = {effect: write.guards[frozenset({effect})] for effect in switches}
@@ -218,7 +209,7 @@ def kernel_source(
     members = [[single[e], k] for effects, k in write.guards.items() for e in sorted(effects or ()) if k != single[e]]
     step, read = _single(derived), _single(observed)
     work = sum(1 + cost(piece.expression) for piece in step or ())
-    if step is None or set(awake) != {"True"} or work > _MOST or not _smooth(step):
+    if step is None or set(awake) != {"True"} or work > _MOST or rates or not _smooth(step):
         method = CLASSICAL
     if set(awake) != {"True"} or (method is CLASSICAL and work > _SHORT):
         step = None
@@ -226,10 +217,10 @@ def kernel_source(
     others = [states[k] for k in sampled]
     if step is not None:
         loads, body, _ = computed(step)
-        advance = fused_step(method, write.over_lanes, {n: rows[n] for n in loads if n in rows}, states, body, places)
+        own = {n: rows[n] for n in loads if n in rows}
+        advance = fused_step(method, write.over_lanes, own, states, body, places, rates=rates)
     else:
-        advance = _filled(_STAGES.read_text(encoding="utf-8"), offset)
-        advance = re.sub(r"( +)for i in @MOVING@:\n((?:\1    .*\n)+)", sweep, advance)
+        advance = staged_step(write.over, lanes, offset, awake, [y in rates for y in states])
     if read is not None:
         loads, body, _ = computed(read)
         own = {n: rows[n] for n in loads if n in rows}
@@ -269,4 +260,4 @@ def kernel_source(
         "AGE": "\n".join(texts[2]),
         **offset,
     }
-    return _filled(text, values | {"AT": [values[name] for name in PLACES]})
+    return filled(text, values | {"AT": [values[name] for name in PLACES]})

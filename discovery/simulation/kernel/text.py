@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
 from discovery.simulation.kernel.owned_terms import Piece
 
-__all__ = ["assignments", "computed", "printed"]
+__all__ = ["assignments", "computed", "filled", "printed"]
 
 
 class _Printer(PythonCodePrinter):
@@ -48,6 +49,11 @@ class _Printer(PythonCodePrinter):
 
     def _print_Pi(self, expr):
         return repr(float(sp.pi))
+
+
+def filled(text: str, values: Mapping[str, object]) -> str:
+    """Return a text with what stands between two @ replaced."""
+    return reduce(lambda done, key: done.replace(f"@{key}@", str(values[key])), values, text)
 
 
 printed = _Printer({"fully_qualified_modules": True}).doprint
