@@ -3,9 +3,9 @@
 Every lane of a block is one parameter set; the loops over lanes have a constant length, all numbers of a block live in
 one flat array at constant offsets, and the mathematics is branch-free, so the compiler vectorises across lanes. Time
 stepping is the classical Runge-Kutta method of order four on a grid that respects the kinks of the drive, or where a
-few smooth terms are all there is, on demand, that of Dormand and Prince of order eight with far longer steps; outputs
-at arbitrary times come from quintic Hermite interpolation of the coordinates (positions, rates and accelerations at
-both ends of a step).
+few smooth terms are all there is, on demand, that of Dormand and Prince of order eight with far longer steps; states
+that forget fast take the exponential method of Cox and Matthews (`forgetting`). Outputs at arbitrary times come from
+quintic Hermite interpolation of the coordinates (positions, rates and accelerations at both ends of a step).
 """
 
 from __future__ import annotations
