@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import sympy as sp
@@ -64,7 +64,7 @@ class Program:
         Age of the reported state [s].
     rod : Rod
         The rod as the effects change it.
-    relaxation : dict of sympy.Symbol to sympy.Expr
+    relaxation : tuple of (sympy.Symbol, sympy.Expr)
         How fast states of memory forget at most [s^-1], of those that steps need not resolve.
     """
 
@@ -77,7 +77,7 @@ class Program:
     reading: tuple[sp.Expr, ...]
     lateness: sp.Expr
     rod: Rod = STRAIGHT
-    relaxation: Mapping[sp.Symbol, sp.Expr] = field(default_factory=dict)
+    relaxation: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
 
     @cached_property
     def _form(self) -> Callable[..., tuple]:
@@ -193,7 +193,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         reading=reading,
         lateness=sp.Add(*[e.lateness() for e in effects if isinstance(e, Sensor)]),
         rod=rod,
-        relaxation=forgets,
+        relaxation=tuple(forgets.items()),
     )
     _check_complete(result, base_name)
     return result

@@ -133,8 +133,7 @@ class Search:
             if not weak:
                 return
             effect = max(weak, key=lambda e: self.neighbours.without(self.best, e).joint)
-            odds, code = judged[effect]
-            self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
+            self.decisions.append(Decision("remove", (effect,), True, judged[effect][1], _numbers(judged[effect][0])))
             self.best = self.neighbours.without(self.best, effect)
 
     def _ask_the_unknown(self) -> None:
@@ -246,8 +245,8 @@ class Search:
 
     def _backward(self, before: Contender) -> None:
         """Take out members that the others make needless; exchange those that another effect serves better."""
-        whole = len({*self.best.added} - {*before.added}) > 1
-        for effect in self.best.added if whole else self.best.added[:-1]:
+        waiting = [*self.best.added[: None if len({*self.best.added} - {*before.added}) > 1 else -1]]
+        for effect in waiting:
             if effect not in self.best.added or len(self.best.added) < 2:
                 continue
             smaller = self.neighbours.without(self.best, effect)
@@ -257,11 +256,12 @@ class Search:
                 self.best = smaller
                 continue
             self._exchange(effect, smaller)
+            waiting += [e for e in self.best.added[:-1] if e not in waiting]
 
     def _exchange(self, effect: str, smaller: Contender) -> None:
-        """Let another effect take the place of a member where the evidence gains what an effect must gain."""
+        """Let another effect, accepted by itself, take the place of a member where the evidence gains as much."""
         offered = _plain(self.offers.beside(smaller)) if self.neighbours.affords(smaller) else []
-        for contender in offered[:1]:
+        for contender in [c for c in offered[:_TRIED] if self._judged(c, smaller)[1] == "accepted"][:1]:
             gain, settings = contender.joint - self.best.joint, self.context.settings
             if frozenset(contender.added) != frozenset(self.best.added) and gain > settings.nats:
                 told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])

@@ -35,7 +35,7 @@ def classical_step(program: Program, grid: Grid, motion: NDArray[np.float64], pa
     """
     states = motion[:, : len(program.states)].T
     # The memory of an effect that is absent rests.
-    moving = [rate for z, rate in program.relaxation.items() if states[program.states.index(z)].any()]
+    moving = [rate for z, rate in program.relaxation if states[program.states.index(z)].any()]
     if not moving:
         return np.inf
     rates = numpy_derivative(replace(program, slopes=tuple(moving)))

@@ -118,8 +118,8 @@ def _plans(
     readings = [(sp.Symbol(f"reading_{k}", real=True), e) for k, e in enumerate(program.reading)]
     slopes = [(sp.Symbol(f"slope_{k}", real=True), e) for k, e in enumerate(program.slopes)]
     memory = {slopes[k][0]: program.states[k] for k in range(n, len(slopes))}
-    forgets = [(_rate(z), e) for z, e in program.relaxation.items()]
-    memory |= dict(zip((rate for rate, _ in forgets), program.relaxation, strict=True))
+    forgets = [(_rate(z), e) for z, e in program.relaxation]
+    memory |= {_rate(z): z for z, _ in program.relaxation}
     while True:
         owners = {sp.Symbol(name, real=True): effect for effect, names in switches.items() for name in names}
         observed = plan(program.drive, readings, switches=owners, parameters=parameters)
@@ -155,7 +155,7 @@ def kernel_source(
         Steps are taken by it where a step is one short loop of smooth terms, by the classical one elsewhere.
     """
     n_q, states = program.n_coordinates, [y.name for y in program.states]
-    rates = {z.name: _rate(z).name for z in program.relaxation}
+    rates = {z.name: _rate(z).name for z, _ in program.relaxation}
     real = [sp.Symbol(name, real=True) for name in program.parameters]
     observed, derived, switches = _plans(program, real, switches)
     # Rates and memory are interpolated where the reading needs them.
