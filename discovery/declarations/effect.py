@@ -81,7 +81,7 @@ class Effect(ABC):
     [('f_c', 's^-2 q'), ('v_c', 's^-1 q')]
     >>> [p.name for p in friction.fitted("oscillator")]
     ['f_c']
-    >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0)
+    >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0, reach=1.0)
     False
     """
 
@@ -128,10 +128,11 @@ class Effect(ABC):
         return tuple(p for p in cls.parameters() if not p.fixed and (System.of(system).has_rod or not p.planar))
 
     @classmethod
-    def imitates(cls, values: Mapping[str, float], time: float, duration: float) -> bool:
-        """Return whether, at these values, a pliable law does what others do.
+    def imitates(cls, values: Mapping[str, float], time: float, duration: float, reach: float) -> bool:
+        """Return whether, at these values, a law does what others do.
 
-        Given are the natural time of the motion and the duration of the longest recording [s].
+        Given are the natural time of the motion and the duration of the longest recording [s], and the natural
+        coordinate where the effect acts [q].
         """
         return cls.pliable
 

@@ -51,7 +51,7 @@ class PeriodicDisturbance(Load):
     )  # fmt: skip
 
     @classmethod
-    def imitates(cls, values, time, duration):
+    def imitates(cls, values, time, duration, reach):
         """Return whether the force is near the system's own frequency, or has hardly time to repeat."""
         near = abs(values["Omega"] * time - 1) < _NEAR
         return near or values["Omega"] * duration < 2 * np.pi * _CYCLES

@@ -36,6 +36,10 @@ class NaturalUnits:
     #: Of a declared system: name, coordinate, time and inertia of every place.
     places: tuple[tuple[str, float, float, float], ...] = ()
 
+    def reach(self, place: str = "") -> float:
+        """Return the natural coordinate at a place of a declared system, or of the only one there is."""
+        return next((q for name, q, *_ in self.places if name == place), self.coordinate)
+
     def scale(self, parameter: Parameter) -> float:
         """Return the size of one natural unit of a parameter, in the problem's units."""
         if parameter.physical:
