@@ -42,6 +42,7 @@ from discovery.report import build_report
 from discovery.results.provenance import surroundings
 from discovery.rigs.rig_schema import RigTable
 from discovery.runs.loop_result import UPGRADES
+from discovery.selection.decision import Decision
 from discovery.simulation.kernel import compile as compiled
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
@@ -480,7 +481,7 @@ main()
 
 def scattered(rms: float, **more: Any) -> SimpleNamespace:
     after = {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}
-    said = {"complete": True, "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}}
+    said = {"complete": True, "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}, "steps": ()}
     return SimpleNamespace(**{**said, **more})
 
 
@@ -503,6 +504,19 @@ def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves
     recordings_ = (SimpleNamespace(name="r", flags=(*small, Flag("rate_unknown"))),)
     (doubt,) = doubts(scattered(9.0, recordings=recordings_), held(1.0, flags=tuple(small)))
     assert doubt == f"r: {small[0]}"
+
+
+def test_a_loop_tells_decisions_that_doubt_its_answer() -> None:
+    """What the page says of a fit that went astray and of draws that tell nothing, the console says, and no more."""
+    astray = Decision("declare", (), False, "astray", {"left": 0.83})
+    drawn = Decision("integrate", ("hysteresis",), False, "laplace", {"pareto_k": 1.4})
+    good = Decision("integrate", ("hysteresis",), True, "sampled", {"correction": 0.1, "error": 0.1, "pareto_k": 0.2})
+    rig = SimpleNamespace(rig=SimpleNamespace(unfilled=()), train=(), holdout=())
+    first, second = doubts(scattered(0.0, steps=(astray, good, drawn)), rig)
+    assert first.startswith("the declared model leaves 83 % of the variance of the readings")
+    assert "check columns, signs and units" in first
+    assert "(their largest weights have Pareto k = 1.4)" in second
+    assert doubts(scattered(0.0, steps=(good,)), rig) == []
 
 
 def test_a_loop_doubts_columns_that_are_exchanged() -> None:

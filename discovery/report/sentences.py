@@ -14,6 +14,7 @@ from discovery.report.failure_sentences import failure_sentence
 from discovery.report.number_words import plain, sizes
 
 __all__ = [
+    "DOUBTED",
     "OUTCOMES",
     "chances",
     "decision_sentence",
@@ -38,6 +39,8 @@ OUTCOMES = {
     "size": "within model error",
     "finite": "blows up",
 }
+#: Codes of decisions that doubt the answer.
+DOUBTED = ("astray", "laplace")
 #: Odds beyond which a number would promise more than a model of the noise can keep.
 _MOST = 10_000
 
@@ -209,7 +212,14 @@ def _sampled(numbers: Record) -> str:
 def _laplace(numbers: Record) -> str:
     k = numbers.get("pareto_k")
     told = f"their largest weights have Pareto k = {plain(k, 2)}" if k is not None and math.isfinite(k) else "few count"
-    return f"the draws of importance sampling cannot be trusted: {told}"
+    return f"the draws of importance sampling cannot be trusted ({told}): probabilities take the posterior as Gaussian"
+
+
+def _astray(numbers: Record) -> str:
+    return (
+        f"the declared model leaves {plain(100 * numbers['left'], 2)} % of the variance of the readings, and effects may"
+        " explain its mistakes: check columns, signs and units in the rig file, and whether [model] holds the main force"
+    )
 
 
 def _complete(numbers: Record) -> str:
@@ -243,6 +253,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "complete": _complete,
     "sampled": _sampled,
     "laplace": _laplace,
+    "astray": _astray,
     "unknown": lambda numbers: (
         f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
         f"and {plain(numbers['held'])} held out"
