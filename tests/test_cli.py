@@ -479,6 +479,47 @@ main()
         os.close(writes)
 
 
+@pytest.mark.parametrize(("reader", "status"), [("closed", 1), ("full", 3)])
+def test_what_is_left_to_do_is_done_without_a_console(tmp_path: Path, reader: str, status: int) -> None:
+    """A reader such as `head` has enough after some lines, and a disk may be full: files are written all the same."""
+    code = f"""
+import sys
+import click
+from discovery.cli import cli, main
+from discovery.cli.streams import spoken
+@cli.command()
+def answer():
+    with spoken():
+        click.echo("verdict: explained")
+        raise SystemExit(9)
+    open({str(tmp_path / "page")!r}, "w").close()
+    click.echo("written: page")
+sys.argv = ["discovery", "answer"]
+main()
+"""
+    reads, writes = os.pipe()
+    os.close(reads)
+    with open("/dev/full", "w") as full:
+        output = writes if reader == "closed" else full
+        found = subprocess.run(
+            [sys.executable, "-c", code], stdout=output, stderr=subprocess.PIPE, text=True, check=False
+        )
+    os.close(writes)
+    assert (tmp_path / "page").exists()
+    assert found.returncode == status
+    assert ("Standard output cannot be written" in found.stderr) == (reader == "full")
+
+
+@pytest.mark.slow
+def test_a_loop_whose_reader_left_writes_its_page(film: Film, tmp_path: Path) -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
+    command = [sys.executable, "-m", "discovery", "loop", film.rig, "--train", film.train, "--out", tmp_path, "--quiet"]
+    assert subprocess.run(command, stdout=writes, stderr=subprocess.PIPE, check=False).returncode == 1
+    os.close(writes)
+    assert {"loop.json", "report.html"} <= {path.name for path in tmp_path.iterdir()}
+
+
 def scattered(rms: float, **more: Any) -> SimpleNamespace:
     after = {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}
     said = {"complete": True, "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}, "steps": ()}

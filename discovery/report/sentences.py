@@ -216,9 +216,10 @@ def _laplace(numbers: Record) -> str:
 
 
 def _astray(numbers: Record) -> str:
+    left = plain(100 * numbers["left"], 2)
     return (
-        f"the declared model leaves {plain(100 * numbers['left'], 2)} % of the variance of the readings, and effects may"
-        " explain its mistakes: check columns, signs and units in the rig file, and whether [model] holds the main force"
+        f"the declared model leaves {left} % of the variance of the readings, and effects may explain its mistakes: "
+        "check columns, signs and units in the rig file, and that [model] holds the main force"
     )
 
 
