@@ -73,9 +73,7 @@ def run(
         return
     doubted = doubts(found.loop, dataset)
     if not as_json:
-        with spoken():
-            say_loop(found.loop)
-            say_doubts(doubted)
+        _say_answer(found.loop, doubted)
     start = time.monotonic()
     with progress(quiet) as tell:
         tell("writing the report")
@@ -93,6 +91,13 @@ def run(
     if not as_json:
         say_left_out(pending)
         click.echo(f"{page}")
+
+
+def _say_answer(result: LoopResult, doubted: list[str]) -> None:
+    """Say what a loop found, and what doubts it."""
+    with spoken():
+        say_loop(result)
+        say_doubts(doubted)
 
 
 def _posterior(
@@ -195,9 +200,8 @@ def _said(result: LoopResult, dataset: Dataset, missing: MissingForce | None, as
     """Say what a loop found, unless a document will, and return what doubts it."""
     doubted = doubts(result, dataset)
     if not as_json:
+        _say_answer(result, doubted)
         with spoken():
-            say_loop(result)
-            say_doubts(doubted)
             say_missing(missing)
     return doubted
 

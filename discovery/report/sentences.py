@@ -14,10 +14,10 @@ from discovery.report.failure_sentences import failure_sentence
 from discovery.report.number_words import plain, sizes
 
 __all__ = [
-    "DOUBTED",
     "OUTCOMES",
     "chances",
     "decision_sentence",
+    "doubts_answer",
     "effect_sentence",
     "inclusion_words",
     "lead_sentence",
@@ -39,8 +39,6 @@ OUTCOMES = {
     "size": "within model error",
     "finite": "blows up",
 }
-#: Codes of decisions that doubt the answer.
-DOUBTED = ("astray", "laplace")
 #: Odds beyond which a number would promise more than a model of the noise can keep.
 _MOST = 10_000
 
@@ -158,6 +156,11 @@ def effect_sentence(effect: Record) -> str:
         return words
     more = _nats(effect["evidence"]["force_instead"])
     return f"{words}; an unknown force, smooth in position and rate, explains {more} more in its place"
+
+
+def doubts_answer(code: str, *, complete: bool) -> bool:
+    """Return whether a decision doubts the answer: a fit that went astray only where the final model is incomplete."""
+    return code == "laplace" or (code == "astray" and not complete)
 
 
 def decision_sentence(step: Record) -> str:

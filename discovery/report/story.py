@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from discovery.report.results import Run
-from discovery.report.sentences import DOUBTED, OUTCOMES, decision_sentence
+from discovery.report.sentences import OUTCOMES, decision_sentence, doubts_answer
 from discovery.report.words import effect_name, effect_title, listed
 from discovery.selection.settings import LoopSettings
 
@@ -125,7 +125,7 @@ def steps(run: Run) -> list[dict[str, Any]]:
                 "outcome": yes if step["accepted"] else no,
                 "title": "; ".join(t for t, name in zip(titles, effects, strict=False) if t != name),
                 "reason": decision_sentence(step),
-                "doubt": step["code"] in DOUBTED,
+                "doubt": doubts_answer(step["code"], complete=run.loop["complete"]),
             }
         )
     return found
