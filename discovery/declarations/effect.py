@@ -25,6 +25,8 @@ from discovery.foundation.arguments import check_names
 if TYPE_CHECKING:
     import sympy as sp
 
+    from discovery.declarations.parameters import FloatArray
+
 __all__ = [
     "ARM",
     "OSCILLATOR",
@@ -135,6 +137,21 @@ class Effect(ABC):
         coordinate where the effect acts [q].
         """
         return cls.pliable
+
+    @classmethod
+    def turned(cls, amplitudes: FloatArray, own: float) -> FloatArray:
+        """Return the amplitudes (k,) that do in a recording without an own value what these do with it; see `own`."""
+        raise NotImplementedError(f"{cls.id()} has a parameter of each recording's own: write `turned`")
+
+    @classmethod
+    def gathered(cls, amplitudes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return common amplitudes (k,) and own values (m,) for those of each recording (m, k): zero for the first."""
+        raise NotImplementedError(f"{cls.id()} has a parameter of each recording's own: write `gathered`")
+
+    @classmethod
+    def own(cls) -> Parameter | None:
+        """Return the parameter of which every recording has its own value, if there is one."""
+        return next((p for p in cls.parameters() if p.own), None)
 
     @classmethod
     def title(cls) -> str:
