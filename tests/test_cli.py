@@ -42,6 +42,7 @@ from discovery.report import build_report
 from discovery.results.provenance import surroundings
 from discovery.rigs.rig_schema import RigTable
 from discovery.runs.loop_result import UPGRADES
+from discovery.selection.decision import Decision
 from discovery.simulation.kernel import compile as compiled
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
@@ -478,9 +479,50 @@ main()
         os.close(writes)
 
 
+@pytest.mark.parametrize(("reader", "status"), [("closed", 1), ("full", 3)])
+def test_what_is_left_to_do_is_done_without_a_console(tmp_path: Path, reader: str, status: int) -> None:
+    """A reader such as `head` has enough after some lines, and a disk may be full: files are written all the same."""
+    code = f"""
+import sys
+import click
+from discovery.cli import cli, main
+from discovery.cli.streams import spoken
+@cli.command()
+def answer():
+    with spoken():
+        click.echo("verdict: explained")
+        raise SystemExit(9)
+    open({str(tmp_path / "page")!r}, "w").close()
+    click.echo("written: page")
+sys.argv = ["discovery", "answer"]
+main()
+"""
+    reads, writes = os.pipe()
+    os.close(reads)
+    with open("/dev/full", "w") as full:
+        output = writes if reader == "closed" else full
+        found = subprocess.run(
+            [sys.executable, "-c", code], stdout=output, stderr=subprocess.PIPE, text=True, check=False
+        )
+    os.close(writes)
+    assert (tmp_path / "page").exists()
+    assert found.returncode == status
+    assert ("Standard output cannot be written" in found.stderr) == (reader == "full")
+
+
+@pytest.mark.slow
+def test_a_loop_whose_reader_left_writes_its_page(film: Film, tmp_path: Path) -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
+    command = [sys.executable, "-m", "discovery", "loop", film.rig, "--train", film.train, "--out", tmp_path, "--quiet"]
+    assert subprocess.run(command, stdout=writes, stderr=subprocess.PIPE, check=False).returncode == 1
+    os.close(writes)
+    assert {"loop.json", "report.html"} <= {path.name for path in tmp_path.iterdir()}
+
+
 def scattered(rms: float, **more: Any) -> SimpleNamespace:
     after = {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}
-    said = {"complete": True, "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}}
+    said = {"complete": True, "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}, "steps": ()}
     return SimpleNamespace(**{**said, **more})
 
 
@@ -503,6 +545,20 @@ def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves
     recordings_ = (SimpleNamespace(name="r", flags=(*small, Flag("rate_unknown"))),)
     (doubt,) = doubts(scattered(9.0, recordings=recordings_), held(1.0, flags=tuple(small)))
     assert doubt == f"r: {small[0]}"
+
+
+def test_a_loop_tells_decisions_that_doubt_its_answer() -> None:
+    """What the page says of a fit that went astray and of draws that tell nothing, the console says, and no more."""
+    astray = Decision("declare", (), False, "astray", {"left": 0.83})
+    drawn = Decision("integrate", ("hysteresis",), False, "laplace", {"pareto_k": 1.4})
+    good = Decision("integrate", ("hysteresis",), True, "sampled", {"correction": 0.1, "error": 0.1, "pareto_k": 0.2})
+    rig = SimpleNamespace(rig=SimpleNamespace(unfilled=()), train=(), holdout=())
+    first, second = doubts(scattered(0.0, steps=(astray, good, drawn), complete=False), rig)
+    assert first.startswith("the declared model leaves 83 % of the variance of the readings")
+    assert "check columns, signs and units" in first
+    assert "(their largest weights have Pareto k = 1.4)" in second
+    # What explains all that is left was the main force.
+    assert doubts(scattered(0.0, steps=(astray, good)), rig) == []
 
 
 def test_a_loop_doubts_columns_that_are_exchanged() -> None:
@@ -776,10 +832,10 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
 #: Some effects that a loop tries on a kind or that it declares, and some that act on such a system but are not tried.
 TRIED = {
     "flexible_arm": ({"cubic_stiffness", "base_backlash", "elastica_geometry"}, {"coriolis_coupling", "cogging"}),
-    "oscillator": ({"second_mode", "constant_force", "sensor_delay"}, {"cogging", "play", "buoyancy"}),
-    "pendulum": ({"gravity_torque", "input_dead_zone"}, {"cogging", "constant_force"}),
-    "base_excited": ({"linear_stiffness", "second_mode"}, {"input_dead_zone", "play"}),
-    "drive": ({"friction_through_play", "viscous_damping", "input_saturation"}, {"cogging", "play", "buoyancy"}),
+    "oscillator": ({"second_mode", "constant_force", "sensor_delay"}, {"play", "buoyancy"}),
+    "pendulum": ({"gravity_torque", "input_dead_zone"}, {"play", "constant_force"}),
+    "base_excited": ({"linear_stiffness", "second_mode"}, {"input_dead_zone", "cogging"}),
+    "drive": ({"friction_through_play", "cogging", "input_saturation"}, {"play", "buoyancy"}),
     "system": ({"cogging", "play", "sensor_delay"}, {"linear_stiffness", "second_mode", "buoyancy"}),
     "falling_body": ({"buoyancy", "quadratic_drag"}, {"coulomb_friction", "gravity_torque", "constant_force"}),
 }

@@ -7,14 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.systems import laws, machines
+from benchmarks.systems.record import record
 from discovery.declarations.formula import Quantity, read_formula
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
 from discovery.estimation.predict import equilibrium
 from discovery.estimation.problem import NaturalUnits
 from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import system_base
+from discovery.posterior.likelihood import log_posterior
+from discovery.recordings.dataset import load_dataset
 from discovery.rigs.rig_file import read_rig
 from discovery.rigs.rig_system import ready_made
 from discovery.simulation.kernel.compile import numpy_derivative
@@ -53,6 +59,19 @@ def test_motor_with_its_back_voltage() -> None:
     assert np.allclose(
         accelerations("dc_motor", (voltage, 0, 0), [0.0, w]), [(0.05 * (voltage - 0.05 * w) - 1e-4 * w) / 1e-4]
     )
+
+
+def test_of_a_rate_that_is_read_one_number_is_the_start(tmp_path: Path) -> None:
+    """A motor whose speed is read starts at some speed; of the second number its readings know nothing."""
+    (tmp_path / "rig.toml").write_text(machines.motor().rig, encoding="utf-8")
+    record(machines.motor(), "shaft", laws.NOTHING, tmp_path / "a.csv", 1)
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"], keep_third=False)
+    found = fit(declared_model(data), data)
+    assert [n for n in found.summary()["parameters"] if "[" in n] == ["delta_0_init[a]"]
+    assert found.told("delta_0_init[a]")["unit"] == "rad/s"
+    assert np.isfinite(found.told("delta_0_init[a]")["sd"])
+    assert log_posterior(found).names.count("delta_0_init[a]") == 1
+    assert len(log_posterior(found).names) == len(log_posterior(found).units)
 
 
 def test_play_asks_for_a_spring_and_cogging_for_a_rotor() -> None:

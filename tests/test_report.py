@@ -264,6 +264,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
     numbers = odds(12345.0, 14.1, 3.0)
     results["loop"] = _loop(results, "partly_explained", {**DELAY, "id": "hysteresis"}) | {
         "steps": [
+            decision("declare", accepted=False, code="astray", numbers={"left": 0.83}),
             decision("add", "wind", "table_tilt", accepted=True, numbers=numbers, candidates=pair),
             decision("exchange", "wind", "hysteresis", accepted=True, numbers={"odds": 5.1}, candidates=other),
             decision("remove", "table_tilt", accepted=True, code="size", numbers=odds(21.0, 14.0, 0.4)),
@@ -277,6 +278,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
     ]
     assert story.searches(run)[1].outcome(["sensor_delay"]) == "as likely"
     assert [(s["head"], s["outcome"]) for s in story.steps(run)] == [
+        ("Fitted the declared model", "most of the motion is left"),
         ("Tried: wind and table tilt", "added"),
         ("Exchanged: wind for hysteresis", ""),
         ("Tried without: table tilt", "taken out"),
@@ -291,6 +293,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
         "The prediction moves by 0.4 times the model error that is left",
         "A limit of the search’s work was reached, so no further effect was sought.",
         "added, later dropped",
+        "A doubt. The declared model leaves 83 % of the variance of the readings",
     ):
         assert words in text
 

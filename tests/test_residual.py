@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from discovery.estimation.residual import ResidualReport, errors, examine, systematic_share
+from discovery.estimation.residual import ResidualReport, errors, examine, systematic_share, variance_left
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
@@ -33,6 +34,18 @@ def report(residual: np.ndarray, **options) -> ResidualReport:
 
 def white(seed: int, n: int = TIME.size) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal(n)
+
+
+def test_what_is_left_of_the_variance_is_none_within_the_noise() -> None:
+    one = experiment(MOTION)
+    problem = SimpleNamespace(bench=SimpleNamespace(experiments=[one], n_data=TIME.size))
+    spread = float(np.sum((MOTION - MOTION.mean()) ** 2)) / NOISE**2
+    assert variance_left(problem, 0.6 * spread) == pytest.approx(0.6)
+    assert variance_left(problem, 3.9 * TIME.size) == 0.0
+    assert variance_left(problem, 4.1 * TIME.size) > 0.0
+    # The part that is not fitted does not count.
+    half = SimpleNamespace(bench=SimpleNamespace(experiments=[experiment(MOTION, 1000)], n_data=1000))
+    assert variance_left(half, 0.6 * spread) > 0.65
 
 
 # The systematic part.

@@ -96,6 +96,9 @@ def main(arguments: list[str] | None = None) -> None:
     except OSError as error:
         _end(_refused(error), 3)
     if (lost := unwritten()) is not None:
+        if isinstance(lost, BrokenPipeError):
+            # A reader that has enough, such as `head`, is told no more than one that a single line is too much for.
+            sys.exit(1)
         _end(_lost(lost), 3)
 
 

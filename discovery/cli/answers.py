@@ -15,6 +15,7 @@ from discovery.cli.initial_state import check_state, read_state
 from discovery.cli.loop_page import check_parts, remove_page, write_failed_page, write_page
 from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress
 from discovery.cli.say import say_doubts, say_failed, say_left_out, say_loop, say_missing
+from discovery.cli.streams import spoken
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -72,8 +73,7 @@ def run(
         return
     doubted = doubts(found.loop, dataset)
     if not as_json:
-        say_loop(found.loop)
-        say_doubts(doubted)
+        _say_answer(found.loop, doubted)
     start = time.monotonic()
     with progress(quiet) as tell:
         tell("writing the report")
@@ -91,6 +91,13 @@ def run(
     if not as_json:
         say_left_out(pending)
         click.echo(f"{page}")
+
+
+def _say_answer(result: LoopResult, doubted: list[str]) -> None:
+    """Say what a loop found, and what doubts it."""
+    with spoken():
+        say_loop(result)
+        say_doubts(doubted)
 
 
 def _posterior(
@@ -193,9 +200,9 @@ def _said(result: LoopResult, dataset: Dataset, missing: MissingForce | None, as
     """Say what a loop found, unless a document will, and return what doubts it."""
     doubted = doubts(result, dataset)
     if not as_json:
-        say_loop(result)
-        say_doubts(doubted)
-        say_missing(missing)
+        _say_answer(result, doubted)
+        with spoken():
+            say_missing(missing)
     return doubted
 
 

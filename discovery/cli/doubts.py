@@ -23,6 +23,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
     from discovery.recordings.flags import UNDERSTATED, misread, misstated
     from discovery.report.follow_up_sentences import stand_in_sentence
+    from discovery.report.sentences import decision_sentence, doubts_answer
 
     flags = {recording.name: recording.flags for recording in result.recordings}
     held = [e.recording for e in dataset.holdout or dataset.train]
@@ -32,6 +33,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
         *_unfilled(dataset),
         *misread(flags),
         *misstated(flags),
+        *map(decision_sentence, (s.summary() for s in result.steps if doubts_answer(s.code, complete=result.complete))),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
         *([] if known else _scattered(result, held)),
     ]

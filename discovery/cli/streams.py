@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
-__all__ = ["is_of_output", "open_streams", "unwritten"]
+__all__ = ["is_of_output", "open_streams", "spoken", "unwritten"]
+
+#: Why standard output could not be written, while there was more to do.
+_LOST: list[OSError] = []
 
 
 def open_streams() -> None:
@@ -30,8 +34,20 @@ def is_of_output(error: OSError) -> bool:
     return place is not None and str(place.tb_frame.f_globals.get("__name__", "")).startswith("click.")
 
 
+@contextmanager
+def spoken() -> Iterator[None]:
+    """Print before a command is done: without standard output it goes on, and `unwritten` tells why at its end."""
+    try:
+        yield
+    except OSError as error:
+        if not is_of_output(error):
+            raise
+        unwritten()
+        _LOST.append(error)
+
+
 def unwritten() -> OSError | None:
-    """Return why standard output cannot be written, if that is so; what waits for it is dropped then."""
+    """Return why standard output cannot be, or could not be written, if so; what waits for it is dropped then."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -42,4 +58,4 @@ def unwritten() -> OSError | None:
             os.dup2(nothing, sys.stdout.fileno())
             os.close(nothing)
         return error if isinstance(error, OSError) else OSError(str(error))
-    return None
+    return _LOST.pop() if _LOST else None

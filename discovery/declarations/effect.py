@@ -25,6 +25,8 @@ from discovery.foundation.arguments import check_names
 if TYPE_CHECKING:
     import sympy as sp
 
+    from discovery.declarations.parameters import FloatArray
+
 __all__ = [
     "ARM",
     "OSCILLATOR",
@@ -81,7 +83,7 @@ class Effect(ABC):
     [('f_c', 's^-2 q'), ('v_c', 's^-1 q')]
     >>> [p.name for p in friction.fitted("oscillator")]
     ['f_c']
-    >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0)
+    >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0, reach=1.0)
     False
     """
 
@@ -128,12 +130,28 @@ class Effect(ABC):
         return tuple(p for p in cls.parameters() if not p.fixed and (System.of(system).has_rod or not p.planar))
 
     @classmethod
-    def imitates(cls, values: Mapping[str, float], time: float, duration: float) -> bool:
-        """Return whether, at these values, a pliable law does what others do.
+    def imitates(cls, values: Mapping[str, float], time: float, duration: float, reach: float) -> bool:
+        """Return whether, at these values, a law does what others do.
 
-        Given are the natural time of the motion and the duration of the longest recording [s].
+        Given are the natural time of the motion and the duration of the longest recording [s], and the natural
+        coordinate where the effect acts [q].
         """
         return cls.pliable
+
+    @classmethod
+    def turned(cls, amplitudes: FloatArray, own: float) -> FloatArray:
+        """Return the amplitudes (k,) that do in a recording without an own value what these do with it; see `own`."""
+        raise NotImplementedError(f"{cls.id()} has a parameter of each recording's own: write `turned`")
+
+    @classmethod
+    def gathered(cls, amplitudes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return common amplitudes (k,) and own values (m,) for those of each recording (m, k): zero for the first."""
+        raise NotImplementedError(f"{cls.id()} has a parameter of each recording's own: write `gathered`")
+
+    @classmethod
+    def own(cls) -> Parameter | None:
+        """Return the parameter of which every recording has its own value, if there is one."""
+        return next((p for p in cls.parameters() if p.own), None)
 
     @classmethod
     def title(cls) -> str:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 
+FloatArray = NDArray[np.float64]
+
 __all__ = ["Flat", "HalfNormal", "LogNormal", "Normal", "Parameter", "Prior", "natural_scale"]
 
 
@@ -136,6 +138,9 @@ class Parameter:
         effect that the loop adds is fitted at its end, within the prior's width.
     planar : bool
         True when the parameter needs a plane; a system that moves along one line leaves it at its default.
+    own : bool
+        True when every recording has its own value, such as a phase, fitted beside its initial state. The default is
+        that of the first recording, from which the others are counted. It is `fixed` as well.
     latex : str
         Symbol in formulas; the attribute's own name when empty.
     physical : bool
@@ -168,6 +173,7 @@ class Parameter:
     shape: bool = False
     fixed: bool = False
     planar: bool = False
+    own: bool = False
     latex: str = ""
     name: str = ""
     physical: bool = False

@@ -20,10 +20,10 @@ from discovery.diagnosis.chain_newton import close
 from discovery.diagnosis.force_dependence import ForceDependence, Sites, Smooth, with_imitated
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.diagnosis.slow_model import Law
-from discovery.estimation.batch import fit_problems
 from discovery.estimation.fit import Fit
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import errors
+from discovery.estimation.starts import fitted_states
 from discovery.foundation.errors import DiscoveryError
 from discovery.recordings.experiment import Experiment
 
@@ -166,9 +166,8 @@ class Judge:
         if holdout:
             model = replace(fit.model, known={**fit.model.known, **self.values})
             other = bench.of_others(holdout)
-            problem = Problem(model, other, fit.problem.units, {})
-            (minimum,) = fit_problems([problem], [problem.start({})], iterations=12)
-            parameters, starts = problem.expand(minimum.x[:, None])
+            problem = Problem(model, other, fit.problem.units, {}, reference="")
+            parameters, starts = problem.expand(fitted_states([problem])[0][:, None])
             predictions, self.problem = other.predict(parameters, starts), problem
         else:
             self.problem = fit.problem

@@ -136,7 +136,7 @@ def _parameters(fit: Fit, index: int) -> FloatArray:
     vectors[np.arange(n), np.arange(1, n + 1)] += sizes
     parameters, initial = problem.expand(vectors)
     bench = problem.bench
-    reading = bench.simulators[index](parameters, initial[index, 0], initial[index, 1])
+    reading = bench.simulators[index](*bench.started(parameters, initial[index]))
     channels = bench.experiments[index].fitted_part.channels(reading)
     return (channels[:, :, 1:] - channels[:, :, :1]) / sizes
 
@@ -184,8 +184,8 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     whole = problem.bench.experiments[index]
     experiment = _shortened(whole, period)
     values = {n: v for n, v in fit.values.items() if "[" not in n}
-    at = len(problem.free) + 2 * index
-    chain = Chain(problem, values, experiment, fit.minimum.x[at : at + 2])
+    _, starts = problem.expand(fit.minimum.x[:, None])
+    chain = Chain(problem, values, experiment, starts[index, :, 0])
     span = chain.time[-1] - chain.time[0]
     pieces = max(4, int(np.ceil(KNOTS * span / period)))
     spacing = span / pieces

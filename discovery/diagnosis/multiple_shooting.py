@@ -62,8 +62,8 @@ class Chain:
         Parameters of the model.
     experiment : Experiment
         The recording.
-    start : ndarray, shape (2,)
-        Initial deflection and rate of the fitted run.
+    start : ndarray, shape (2 + own,)
+        Initial deflection and rate of the fitted run, and what the recording has of its own, see `Bench`.
 
     Attributes
     ----------
@@ -85,7 +85,8 @@ class Chain:
     def __init__(
         self, problem: Problem, values: Mapping[str, float], experiment: Experiment, start: FloatArray
     ) -> None:
-        known = {**problem.model.known, **values}
+        known = {**problem.model.known, **values, **dict(zip(problem.bench.own, start[2:].tolist(), strict=True))}
+        start = start[:2]
         self.slow, self.experiment = SlowModel(problem.model, problem.units, known), experiment
         recorded = experiment.recording.time
         seen = np.round(recorded - self.slow.lateness(recorded), 9)

@@ -94,19 +94,20 @@ class _Rival:
         # Two more zero columns: the initial state of a new recording is not known.
         self.root = np.pad(triangle[-m:, -m:], ((0, 0), (0, 2)))
         self.kernel = (problem.bench.base, problem.bench.effects, problem.bench.shortest)
-        self.room = _room(fit)[:, [*range(m), -2, -1]]
+        self.room = np.append(_room(fit)[:, :m], np.array([[-np.inf], [np.inf]]) * np.ones(2), axis=1)
         values = {n: v for n, v in fit.values.items() if n in problem.free}
         self.rest = rest = _rest(fit, values, angle)
         size = np.linalg.norm(jacobian[:, :m], axis=0)
         step = np.clip(0.1 / np.maximum(size, 1e-300), 1e-9 * problem.scale[:m], 1e-3 * problem.scale[:m])
         inward = np.where(fit.minimum.x[:m] + step > problem.bounds[1][:m], -step, step)
-        self.step = np.concatenate([inward, 1e-5 * problem.scale[-2:]])
+        units = problem.units
+        self.step = np.concatenate([inward, 1e-7 * units.coordinate * np.array([1.0, 1.0 / units.time])])
         point = np.concatenate([fit.minimum.x[:m], [rest, 0.0]])
         points = np.concatenate([point[:, None], point[:, None] + np.diag(self.step)], axis=1)
-        # The same initial state for every old recording: only the first is used.
-        tail = np.tile(points[m:], (len(problem.bench.experiments), 1))
-        self.parameters, initial = problem.expand(np.concatenate([points[:m], tail]))
-        self.initial = initial[0]
+        # Old recordings begin anywhere.
+        tail = np.zeros((len(problem.states), points.shape[1]))
+        self.parameters, _ = problem.expand(np.concatenate([points[:m], tail]))
+        self.initial = points[m:]
 
     def derivatives(self, channels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return prediction (n,) and sensitivities (n, m + 2) from flat channels (n, m + 3)."""

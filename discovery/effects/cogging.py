@@ -7,6 +7,9 @@ from discovery.declarations.effect import OSCILLATOR, ROTOR, Potential
 from discovery.declarations.parameters import LogNormal, Normal, Parameter
 from discovery.declarations.symbols import delta
 
+#: Periods in the angle that is travelled below which the torque imitates springs and gravity.
+_PERIODS = 3.0
+
 
 class Cogging(Potential):
     r"""A torque that comes and goes with the angle of a rotor, as between the magnets and teeth of a motor.
@@ -14,14 +17,14 @@ class Cogging(Potential):
     .. math:: V = -\frac{n_a \sin N_c\, q - n_b \cos N_c\, q}{N_c}
 
     The torque is :math:`n_a \cos N_c q + n_b \sin N_c q`; N_c counts its periods in one turn: for a motor the least
-    common multiple of its poles and slots. It is offered where nothing ties an angle.
+    common multiple of its poles and slots. It is offered where nothing ties an angle. Within few of its periods it
+    imitates springs.
     """
 
     systems = frozenset({OSCILLATOR})
     angular = True
     anchored = False
     needs = ROTOR
-    pliable = True
     cite = "Hanselman, Brushless Permanent Magnet Motor Design (2006), chapter 4"
     n_a = Parameter(
         "s^-2 q", "cosine amplitude of the cogging", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.01,), latex="n_a"
@@ -33,6 +36,11 @@ class Cogging(Potential):
         "1", "periods in one turn", (0.5, 500.0), LogNormal(24.0, 1.0), default=24.0, shape=True, latex="N_c",
         starts=tuple(np.arange(1.0, 97.0)),
     )  # fmt: skip
+
+    @classmethod
+    def imitates(cls, values, time, duration, reach):
+        """Return whether the rotor travels through few periods, to both sides of zero."""
+        return values["N_c"] * 2 * reach < 2 * np.pi * _PERIODS
 
     def expression(self):
         """Return V."""

@@ -16,15 +16,27 @@ _CYCLES = 3.0
 _HUB = sp.Float(1e-6)
 
 
+def _circles(amplitudes):
+    """Return each pair of a sine and a cosine as a complex number."""
+    return amplitudes[0::2] + 1j * amplitudes[1::2]
+
+
+def _pairs(circles):
+    """Return complex numbers as pairs of a sine and a cosine."""
+    return np.column_stack([circles.real, circles.imag]).ravel()
+
+
 class PeriodicDisturbance(Load):
     r"""A periodic force, for example of a fan, of a vibrating floor, or of a hum of the motor.
 
-    .. math:: P = (a_s \sin\Omega t + a_c \cos\Omega t)\, v_x + (b_s \sin\Omega t + b_c \cos\Omega t)\, v_y
-              + (n_s \sin\Omega t + n_c \cos\Omega t)\, \frac{x v_y - y v_x}{\sqrt{x^2 + y^2}}
+    .. math:: P = (a_s \sin\tau + a_c \cos\tau)\, v_x + (b_s \sin\tau + b_c \cos\tau)\, v_y
+              + (n_s \sin\tau + n_c \cos\tau)\, \frac{x v_y - y v_x}{\sqrt{x^2 + y^2}}, \qquad \tau = \Omega t + \psi
 
     The first force keeps its direction in the plane while the arm turns under it; it swings along a line or an
     ellipse. The second one turns with the arm and pushes across it. An oscillator has one direction, and the first pair
-    acts on it. Near the arm's own frequency the force imitates any slow change of a free decay.
+    acts on it. Recordings begin at any moment, so each has a phase :math:`\psi` of its own, counted from that of the
+    first; that of a held-out one is fitted with its start. Near the arm's own frequency the force imitates any slow
+    change of a free decay.
     """
 
     cite = "forced vibration; Den Hartog, Mechanical Vibrations (1956), chapter 2"
@@ -50,15 +62,33 @@ class PeriodicDisturbance(Load):
         starts=(*np.arange(0.3, 1.5, 0.03).tolist(), *np.geomspace(1.5, 15.0, 110).tolist()),
     )  # fmt: skip
 
+    psi = Parameter(
+        "rad", "phase of a recording, beside that of the first", prior=Normal(0.0, float(np.sqrt(2 * np.pi))),
+        starts=(0.0, np.pi / 2, np.pi, 3 * np.pi / 2), fixed=True, own=True, latex=r"\psi",
+    )  # fmt: skip
+
     @classmethod
-    def imitates(cls, values, time, duration):
+    def turned(cls, amplitudes, own):
+        """Return sines and cosines of a force that begins at another phase."""
+        return _pairs(_circles(amplitudes) * np.exp(1j * own))
+
+    @classmethod
+    def gathered(cls, amplitudes):
+        """Return the force whose phases suit the recordings best, all of one size."""
+        each = np.array([_circles(own) for own in amplitudes])
+        phases = np.angle(np.linalg.svd(each, full_matrices=False)[0][:, 0])
+        phases = (phases - phases[0] + np.pi) % (2 * np.pi) - np.pi
+        return _pairs((each * np.exp(-1j * phases)[:, None]).mean(axis=0)), phases
+
+    @classmethod
+    def imitates(cls, values, time, duration, reach):
         """Return whether the force is near the system's own frequency, or has hardly time to repeat."""
         near = abs(values["Omega"] * time - 1) < _NEAR
         return near or values["Omega"] * duration < 2 * np.pi * _CYCLES
 
     def expression(self):
         """Return P."""
-        sine, cosine = sp.sin(self.Omega * t), sp.cos(self.Omega * t)
+        sine, cosine = sp.sin(self.Omega * t + self.psi), sp.cos(self.Omega * t + self.psi)
         fixed = (self.a_s * sine + self.a_c * cosine) * v_x + (self.b_s * sine + self.b_c * cosine) * v_y
         across = (x * v_y - y * v_x) / sp.sqrt(x**2 + y**2 + _HUB**2)
         return fixed + (self.n_s * sine + self.n_c * cosine) * across

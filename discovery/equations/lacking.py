@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from itertools import product
 
-from discovery.declarations.effect import OSCILLATOR, Effect, Mode
+from discovery.declarations.effect import OSCILLATOR, ROTOR, Effect, Mode
 from discovery.declarations.place import can_be_placed, placed
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.model import Model
 from discovery.mechanics.base import Place
 
@@ -17,7 +17,7 @@ __all__ = ["candidates", "ever_candidates"]
 _WHOLE = ("drive", "sensor")
 
 
-def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
+def candidates(model: Model, unit: str = "rad", declared: Collection[str] | None = None) -> tuple[str, ...]:
     """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
 
     Parameters
@@ -26,10 +26,14 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         The model.
     unit : str
         Unit of an oscillator's coordinate: laws of an angle ask for radians.
+    declared : collection of str, optional
+        Effects of the model that its rig file declares, which say whether anything ties the coordinate; all otherwise.
     """
     base = model.mechanics
     if base.places():
         return _at_places(model)
+    tied = any(get_effect(e).kind == "potential" for e in (model.effects if declared is None else declared))
+    has = base.has - ({ROTOR} if tied else set())
     return tuple(
         e
         for e, effect in catalogue().items()
@@ -40,7 +44,7 @@ def candidates(model: Model, unit: str = "rad") -> tuple[str, ...]:
         and (base.push() is not None or not isinstance(effect, Mode))
         and _is_heard(effect, model)
         and (base.anchored or not effect.anchored)
-        and (not effect.needs or effect.needs in base.has)
+        and (not effect.needs or effect.needs in has)
     )
 
 
@@ -56,7 +60,7 @@ def ever_candidates(bases: Iterable[str], unit: str = "rad") -> frozenset[str]:
 
     Examples
     --------
-    >>> "cogging" in ever_candidates(["servo"]), "cogging" in ever_candidates([])
+    >>> "cogging" in ever_candidates(["falling_body"]), "cogging" in ever_candidates(["servo"])
     (False, True)
     """
     found = frozenset(e for base in bases for e in candidates(Model(base, ()), unit))

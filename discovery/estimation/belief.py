@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,6 @@ from discovery.estimation.problem import Problem
 __all__ = ["Belief", "belief_of"]
 
 FloatArray = NDArray[np.float64]
-#: Width of the prior of an initial state, in natural coordinates and rates.
-_STATE = 1.0
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,8 @@ class Belief:
     frozen: NDArray[np.bool_]
 
 
-def belief_of(problem: Problem, x: FloatArray, at_bound: NDArray[np.bool_], more: int) -> Belief:
-    """Return what is believed of every parameter, those of `more` held-out initial states last."""
+def belief_of(problem: Problem, x: FloatArray, at_bound: NDArray[np.bool_], more: Sequence[float]) -> Belief:
+    """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
     free, units = problem.free, problem.units
     log, width, centre = [], [], []
     for name, value in zip(free, x, strict=False):
@@ -62,17 +61,16 @@ def belief_of(problem: Problem, x: FloatArray, at_bound: NDArray[np.bool_], more
         log.append(-np.log(own * np.sqrt(2 * np.pi)) if flat else max(density, -1e3))
         width.append(own)
         centre.append(np.nan)
-    states = (x.size - len(free) + more) // 2
-    sizes = [_STATE * units.coordinate, _STATE * units.coordinate / units.time] * states
+    sizes = [*(state.width for state in problem.states), *more]
     log += [-np.log(s * np.sqrt(2 * np.pi)) for s in sizes]
     low, high = problem.bounds
     return Belief(
         np.array(log),
         np.array([*width, *sizes]),
         np.array([*centre, *([np.nan] * len(sizes))]),
-        np.append(low - x, np.full(more, -np.inf)),
-        np.append(high - x, np.full(more, np.inf)),
-        np.append(at_bound, np.zeros(more, bool)),
+        np.append(low - x, np.full(len(more), -np.inf)),
+        np.append(high - x, np.full(len(more), np.inf)),
+        np.append(at_bound, np.zeros(len(more), bool)),
     )
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.estimation.start_values import own_parameters
 from discovery.foundation.workers import in_threads
 from discovery.recordings.experiment import Experiment
 from discovery.simulation import simulate
@@ -65,6 +66,9 @@ class Bench:
             whole.until(part.recording.time.size) for part, whole in zip(self._parts, self._whole, strict=True)
         ]
         self.names = self.simulators[0].names
+        #: Parameters of which every experiment has its own value, in the rows of its start after deflection and rate.
+        self.own = own_parameters(self.effects, self.names)
+        self._own_rows = [self.names.index(n) for n in self.own]
         self._weights = [np.ascontiguousarray(e.weights()) for e in self._parts]
         self._targets = [
             np.ascontiguousarray(np.where(w > 0, e.recording.output, 0.0))
@@ -99,10 +103,10 @@ class Bench:
         ----------
         parameters : ndarray, shape (p, k)
             In the order of `names`.
-        initial : ndarray, shape (experiments, 2, k)
-            Initial deflection and rate in every experiment.
+        initial : ndarray, shape (experiments, 2 + own, k)
+            Initial deflection and rate in every experiment, and the values of `own`.
         """
-        asked = [s.asked(parameters, *own) for s, own in zip(self._whole, initial, strict=True)]
+        asked = [s.asked(*self.started(parameters, own)) for s, own in zip(self._whole, initial, strict=True)]
         return [e.channels(read) for e, (read, _) in zip(self.experiments, simulate.simulated(asked), strict=True)]
 
     def residuals(
@@ -161,8 +165,8 @@ class Bench:
         ----------
         parameters : ndarray, shape (p, k)
             In the order of `names`.
-        initial : ndarray, shape (experiments, 2, k)
-            Initial deflection and rate in every experiment.
+        initial : ndarray, shape (experiments, 2 + own, k)
+            As for `predict`.
         reduce : callable
             Gets the number of an experiment and its residuals (n, c, j) of a few sets, zero where nothing is fitted
             and infinite where a trial blew up; returns (s, j). It is called from several threads, and what it gets is
@@ -201,10 +205,14 @@ class Bench:
         return [batch.restored(each) for batch, each in zip(batches, joined, strict=True)]
 
     def _batches(self, parameters: FloatArray, initial: FloatArray) -> list[Batch]:
-        return [
-            simulator.batch(parameters, deflection, rate)
-            for simulator, (deflection, rate) in zip(self.simulators, initial, strict=True)
-        ]
+        return [s.batch(*self.started(parameters, own)) for s, own in zip(self.simulators, initial, strict=True)]
+
+    def started(self, parameters: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the parameters (p, k) of one experiment, its deflection and its rate for its start (2 + own, k)."""
+        if start[2:].any():
+            parameters = parameters.copy()
+            parameters[self._own_rows] = start[2:]
+        return parameters, start[0], start[1]
 
     def _asked(
         self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None

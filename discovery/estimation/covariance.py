@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
-from discovery.estimation.resolution import resolves_slopes
+from discovery.estimation.resolution import half_step
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
@@ -128,26 +128,20 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Probl
     return total
 
 
-def _change(problem: Problem, minimum: Minimum, residual: FloatArray) -> FloatArray:
-    """Return by how much half the step changes the residuals of the recordings at the minimum, shape (n,)."""
-    fine = problem.bench.finer(2)
-    return np.asarray(fine.residuals(*problem.expand(minimum.x[:, None]))[:, 0] - residual, np.float64)
-
-
 def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:
     """Return the largest shift of the minimum against a solve with half the step, in standard deviations.
 
     Where the steps do not resolve the slopes of the readings, it is the largest that their change allows.
     """
-    change = _change(problem, minimum, minimum.residual[: problem.bench.n_rows])
     known = np.isfinite(np.diag(covariance))
     if not known.any():
         return float("nan")
-    if not resolves_slopes(problem, minimum.x, np.sqrt(np.diag(covariance))):
-        return float(np.linalg.norm(change))
+    halved = half_step(problem, minimum.x, np.sqrt(np.diag(covariance)))
+    if not halved.resolves_slopes:
+        return float(np.linalg.norm(halved.change))
     # What is known beside the recordings does not move.
     push = np.zeros(len(minimum.jacobian))
-    push[: change.size] = -change
+    push[: halved.change.size] = -halved.change
     step, *_ = np.linalg.lstsq(minimum.jacobian[:, known], push, rcond=None)
     return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[known])))
 
@@ -179,7 +173,8 @@ def longest_leap(problem: Problem, minimum: Minimum, shift: float) -> float | No
             break
         leaping = Bench(bench.base, bench.effects, bench.experiments, bench.step, leap)
         own = Problem(problem.model, leaping, problem.units, problem.gaussian)
-        change = _change(own, minimum, leaping.residuals(*own.expand(minimum.x[:, None]))[:, 0])
+        coarse, fine = (b.residuals(*own.expand(minimum.x[:, None]))[:, 0] for b in (leaping, leaping.finer(2)))
+        change = fine - coarse
         if np.isfinite(change).all():
             step, *_ = np.linalg.lstsq(jacobian, change, rcond=None)
             found = float(np.linalg.norm(jacobian @ step))

@@ -162,7 +162,8 @@ class Fit(FitViews):
     def told(self, name: str) -> dict[str, Any]:
         """Return value, sd and unit of a parameter or an initial state, JSON-ready, and why there is no sd."""
         first, parameter = self.problem.bench.experiments[0], self.model.parameters.get(name)
-        unit = first.unit_of(parameter) if parameter else first.coordinate_unit + " s^-1" * name.startswith("rate")
+        states = {state.name: state for state in self.problem.states}
+        unit = first.unit_of(parameter) if parameter else states[name].unit(first.coordinate_unit)
         row = {"value": self.values[name], "sd": self.sd[name], "unit": unit}
         return {**row, "sd": None, "reason": self.untold[name]} if name in self.untold else row
 

@@ -257,16 +257,14 @@ def predict(
     low, high = single.bounds
     points = np.concatenate([centre[:, None], centre[:, None] + 0.5 * spread, centre[:, None] - 0.5 * spread], axis=1)
     points = np.clip(points, low[: len(names), None], high[: len(names), None])
-    if fit.model.mechanics.prescribed:
-        state = np.empty((0, points.shape[1]))
-    elif initial is None:
+    if initial is None and not fit.model.mechanics.prescribed:
         # The rest position moves little with the parameters: its derivative is taken along with theirs.
         first = float(experiment.recording.time[0])
         rest = [equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive, first) for p in points.T]
         state = np.array([rest, np.zeros(len(rest))])
     else:
-        state = np.repeat(np.array(initial)[:, None], points.shape[1], axis=1)
-    parameters, starts = single.expand(np.concatenate([points, state]))
+        state = np.repeat(np.array(initial or (0.0, 0.0))[:, None], points.shape[1], axis=1)
+    parameters, starts = single.expand(np.concatenate([points, state[: len(single.states)]]))
     channels = bench.predict(parameters, starts)[0]
     check_finite(channels, experiment.recording.time, bench.names, parameters)
     m = len(names)
@@ -290,7 +288,7 @@ def held_out(
     problems = []
     for model, values in candidates:
         known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
-        problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}))
+        problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}, reference=""))
     starts = fitted_states(problems)
     vectors = [p.expand(x[:, None]) for p, x in zip(problems, starts, strict=True)]
     parameters = np.concatenate([v[0] for v in vectors], axis=1)

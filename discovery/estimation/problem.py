@@ -14,6 +14,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.model_error import ModelError, innovations
+from discovery.estimation.start_values import StartValue, start_values
 from discovery.mechanics.systems import system_base
 from discovery.recordings.experiment import Experiment, largest_deflection
 
@@ -35,6 +36,10 @@ class NaturalUnits:
     drive: float = 1.0
     #: Of a declared system: name, coordinate, time and inertia of every place.
     places: tuple[tuple[str, float, float, float], ...] = ()
+
+    def reach(self, place: str) -> float:
+        """Return the natural coordinate at a place of a declared system; where there is none, that of the system."""
+        return next((q for name, q, *_ in self.places if name == place), self.coordinate)
 
     def scale(self, parameter: Parameter) -> float:
         """Return the size of one natural unit of a parameter, in the problem's units."""
@@ -171,6 +176,8 @@ class Problem:
         Free parameters known from the rig or by convention within an uncertainty; bounded at three standard deviations.
     error : ModelError, optional
         The model's own error beside the noise: residuals are made white under both.
+    reference : str, optional
+        Recording from which others count what each has of its own, as a phase: the first one; "" for none of these.
     """
 
     model: Model
@@ -178,17 +185,21 @@ class Problem:
     units: NaturalUnits
     gaussian: Mapping[str, tuple[float, float]]
     error: ModelError | None = None
+    reference: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.reference is None:
+            object.__setattr__(self, "reference", self.bench.experiments[0].recording.name)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Free physical parameters, then initial deflection and rate of every experiment."""
-        initial = [name for e in self._released for name in e.initial_names]
-        return (*self.free, *initial)
+        """Free physical parameters, then what is free of every experiment."""
+        return (*self.free, *(state.name for state in self.states))
 
-    @property
-    def _released(self) -> tuple[Experiment, ...]:
-        """Experiments with an initial state: all, or none where the motion is prescribed."""
-        return () if self.model.mechanics.prescribed else self.bench.experiments
+    @cached_property
+    def states(self) -> tuple[StartValue, ...]:
+        """What is free of every experiment: its initial state, and what is its own."""
+        return start_values(self.model, self.units, self.bench.experiments, self.bench.own, self.reference or "")
 
     @cached_property
     def free(self) -> tuple[str, ...]:
@@ -203,9 +214,7 @@ class Problem:
             self.gaussian[n][1] if n in self.gaussian else self._declared_width(self.model.parameters[n])
             for n in self.free
         ]
-        # Initial values are known from the data to a small part of the amplitude.
-        q, rate = 0.01 * self.units.coordinate, 0.01 * self.units.coordinate / self.units.time
-        return np.array([*sizes, *([q, rate] * len(self._released))])
+        return np.array([*sizes, *(state.scale for state in self.states)])
 
     def _declared_width(self, parameter: Parameter) -> float:
         return parameter.prior.width * self.units.scale(parameter)
@@ -222,7 +231,7 @@ class Problem:
                 least, most = max(least, mean - 3 * sd), min(most, mean + 3 * sd)
             lower.append(least)
             upper.append(most)
-        free_start = [np.inf] * (2 * len(self._released))
+        free_start = [np.inf] * len(self.states)
         return np.array([*lower, *(-np.array(free_start))]), np.array([*upper, *free_start])
 
     def start(self, values: Mapping[str, float]) -> FloatArray:
@@ -237,9 +246,8 @@ class Problem:
                 parameter = self.model.parameters[name]
                 first = parameter.starts[0] if parameter.starts else parameter.default
                 x.append(first * self.units.scale(parameter))
-        for e in self._released:
-            guess = (0.0, 0.0) if values.keys() >= set(e.initial_names) else e.initial_guess
-            x += [values.get(n, g) for n, g in zip(e.initial_names, guess, strict=True)]
+        for state in self.states:
+            x.append(values[state.name] if state.name in values else state.guess(self.bench.experiments))
         return np.array(x)
 
     @cached_property
@@ -254,13 +262,14 @@ class Problem:
         return np.array(values), np.array([self.bench.names.index(n) for n in self.free], dtype=np.int64)
 
     def expand(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return kernel parameters (p, k) and initial states (experiments, 2, k) of free vectors (m, k)."""
+        """Return kernel parameters (p, k) and starts (experiments, 2 + own, k), see `Bench`, of free vectors (m, k)."""
         template, where = self._template
         parameters = np.repeat(template[:, None], x.shape[1], axis=1)
         parameters[where] = x[: len(self.free)]
-        if not self._released:
-            return parameters, np.zeros((len(self.bench.experiments), 2, x.shape[1]))
-        return parameters, x[len(self.free) :].reshape(len(self._released), 2, -1)
+        starts = np.zeros((len(self.bench.experiments), 2 + len(self.bench.own), x.shape[1]))
+        for state, values in zip(self.states, x[len(self.free) :], strict=True):
+            starts[state.experiment, state.row] = values
+        return parameters, starts
 
     def whitened(self, residuals: FloatArray) -> FloatArray:
         """Return residuals (n, k) of the bench made white under the model error; the same ones without it."""

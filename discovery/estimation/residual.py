@@ -22,6 +22,7 @@ __all__ = [
     "explains",
     "roughness",
     "systematic_share",
+    "variance_left",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -253,6 +254,23 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
         "mean": float(distance.mean()),
         "peak": float(distance.max()),
     }
+
+
+def variance_left(problem: Problem, chi2: float) -> float:
+    """Return which part of the variance of the readings a fit leaves; zero where that is little more than the noise.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    chi2 : float
+        Sum of squared normalised residuals of the fit.
+    """
+    spread = 0.0
+    for e in problem.bench.experiments:
+        read = np.where(e.weights() > 0, e.recording.output, np.nan) * e.weights()
+        spread += float(np.nansum((read - np.nanmean(read, axis=0)) ** 2))
+    return chi2 / spread if chi2 > _NOISE * problem.bench.n_data else 0.0
 
 
 def explains(problem: Problem, chi2: float, left: float) -> bool:

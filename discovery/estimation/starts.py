@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
+from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 
 __all__ = ["fitted_states"]
@@ -20,16 +21,41 @@ _ITERATIONS = 12
 
 
 def fitted_states(problems: Sequence[Problem]) -> list[FloatArray]:
-    """Return the initial states, deflection and rate recording by recording, of problems with nothing else free.
+    """Return what is free of every recording, see `Problem.states`, of problems with nothing else free.
 
     Where a motion blows up in one recording, those of the others are fitted all the same.
     """
-    starts = [p.start({}) for p in problems]
-    if not starts[0].size:
-        return starts
-    minima = fit_problems(problems, starts, iterations=_ITERATIONS)
-    alone = len(problems[0].bench.experiments) == 1
-    return [m.x if alone or np.isfinite(m.cost) else _apart(p) for p, m in zip(problems, minima, strict=True)]
+    starts = [_starts(p) for p in problems]
+    if not any(each[0].size for each in starts):
+        return [first for first, *_ in starts]
+    minima = fit_problems(
+        [p for p, each in zip(problems, starts, strict=True) for _ in each],
+        [x for each in starts for x in each],
+        iterations=_ITERATIONS,
+    )
+    alone, found = len(problems[0].bench.experiments) == 1, []
+    for p, each in zip(problems, starts, strict=True):
+        own, minima = [m for m in minima[: len(each)] if np.isfinite(m.cost)], minima[len(each) :]
+        found.append(_best(p, own) if own else each[0] if alone else _apart(p))
+    return found
+
+
+def _starts(problem: Problem) -> list[FloatArray]:
+    """Return where the starts of recordings are looked for: from each value of what the recordings do not tell."""
+    first = problem.start({})
+    ways = max((len(state.starts) for state in problem.states), default=1) or 1
+    found = np.repeat(first[None], ways, axis=0)
+    for i, state in enumerate(problem.states):
+        if state.starts:
+            found[:, i] = np.resize(state.starts, ways)
+    return list(found)
+
+
+def _best(problem: Problem, minima: Sequence[Minimum]) -> FloatArray:
+    """Return for every recording the start of the minimum that leaves least of it."""
+    cost = np.array([[np.sum(m.residual[rows] ** 2) for rows, _ in problem.bench.blocks()] for m in minima])
+    best = np.argmin(cost, axis=0)
+    return np.array([minima[best[state.experiment]].x[i] for i, state in enumerate(problem.states)])
 
 
 def _apart(problem: Problem) -> FloatArray:

@@ -26,7 +26,7 @@ __all__ = ["FittedModel", "fitted_model", "given_numbers"]
 FloatArray = NDArray[np.float64]
 
 #: Initial states, as a fit names them beside its parameters.
-_INITIAL = re.compile(r"(?:delta|rate)_0_init\[.*\]", re.DOTALL)
+_INITIAL = re.compile(r"\w+_0_init\[.*\]", re.DOTALL)
 
 
 @dataclass(frozen=True, repr=False)
@@ -145,7 +145,7 @@ class FittedModel:
             reasons=dict(fit.reasons),
             initial={}
             if fit.model.mechanics.prescribed
-            else {r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :, 0], strict=True)},
+            else {r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :2, 0], strict=True)},
             step=bench.classical_step(parameters, initial),
             provenance={
                 "discovery": version("discovery"),

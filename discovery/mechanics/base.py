@@ -218,6 +218,11 @@ class Base(ABC):
         return None
 
     @property
+    def starts(self) -> int:
+        """How many numbers its start has: deflection and rate, or less where what is read does not depend on them."""
+        return 0 if self.prescribed else 2
+
+    @property
     def reads_state(self) -> bool:
         """Whether the instrument reads the state itself."""
         return not self.reads

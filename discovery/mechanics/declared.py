@@ -247,6 +247,11 @@ class DeclaredBase(Base):
         """Return the declared output."""
         return (self._received(self.equations.output),)
 
+    @property
+    def starts(self) -> int:
+        """One number where a rate is read."""
+        return 1 if self.order == 1 else 2
+
     def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return coordinates and rates as a static force at the output would lead them, read as a deflection.
 

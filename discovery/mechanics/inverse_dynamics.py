@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
+from discovery.declarations.effect import ROTOR
 from discovery.declarations.parameters import LogNormal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
 
@@ -24,6 +25,7 @@ class InverseDynamics(OneCoordinate):
     """
 
     name = "inverse_dynamics"
+    has = frozenset({ROTOR})
     reads = "force"
     input_moves = True
     prescribed = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from discovery.declarations.effect import ROTOR
 from discovery.mechanics.one_coordinate import ForceDriven
 
 __all__ = ["BASE", "Oscillator"]
@@ -11,6 +12,7 @@ class Oscillator(ForceDriven):
     r"""One coordinate q with unit inertia: q'' = g u(t) + effects, with the recorded input u (none in a free decay)."""
 
     name = "oscillator"
+    has = frozenset({ROTOR})
     in_library = True
 
 

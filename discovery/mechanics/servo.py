@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
+from discovery.declarations.effect import ROTOR
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
 
@@ -21,6 +22,7 @@ class Servo(OneCoordinate):
     """
 
     name = "servo"
+    has = frozenset({ROTOR})
     input_word = "reference"
     gain = "g"
     provides = frozenset()

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["is_start", "starts_table"]
 
-_START = re.compile(r"(delta|rate)_0_init\[(.*)\]", re.DOTALL)
+_START = re.compile(r"(\w+)_0_init\[(.*)\]", re.DOTALL)
 _WORDS = {"delta": "deflection", "rate": "rate"}
 
 
@@ -36,7 +36,7 @@ def starts_table(told: Iterable[tuple[str, Mapping[str, Any]]], value: str) -> p
     rows: dict[str, dict[str, Any]] = {}
     for name, entry in told:
         if found := _START.fullmatch(name):
-            what = _WORDS[found[1]]
+            what = _WORDS.get(found[1], found[1])
             rows.setdefault(found[2], {}).update(
                 {what: entry[value], f"{what}_sd": entry["sd"], f"{what}_unit": entry["unit"]}
             )

@@ -54,7 +54,7 @@ class Correlations:
 
 def quantities(posterior: Sample) -> tuple[str, ...]:
     """Return the names of the sampled quantities but for the initial states."""
-    return tuple(n for n in posterior.names if not n.startswith(("delta_0_init[", "rate_0_init[")))
+    return tuple(n for n in posterior.names if "_0_init[" not in n)
 
 
 def correlations(posterior: Sample) -> Correlations:

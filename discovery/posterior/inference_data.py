@@ -99,8 +99,13 @@ def _split(name: str) -> tuple[str, str | None]:
 
 
 def _where(stem: str) -> str:
-    """Return the dimension of what a quantity belongs to: initial states are of recordings, noise is of instruments."""
-    return "recording" if stem.endswith("_init") else "instrument"
+    """Return the dimension of what a quantity belongs to: starts are of recordings, noise is of instruments.
+
+    What is counted from the first recording has a dimension of its own, which lacks that one.
+    """
+    if stem in ("delta_0_init", "rate_0_init"):
+        return "recording"
+    return f"recording_{stem.removesuffix('_0_init')}" if stem.endswith("_init") else "instrument"
 
 
 def _grouped(names: Mapping[str, Any] | Sequence[str]) -> dict[str, list[str]]:

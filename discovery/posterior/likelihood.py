@@ -95,7 +95,7 @@ class LogPosterior:
         experiment = problem.bench.experiments[0]
         coordinate = experiment.coordinate_unit
         physical = [experiment.unit_of(problem.model.parameters[n]) for n in problem.free]
-        initial = [coordinate, f"{coordinate} s^-1"] * _released(problem)
+        initial = [state.unit(coordinate) for state in problem.states]
         noise = [*(part.unit for part in self.instruments), *(p.unit for _, p in self._extra)]
         return (*physical, *initial, *noise)
 
@@ -203,11 +203,6 @@ class LogPosterior:
         return total
 
 
-def _released(problem: Problem) -> int:
-    """Return how many recordings have an initial state: none where the motion is prescribed."""
-    return (len(problem.names) - len(problem.free)) // 2
-
-
 def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
     found: list[tuple[Prior, float]] = []
     for name in problem.free:
@@ -217,8 +212,7 @@ def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
             parameter = problem.model.parameters[name]
             found.append((parameter.prior, problem.units.scale(parameter)))
     # An initial state may be anything up to the size of the whole motion.
-    q, time = problem.units.coordinate, problem.units.time
-    return (*found, *([(Normal(0.0, 1.0), q), (Normal(0.0, 1.0), q / time)] * _released(problem)))
+    return (*found, *((Normal(0.0, 1.0), state.width) for state in problem.states))
 
 
 def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:

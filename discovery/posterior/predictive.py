@@ -78,7 +78,7 @@ def predictive(
     n: int = 200,
     *,
     seed: Generator | int = 1,
-    initial: Mapping[str, tuple[float, float]] | None = None,
+    initial: Mapping[str, tuple[float, ...]] | None = None,
 ) -> list[Band]:
     """Return predictive bands of recordings, free-run from the initial state on.
 
@@ -126,7 +126,8 @@ def predictive(
     flat = posterior.flat()
     drawn = next(iter(flat.values())).size
     chosen = rng.choice(drawn, size=check_whole(n, "n", 1, drawn), replace=False)
-    _check_initial(initial, experiments)
+    own = any(p.own for p in posterior.model.parameters.values())
+    _check_initial(initial, experiments, own=own)
     draws = {name: values[chosen] for name, values in flat.items()}
     bands = []
     for experiment, channels in zip(experiments, simulated(posterior, experiments, draws, initial), strict=True):
@@ -146,7 +147,7 @@ def predictive(
     return bands
 
 
-def _check_initial(initial: object, experiments: Sequence[Experiment]) -> None:
+def _check_initial(initial: object, experiments: Sequence[Experiment], *, own: bool) -> None:
     """Refuse initial states of other recordings, and what is no deflection with a rate."""
     if initial is None:
         return
@@ -154,14 +155,16 @@ def _check_initial(initial: object, experiments: Sequence[Experiment]) -> None:
     assert isinstance(initial, Mapping)
     check_names(initial, [e.recording.name for e in experiments], "The data set", "recording")
     for name, state in initial.items():
-        check_pair(state, f"initial[{name!r}]", "the deflection and the rate at the start")
+        # What a recording has of its own may follow.
+        pair = state[:2] if own and isinstance(state, tuple) else state
+        check_pair(pair, f"initial[{name!r}]", "the deflection and the rate at the start")
 
 
 def simulated(
     posterior: Sample,
     experiments: Sequence[Experiment],
     draws: Mapping[str, FloatArray],
-    initial: Mapping[str, tuple[float, float]] | None = None,
+    initial: Mapping[str, tuple[float, ...]] | None = None,
 ) -> list[FloatArray]:
     """Return the channels of recordings without noise by draw, each (n, c, k); see `predictive` for initial states.
 
@@ -171,14 +174,13 @@ def simulated(
         If a draw's motion blows up.
     """
     bench = Bench(posterior.model.base, posterior.model.effects, experiments, posterior.step)
-    problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian)
+    problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian, reference="")
     n = next(iter(draws.values())).size
     rows = [draws[name] for name in problem.free]
-    for experiment in () if posterior.model.mechanics.prescribed else experiments:
-        name = experiment.recording.name
-        sampled = [draws.get(part, np.zeros(n)) for part in experiment.initial_names]
-        given = (initial or {}).get(name)
-        rows += sampled if given is None else [np.full(n, value) for value in given]
+    for state in problem.states:
+        given = (initial or {}).get(experiments[state.experiment].recording.name, ())
+        known = state.row < len(given)
+        rows.append(np.full(n, given[state.row]) if known else draws.get(state.name, np.zeros(n)))
     parameters, states = problem.expand(np.array(rows))
     found = []
     for experiment, channels in zip(experiments, bench.predict(parameters, states), strict=True):
@@ -198,8 +200,8 @@ def errors(
     return rng.standard_normal(shape)
 
 
-def fitted_starts(posterior: Sample, experiments: Sequence[Experiment]) -> dict[str, tuple[float, float]]:
-    """Return initial deflection [q] and rate [q/s] of recordings that were not fitted, by name.
+def fitted_starts(posterior: Sample, experiments: Sequence[Experiment]) -> dict[str, tuple[float, ...]]:
+    """Return deflection [q], rate [q/s] and what `Bench.own` lists of recordings that were not fitted, by name.
 
     They are fitted to the readings with the parameters held at their posterior medians; a band that starts there holds
     no uncertainty of its start.
@@ -209,9 +211,10 @@ def fitted_starts(posterior: Sample, experiments: Sequence[Experiment]) -> dict[
         return {}
     medians = {name: float(np.median(x)) for name, x in posterior.flat().items() if name in model.parameters}
     held = Model(model.base, model.effects, {**model.known, **medians})
-    problem = Problem(held, Bench(model.base, model.effects, experiments, posterior.step), posterior.natural, {})
-    states = fitted_states([problem])[0].reshape(-1, 2).tolist()
-    return {e.recording.name: (d, rate) for e, (d, rate) in zip(experiments, states, strict=True)}
+    bench = Bench(model.base, model.effects, experiments, posterior.step)
+    problem = Problem(held, bench, posterior.natural, {}, reference="")
+    _, starts = problem.expand(fitted_states([problem])[0][:, None])
+    return {e.recording.name: tuple(start[:, 0].tolist()) for e, start in zip(experiments, starts, strict=True)}
 
 
 def noise_factor(posterior: Sample, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:

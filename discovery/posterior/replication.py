@@ -115,9 +115,9 @@ def replicated(
 
 def _check_fitted(posterior: Sample, experiment: Experiment) -> None:
     name = experiment.recording.name
-    if posterior.model.mechanics.prescribed or experiment.initial_names[1] in posterior.names:
+    if posterior.model.mechanics.prescribed or experiment.initial_names[0] in posterior.names:
         return
-    known = [n.partition("[")[2][:-1] for n in posterior.names if n.startswith("rate_0_init[")]
+    known = [n.partition("[")[2][:-1] for n in posterior.names if n.startswith("delta_0_init[")]
     raise InputError(f"The recording {name!r} was not fitted: the posterior is of {', '.join(known)}. Give those.")
 
 

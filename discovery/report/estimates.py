@@ -149,7 +149,7 @@ def start_words(name: str) -> str:
     what, _, recording = name.partition("[")
     if not what.endswith("_init"):
         return name
-    return f"{_STATES.get(what, what)} at the start of {recording.rstrip(']')}"
+    return f"{_STATES.get(what, what.removesuffix('_0_init'))} at the start of {recording.rstrip(']')}"
 
 
 def nuisance_table(run: Run) -> Table | None:

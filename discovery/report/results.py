@@ -215,7 +215,7 @@ class Run:
     def quantities_sampled(self) -> tuple[Mapping[str, Any], ...]:
         """Rows of the posterior's summary but for the initial states."""
         rows = (self.results.get("posterior") or {}).get("rows", ())
-        return tuple(r for r in rows if not r["name"].startswith(("delta_0_init[", "rate_0_init[")))
+        return tuple(r for r in rows if "_0_init[" not in r["name"])
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:

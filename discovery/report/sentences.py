@@ -17,6 +17,7 @@ __all__ = [
     "OUTCOMES",
     "chances",
     "decision_sentence",
+    "doubts_answer",
     "effect_sentence",
     "inclusion_words",
     "lead_sentence",
@@ -157,6 +158,11 @@ def effect_sentence(effect: Record) -> str:
     return f"{words}; an unknown force, smooth in position and rate, explains {more} more in its place"
 
 
+def doubts_answer(code: str, *, complete: bool) -> bool:
+    """Return whether a decision doubts the answer: a fit that went astray only where the final model is incomplete."""
+    return code == "laplace" or (code == "astray" and not complete)
+
+
 def decision_sentence(step: Record) -> str:
     """Return why a step of the search was taken, or was not."""
     numbers, code = step["numbers"], step["code"]
@@ -209,7 +215,15 @@ def _sampled(numbers: Record) -> str:
 def _laplace(numbers: Record) -> str:
     k = numbers.get("pareto_k")
     told = f"their largest weights have Pareto k = {plain(k, 2)}" if k is not None and math.isfinite(k) else "few count"
-    return f"the draws of importance sampling cannot be trusted: {told}"
+    return f"the draws of importance sampling cannot be trusted ({told}): probabilities take the posterior as Gaussian"
+
+
+def _astray(numbers: Record) -> str:
+    left = plain(100 * numbers["left"], 2)
+    return (
+        f"the declared model leaves {left} % of the variance of the readings, and effects may explain its mistakes: "
+        "check columns, signs and units in the rig file, and that [model] holds the main force"
+    )
 
 
 def _complete(numbers: Record) -> str:
@@ -243,6 +257,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "complete": _complete,
     "sampled": _sampled,
     "laplace": _laplace,
+    "astray": _astray,
     "unknown": lambda numbers: (
         f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
         f"and {plain(numbers['held'])} held out"

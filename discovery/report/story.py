@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from discovery.report.results import Run
-from discovery.report.sentences import OUTCOMES, decision_sentence
+from discovery.report.sentences import OUTCOMES, decision_sentence, doubts_answer
 from discovery.report.words import effect_name, effect_title, listed
 from discovery.selection.settings import LoopSettings
 
@@ -16,6 +16,7 @@ __all__ = ["Search", "fate", "named", "searches", "steps"]
 
 #: Head of a step, and its outcome if accepted or not.
 _WORDS = {
+    "declare": ("Fitted the declared model", "", "most of the motion is left"),
     "mechanics": ("Compared the mechanics", "kept", "not kept"),
     "add": ("Tried", "added", "not added"),
     "remove": ("Tried without", "taken out", "kept in the model"),
@@ -110,8 +111,8 @@ def fate(run: Run, effects: Sequence[str]) -> str:
     return ", later dropped"
 
 
-def steps(run: Run) -> list[dict[str, str]]:
-    """Return the decisions of the search: head, outcome, what the effects are, and the reason."""
+def steps(run: Run) -> list[dict[str, Any]]:
+    """Return the decisions of the search: head, outcome, what the effects are, the reason, whether it is a doubt."""
     found = []
     for step in run.loop["steps"]:
         head, yes, no = _WORDS[step["action"]]
@@ -124,6 +125,7 @@ def steps(run: Run) -> list[dict[str, str]]:
                 "outcome": yes if step["accepted"] else no,
                 "title": "; ".join(t for t, name in zip(titles, effects, strict=False) if t != name),
                 "reason": decision_sentence(step),
+                "doubt": doubts_answer(step["code"], complete=run.loop["complete"]),
             }
         )
     return found

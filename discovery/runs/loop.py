@@ -16,7 +16,7 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.problem import natural_units
-from discovery.estimation.residual import ResidualReport, errors, examine
+from discovery.estimation.residual import ResidualReport, errors, examine, variance_left
 from discovery.estimation.solver_error import error_unit
 from discovery.estimation.whole import fitted_to_all
 from discovery.foundation.arguments import check_seed, expect
@@ -39,14 +39,7 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import finished
 from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
-from discovery.selection.verdict import (
-    Named,
-    is_complete,
-    least_error,
-    named,
-    strongest_lead,
-    verdict_of,
-)
+from discovery.selection.verdict import Named, is_complete, least_error, named, strongest_lead, verdict_of
 from discovery.simulation.simulate import THREADS
 
 __all__ = ["UPGRADES", "close_loop"]
@@ -58,6 +51,8 @@ _EXACT = UPGRADES[-1][0]
 _HIDDEN = 0.06
 #: A state on which the residual depends explains so much of its variance.
 _DEPENDS = 0.1
+#: Part of the readings' variance beyond which the declared model leaves most of the motion.
+_MOST = 0.5
 
 
 def close_loop(
@@ -154,6 +149,8 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     context.progress("refitting the declared model")
     before = first_fit(train, context.units)
     search = Search(_start(before, context), context)
+    if (left := variance_left(before.problem, before.chi2)) > _MOST:
+        search.decisions.append(Decision("declare", (), False, "astray", {"left": left}))
     doubted = impossible(flag for e in (*train, *context.judge.separate) for flag in e.recording.flags)
     if doubted:
         # What explains readings in another unit is none of the system's effects.

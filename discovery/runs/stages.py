@@ -242,7 +242,7 @@ def continued(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) 
     whole = make_experiment(joined, dataset.rig)
     found = {}
     for label, fitted in (("before", result.before), ("after", result.after)):
-        start = [fitted.values[name] for name in whole.initial_names]
+        start = [fitted.values.get(name, 0.0) for name in whole.initial_names]
         (prediction,) = fitted.predict([whole], np.array([start]))
         found[label] = errors(prediction[first.time.size :], second.output)
     return found

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -88,8 +88,12 @@ class Start:
         Which of them are amplitudes.
     responses : Responses
         Of amplitudes.
-    rows, simulated : ndarray, shape (k,)
+    rows, simulated : ndarray, shape (k,), or (k * recordings,)
         Which responses are those of this start, and to what amplitudes.
+    effect : str
+        Id.
+    own : ndarray, shape (recordings,)
+        What each recording has of its own; empty where the effect has nothing of the kind.
     """
 
     values: FloatArray
@@ -97,12 +101,27 @@ class Start:
     responses: Responses
     rows: NDArray[np.int64]
     simulated: FloatArray
+    effect: str
+    own: FloatArray = field(kw_only=True)
 
     def columns(self) -> FloatArray:
         """Return the sensitivity (n, f); unknown derivatives, those of shapes, are zero."""
         columns = np.zeros((self.responses.left.shape[1], self.values.size))
-        columns[:, self.sizes] = self.responses.moved(self.rows) / self.simulated
+        moved = self.responses.moved(self.rows) / self.simulated
+        if self.own.size:
+            effect, k = get_effect(self.effect), self.sizes.size
+            turns = np.array([[effect.turned(one, own) for own in self.own] for one in np.eye(k)])
+            moved = moved @ turns.transpose(2, 1, 0).reshape(-1, k)
+        columns[:, self.sizes] = moved
         return columns
+
+    def of_recordings(self, problem: Problem) -> dict[str, float]:
+        """Return what recordings have of their own by name, in a problem with the effect."""
+        parameter = get_effect(self.effect).own()
+        if parameter is None or not self.own.size:
+            return {}
+        row = 2 + problem.bench.own.index(parameter.name)
+        return {s.name: float(self.own[s.experiment]) for s in problem.states if s.row == row}
 
 
 @dataclass(frozen=True)
@@ -183,7 +202,7 @@ def screen(
         Highest score first.
     """
     bench, units, system = problem.bench, problem.units, model.mechanics.system
-    grids, settings = _planned(tuple(get_effect(name) for name in names), system, units)
+    grids, settings = _planned(tuple(get_effect(name) for name in names), system, units, len(bench.experiments))
     reference = minimum.residual[: bench.n_rows]
     known, _ = np.linalg.qr(minimum.jacobian[: bench.n_rows])
     target = reference - known @ (known.T @ reference)
@@ -196,10 +215,10 @@ def screen(
 
 @lru_cache(maxsize=64)
 def _planned(
-    effects: tuple[Effect, ...], system: str, units: NaturalUnits
+    effects: tuple[Effect, ...], system: str, units: NaturalUnits, recordings: int
 ) -> tuple[dict[str, Grid], list[dict[str, float]]]:
     """Return what is simulated for some effects: the same around every fit of the same recordings."""
-    return plan({effect.id(): grid_of(effect, system, units) for effect in effects}, system)
+    return plan({effect.id(): grid_of(effect, system, units) for effect in effects}, system, recordings)
 
 
 def _scored(
@@ -207,8 +226,11 @@ def _scored(
 ) -> Candidate:
     """Return the candidate of one effect: the amplitudes of every shape that remove most, and the best starts."""
     count = len(grid.rows)
-    parameters = [grid.fitted[i] for i in grid.sizes]
-    sizes = grid.values[:, grid.sizes]
+    # Of an amplitude that recordings tell apart, one for each of them.
+    parts = grid.rows.shape[1] // grid.sizes.size
+    each = np.repeat(grid.sizes, parts)
+    parameters = [grid.fitted[i] for i in each]
+    sizes = grid.values[:, each]
     limits = [np.array([p.bounds[end] * units.scale(p) for p in parameters]) / sizes for end in (0, 1)]
     first = int(grid.rows.min())
     own, rows = responses.left[first : int(grid.rows.max()) + 1], grid.rows - first
@@ -221,12 +243,13 @@ def _scored(
     bases = shapes.bases(order[:_COMPARED])
     starts = []
     for i in order[_distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)]:
-        values = grid.values[i].copy()
+        values, each_own = grid.values[i].copy(), np.zeros(parts if parts > 1 else 0)
         # At the bound where it vanishes an effect would never leave, though a larger one may be right: it begins as
         # declared.
         if solution[i].any():
-            values[grid.sizes] = solution[i] * sizes[i]
-        starts.append(Start(values, grid.sizes, responses, grid.rows[i], sizes[i]))
+            found = (solution[i] * sizes[i]).reshape(-1, parts).T
+            values[grid.sizes], each_own = get_effect(name).gathered(found) if parts > 1 else (found[0], each_own)
+        starts.append(Start(values, grid.sizes, responses, grid.rows[i], sizes[i], name, own=each_own))
     return Candidate(name, float(gain[order[0]]), tuple(starts), bases[0].T.astype(float), shapes)
 
 

@@ -13,7 +13,7 @@ from discovery.estimation.batch import fit_problems, together
 from discovery.estimation.least_squares import Minimum, levenberg_marquardt
 from discovery.estimation.problem import Problem
 from discovery.estimation.race import SLOW, Race, near_the_best
-from discovery.screening.attribution import Candidate
+from discovery.screening.attribution import Candidate, Start
 from discovery.screening.finite import FarStart
 
 __all__ = [
@@ -29,8 +29,9 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-#: Effects, their free values, sensitivities (zeros: unknown), and what goes with them unless it is compensated.
-_Start = tuple[tuple[str, ...], FloatArray, FloatArray, Mapping[str, float] | None]
+#: Effects, their free values, sensitivities (zeros: unknown), what goes with them unless it is compensated, and the
+#: starts of the effects of which recordings have values of their own.
+_Start = tuple[tuple[str, ...], FloatArray, FloatArray, Mapping[str, float] | None, tuple[Start, ...]]
 #: So many of the best quick refits, and of the best effects, are finished with a differenced Jacobian,
 _FINISHED = 6
 #: and so many of those with the largest scores.
@@ -113,8 +114,8 @@ def refit(
         Smallest chi-square first.
     """
     rows = problem.bench.n_rows
-    starts: list[_Start] = [((c.effect,), s.values, s.columns(), None) for c in shortlist for s in c.starts]
-    starts += [((name,), vector, np.zeros((rows, vector.size)), others) for name, vector, others in finite]
+    starts: list[_Start] = [((c.effect,), s.values, s.columns(), None, (s,)) for c in shortlist for s in c.starts]
+    starts += [((name,), vector, np.zeros((rows, vector.size)), others, ()) for name, vector, others in finite]
     return _raced(model, minimum, problem, starts, thorough=thorough)
 
 
@@ -139,7 +140,7 @@ def refit_pairs(
         size = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
         solution = np.linalg.lstsq(free / size, -minimum.residual[:rows], rcond=None)[0]
         vector[moving] = solution / size
-        starts.append((tuple(c.effect for c in pair), vector, columns, None))
+        starts.append((tuple(c.effect for c in pair), vector, columns, None, tuple(c.starts[0] for c in pair)))
     return _raced(model, minimum, problem, starts)
 
 
@@ -152,23 +153,19 @@ def _raced(
     labels = [effects for effects, *_ in starts]
     n_data = problem.bench.n_data
     race = Race(n_data, SLOW)
-    for effects, vector, columns, others in starts:
+    for effects, vector, columns, others, own in starts:
         extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
-        where = [extended.free.index(n) for n in problem.free]
-        added = [i for i in range(len(extended.free)) if i not in where]
+        old = [extended.names.index(n) for n in problem.names]
+        added = [i for i, n in enumerate(extended.free) if n not in problem.free]
         lower, upper = extended.bounds
-        x = np.empty(len(extended.names))
+        x = extended.start({n: v for start in own for n, v in start.of_recordings(extended).items()})
         jacobian = np.zeros((len(minimum.residual), x.size))
-        x[where], x[added] = minimum.x[: len(problem.free)], np.clip(vector, lower[added], upper[added])
-        first, was = len(extended.free), len(problem.free)
-        x[first:] = minimum.x[was:]
-        jacobian[:, where] = minimum.jacobian[:, : len(problem.free)]
-        jacobian[:, first:] = minimum.jacobian[:, was:]
+        x[old], x[added] = minimum.x, np.clip(vector, lower[added], upper[added])
+        jacobian[:, old] = minimum.jacobian
         jacobian[: len(columns), added] = columns
         if others is None:
             # The fitted parameters move with the effect: first-order compensation.
             push = minimum.residual + jacobian[:, added] @ x[added]
-            old = [*where, *range(first, x.size)]
             step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
             x[old] = np.clip(x[old] + step, lower[old], upper[old])
         else:

@@ -36,8 +36,9 @@ class Grid:
         Grid, a column for each of `fitted`.
     sizes : ndarray, shape (k,)
         Which of them are amplitudes.
-    rows : ndarray, shape (t, k)
-        Which of all parameter sets holds each amplitude, the others absent.
+    rows : ndarray, shape (t, k), or (t, k * recordings)
+        Which response is that of each amplitude, the others absent; where recordings have values of their own, of each
+        amplitude in each recording.
     """
 
     fitted: tuple[Parameter, ...]
@@ -89,7 +90,7 @@ class Responses:
 
 
 def plan(
-    grids: Mapping[str, Sequence[Mapping[str, float]]], system: str
+    grids: Mapping[str, Sequence[Mapping[str, float]]], system: str, recordings: int = 1
 ) -> tuple[dict[str, Grid], list[dict[str, float]]]:
     """Return the grid of every effect, and in what each parameter set to be simulated differs from the fit.
 
@@ -99,24 +100,29 @@ def plan(
         Finite values of each effect, in the problem's units.
     system : str
         Kind of the system.
+    recordings : int
+        Their number. An amplitude of an effect of which each has its own value is told apart in each of them.
     """
+    count = 0
     found: dict[str, Grid] = {}
     settings: list[dict[str, float]] = []
     for name, grid in grids.items():
         effect = get_effect(name)
         fitted = effect.fitted(system)
         sizes = np.array([i for i, p in enumerate(fitted) if not p.shape], dtype=np.int64)
-        rows = np.empty((len(grid), sizes.size), dtype=np.int64)
+        parts = recordings if effect.own() is not None else 1
+        rows = np.empty((len(grid), sizes.size, parts), dtype=np.int64)
         for k, i in enumerate(sizes):
             own = (*_shapes_of(effect, system, fitted[i].name), fitted[i].name)
             known: dict[tuple[float, ...], int] = {}
             for point, values in enumerate(grid):
                 key = tuple(values[n] for n in own)
                 if key not in known:
-                    known[key] = len(settings)
+                    known[key], count = count, count + parts
                     settings.append(dict(zip(own, key, strict=True)))
-                rows[point, k] = known[key]
-        found[name] = Grid(fitted, np.array([[g[p.name] for p in fitted] for g in grid]), sizes, rows)
+                rows[point, k] = known[key] + np.arange(parts)
+        table = np.array([[g[p.name] for p in fitted] for g in grid])
+        found[name] = Grid(fitted, table, sizes, rows.reshape(len(grid), -1))
     return found, settings
 
 
@@ -150,14 +156,11 @@ def respond(
         Orthonormal basis of what the fitted parameters absorb.
     """
     base, initial = fitted
-    at = {name: i for i, name in enumerate(bench.names)}
-    sets = np.repeat(base, len(settings), axis=1)
-    where = [at[name] for changed in settings for name in changed]
-    columns = np.repeat(np.arange(len(settings)), [len(changed) for changed in settings])
-    sets[where, columns] = [value for changed in settings for value in changed.values()]
+    sets = _sets(bench, base, settings)
     lanes = bench.simulators[0].kernel.lanes
-    left = np.empty((len(settings), reference.size), dtype=np.float32)
-    taken = np.empty((len(settings), known.shape[1]))
+    split = _split(bench, settings)
+    first = np.cumsum([0, *np.where(split, len(bench.experiments), 1)])
+    left, taken = np.empty((first[-1], reference.size), np.float32), np.empty((first[-1], known.shape[1]))
 
     alike = bench.moves_alike(np.column_stack([base, sets]))[1:]
     older = ages_only(bench, settings)
@@ -179,11 +182,38 @@ def respond(
             moved -= reference[:, None]
         # A set that blows up is infinite throughout.
         moved[:, ~np.isfinite(moved[0])] = 0.0
-        taken[part] = moved.T @ known
-        left[part] = dgemm(-1.0, taken[part], known, 1.0, moved.T, trans_b=True, overwrite_c=True)
+        rows = np.concatenate([np.arange(first[i], first[i + 1]) for i in part])
+        moved = _by_recording(bench, moved) if split[part[0]] else moved
+        taken[rows] = moved.T @ known
+        left[rows] = dgemm(-1.0, taken[rows], known, 1.0, moved.T, trans_b=True, overwrite_c=True)
 
     # Others are simulated meanwhile.
     once = pool.submit(read_once)
-    groups = [np.flatnonzero(~alike), np.flatnonzero(older), np.flatnonzero(alike & ~older)]
+    groups = [np.flatnonzero(own) for own in (~alike & split, ~alike & ~split, older, alike & ~older)]
     list(pool.map(simulate, [own[i : i + lanes] for own in groups for i in range(0, own.size, lanes)]))
     return Responses(known, left, taken)
+
+
+def _sets(bench: Bench, base: FloatArray, settings: Sequence[Mapping[str, float]]) -> FloatArray:
+    """Return kernel parameters (p, k) that differ from those of a fit (p, 1) as each setting says."""
+    at = {name: i for i, name in enumerate(bench.names)}
+    sets = np.repeat(base, len(settings), axis=1)
+    where = [at[name] for changed in settings for name in changed]
+    columns = np.repeat(np.arange(len(settings)), [len(changed) for changed in settings])
+    sets[where, columns] = [value for changed in settings for value in changed.values()]
+    return sets
+
+
+def _split(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.bool_]:
+    """Return which parameter sets are of effects that have a value of each recording's own."""
+    effects = [get_effect(e) for e in bench.effects] if len(bench.experiments) > 1 else []
+    names = {p.name for effect in effects if effect.own() is not None for p in effect.parameters()}
+    return np.array([not names.isdisjoint(changed) for changed in settings], dtype=bool)
+
+
+def _by_recording(bench: Bench, moved: FloatArray) -> FloatArray:
+    """Return responses (n, k) in each recording alone, shape (n, k * recordings), set by set."""
+    found = np.zeros((len(moved), moved.shape[1], len(bench.experiments)))
+    for i, (rows, _) in enumerate(bench.blocks()):
+        found[rows, :, i] = moved[rows]
+    return found.reshape(len(moved), -1)

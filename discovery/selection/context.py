@@ -61,7 +61,7 @@ class Context:
 
     def candidates(self, model: Model) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
-        return candidates(model, self.train[0].coordinate_unit)
+        return candidates(model, self.train[0].coordinate_unit, self.train[0].rig.declared)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""

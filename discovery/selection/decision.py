@@ -46,7 +46,7 @@ class Decision:
     Parameters
     ----------
     action : str
-        "mechanics", "add", "remove", "exchange", "integrate" or "stop".
+        "declare", "mechanics", "add", "remove", "exchange", "integrate" or "stop".
     effects : tuple of str
         What it is about.
     accepted : bool
@@ -54,8 +54,8 @@ class Decision:
     code : str
         Why: "accepted", "training", "held_out", "chance", "size", "finite" (a motion that blows up), "complete" (what
         is left is noise), "exhausted" (nothing is accepted), "budget", "impossible" (a recording refutes the rig file),
-        "unknown" (a force of no law), "sampled" or "laplace" (how the parameters were integrated); why there is no fit,
-        see `discovery.runs`.
+        "unknown" (a force of no law), "sampled" or "laplace" (how the parameters were integrated), "astray" (the
+        declared model leaves most of the motion); why there is no fit, see `discovery.runs`.
     numbers : mapping of str to float
         What the code is about, see `Candidacy`, of "budget" `Neighbours.work`; "odds" is the smallest of the log odds.
     candidates : tuple of Candidacy

@@ -59,8 +59,8 @@ def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[
     probes = [Probed.around(r.problem, r.minimum.x, _sizes(r)) for r in refits]
     with np.errstate(over="ignore", invalid="ignore"):
         train = simulated(bench, [r.problem for r in refits], probes)
-        held = [[] for _ in refits] if context.judge.continued else _on_held(context, bench, refits)
-        return [_slopes(context, r, own, other) for r, own, other in zip(refits, train, held, strict=True)]
+        held = [([], []) for _ in refits] if context.judge.continued else _on_held(context, bench, refits)
+        return [_slopes(context, r, own, *other) for r, own, other in zip(refits, train, held, strict=True)]
 
 
 def _sizes(refit: Refit) -> FloatArray:
@@ -70,11 +70,10 @@ def _sizes(refit: Refit) -> FloatArray:
     return np.clip(_APART / np.maximum(slope, 1e-300), 1e-9 * scale, 1e-2 * scale)
 
 
-def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[list[FloatArray]]:
-    """Return the columns of the held-out recordings: physical parameters, their own initial states, residual."""
+def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[tuple[list[FloatArray], list[float]]]:
+    """Return the columns of the held-out recordings, parameters, own starts and residual, and the starts' priors."""
     judge = context.judge
-    models = [(r.problem.model, r.values) for r in refits]
-    held = judge.simulators(bench, models, judge.deciding())
+    held = judge.simulators(bench, [(r.problem.model, r.values) for r in refits], judge.deciding())
     alone = [_with_known(r, held) for r in refits]
     problems = [replace(r.problem, bench=held) for r in refits]
     probes = []
@@ -82,28 +81,29 @@ def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[li
         free = len(problem.free)
         size = np.concatenate([_sizes(r)[:free], problem.scale[free:] * 1e-2])
         probes.append(Probed.around(problem, np.concatenate([r.minimum.x[:free], state]), size))
-    return simulated(held, problems, probes)
+    return [(c, [s.width for s in p.states]) for c, p in zip(simulated(held, problems, probes), problems, strict=True)]
 
 
 def _with_known(refit: Refit, held: Bench) -> Problem:
-    """Return the problem of the initial states alone, the parameters known."""
-    problem = refit.problem
-    known = {n: v for n, v in refit.values.items() if n in problem.model.parameters}
-    model = replace(problem.model, known={**problem.model.known, **known})
-    return Problem(model, held, problem.units, {})
+    """Return the problem of the starts alone, the parameters known."""
+    problem, model = refit.problem, refit.problem.model
+    known = {n: v for n, v in refit.values.items() if n in model.parameters}
+    model = replace(model, known={**model.known, **known})
+    return replace(problem, model=model, bench=held, gaussian={}, error=None)
 
 
-def _slopes(context: Context, refit: Refit, train: list[FloatArray], held: list[FloatArray]) -> Slopes | None:
+def _slopes(
+    context: Context, refit: Refit, train: list[FloatArray], held: list[FloatArray], more: list[float]
+) -> Slopes | None:
     problem, x = refit.problem, refit.minimum.x
     p, free = x.size, len(problem.free)
-    more = held[0].shape[2] - 1 - free if held else 0
     jacobian: list[FloatArray] = []
     fitted: list[Channel] = []
     judged: list[list[Channel]] = []
     for e, columns in zip(problem.bench.experiments, train, strict=True):
         weight, n = e.weights() > 0, len(e.fitted_part.recording.time)
         jacobian.append(np.where(weight[:n, :, None], columns[:n, :, :-1], 0.0).reshape(-1, p))
-        fitted += _channels(e, np.insert(columns, [p] * more, 0.0, axis=2), weight)
+        fitted += _channels(e, np.insert(columns, [p] * len(more), 0.0, axis=2), weight)
         if not held:
             judged.append(_channels(e, columns, np.isfinite(e.recording.output) & ~weight))
     for e, columns in zip(context.judge.deciding(), held, strict=False):

@@ -123,5 +123,5 @@ class Offers:
         rng = np.random.default_rng([self.context.settings.seed, len(larger.added)])
         noise = surrogates(larger.refit.minimum.residual[: bench.n_rows], bench, rng)
         own = {p.name for e in larger.added if e not in smaller.added for p in get_effect(e).parameters()}
-        inherited = [i for i, n in enumerate(larger.refit.problem.names) if n not in own]
+        inherited = [i for i, n in enumerate(larger.refit.problem.names) if n.partition("_0_init[")[0] not in own]
         return chance_gains(self.scored(smaller), larger.refit.minimum.jacobian[:, inherited], noise)

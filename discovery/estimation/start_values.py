@@ -1,0 +1,99 @@
+"""What a fit estimates of every recording beside the parameters of the system: its start, and what is its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from discovery.declarations.registry import get_effect
+
+if TYPE_CHECKING:
+    from discovery.equations.model import Model
+    from discovery.estimation.problem import NaturalUnits
+    from discovery.recordings.experiment import Experiment
+
+__all__ = ["StartValue", "own_parameters", "start_values"]
+
+#: An initial state is known from the data to this part of the amplitude.
+_KNOWN = 0.01
+
+
+@dataclass(frozen=True)
+class StartValue:
+    """One number that belongs to one recording.
+
+    Parameters
+    ----------
+    name : str
+        With that of the recording in brackets.
+    experiment : int
+        Number of the recording.
+    row : int
+        Which of its numbers: 0 deflection, 1 rate, from 2 on what `own_parameters` lists.
+    scale : float
+        Typical size of a step.
+    width : float
+        Of its prior, around zero.
+    starts : tuple of float
+        Where its fit may begin; none where the recording tells it.
+    own_unit : str
+        SI unit of what is no state; empty for a state.
+    """
+
+    name: str
+    experiment: int
+    row: int
+    scale: float
+    width: float
+    starts: tuple[float, ...] = field(default=(), kw_only=True)
+    own_unit: str = field(default="", kw_only=True)
+
+    def guess(self, experiments: Sequence[Experiment]) -> float:
+        """Return what its recording tells of it; zero where that tells nothing."""
+        return experiments[self.experiment].initial_guess[self.row] if self.row < 2 else 0.0
+
+    def unit(self, coordinate: str) -> str:
+        """Return its SI unit where the coordinate has this one."""
+        return self.own_unit or (coordinate, f"{coordinate} s^-1")[self.row]
+
+
+def own_parameters(effects: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters of effects of which every recording has its own value, in the order of `names`."""
+    own = {p.name for p in (get_effect(e).own() for e in effects) if p is not None}
+    return tuple(n for n in names if n in own)
+
+
+def start_values(
+    model: Model, units: NaturalUnits, experiments: Sequence[Experiment], own: Sequence[str], reference: str
+) -> tuple[StartValue, ...]:
+    """Return what is free of every recording, one after the other.
+
+    Parameters
+    ----------
+    model : Model
+        Its mechanics tell how many numbers a start has.
+    units : NaturalUnits
+        Natural units.
+    experiments : sequence of Experiment
+        The recordings.
+    own : sequence of str
+        Parameters of which recordings have their own values, those of other models among them.
+    reference : str
+        Name of the recording from whose values those of the others are counted.
+    """
+    q, time = units.coordinate, units.time
+    sizes = (q, q / time)[: model.mechanics.starts]
+    found = []
+    for i, e in enumerate(experiments):
+        for row, size in enumerate(sizes):
+            found.append(StartValue(e.initial_names[row], i, row, _KNOWN * size, size))
+        if e.recording.name == reference:
+            continue
+        for row, parameter in enumerate((model.parameters.get(n) for n in own), 2):
+            if parameter is not None:
+                unit, name = units.scale(parameter), f"{parameter.name}_0_init[{e.recording.name}]"
+                starts = tuple(s * unit for s in parameter.starts)
+                width = parameter.prior.width * unit
+                found.append(StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=parameter.value_unit))
+    return tuple(found)
