@@ -225,10 +225,7 @@ class Memory(Expressed):
         """Return each extra state with its time derivative."""
 
     def relaxation(self) -> dict[sp.Symbol, sp.Expr]:
-        """Return how fast states forget at most [s^-1], where steps should not have to resolve it.
-
-        It bounds minus the derivative of a state's rate with respect to the state.
-        """
+        """Return bounds of how fast states forget, -dz'/dz [s^-1], which steps should not have to resolve."""
         return {}
 
 
