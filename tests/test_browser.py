@@ -10,9 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import synthetic_run
-
-from discovery.report import build_report
 
 pytestmark = pytest.mark.browser
 
@@ -56,11 +53,11 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module", params=["arm", "oscillator", "loop"])
-def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp(request.param)
-    getattr(synthetic_run, f"write_{request.param}_run")(folder)
+def page(
+    request: pytest.FixtureRequest, drawn_run: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     # Alone, away from its run: one file is all that a reader needs.
-    return build_report(folder).rename(tmp_path_factory.mktemp("alone") / "report.html")
+    return shutil.copy(drawn_run(request.param) / "report.html", tmp_path_factory.mktemp("alone") / "report.html")
 
 
 def looks(check: Callable[..., None]) -> Callable[..., None]:

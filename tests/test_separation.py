@@ -29,7 +29,8 @@ from discovery.diagnosis.separation import Separation, separate, similarity_matr
 from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
-from discovery.report import build_report
+from discovery.report import build_report, figures
+from discovery.report.figures import manoeuvre
 from discovery.report.follow_up_sentences import separation_sentence
 from discovery.rigs.rig import Rig
 from discovery.runs.follow_up import separations
@@ -439,7 +440,8 @@ def test_what_cannot_be_separated_is_refused() -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path) -> None:
+def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
     results = write_arm_run(tmp_path)
     found = designed(("table_tilt", "encoder_ripple"))
     results["loop"]["separation"] = [found.summary()]
