@@ -275,6 +275,7 @@ ODD_NAMES = [
 ]
 
 
+@pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("name", ODD_NAMES)
 def test_recordings_may_have_any_name(name: str, rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "train.csv").rename(tmp_path / f"{name}.csv")

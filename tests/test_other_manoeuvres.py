@@ -143,7 +143,8 @@ def test_where_nothing_decides_the_page_says_so_and_names_no_file(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_release_alone_moves_no_input(tmp_path: Path) -> None:
+def test_a_release_alone_moves_no_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
     page = page_with(tmp_path, release())
     assert "let go at" in page
     assert 'id="table-separation"' in page

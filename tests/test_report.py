@@ -46,7 +46,7 @@ from discovery.report.numbers import chance, interval, scale_for, scale_for_chan
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline, prose
-from discovery.results.provenance import write_json
+from discovery.results.provenance import read_json, write_json
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
 
@@ -77,8 +77,7 @@ class _Reader(HTMLParser):
 
 
 def _made(folder: Path) -> Made:
-    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    return folder, results, (folder / "report.html").read_text(encoding="utf-8")
+    return folder, read_json(folder / "results.json"), (folder / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -501,6 +501,7 @@ def test_a_blow_up_keeps_its_length_and_names_parameters_and_time() -> None:
 # Cache.
 
 
+@pytest.mark.slow
 def test_a_second_process_does_not_compile(tmp_path: Path) -> None:
     code = """
 import json, numba, numpy as np
