@@ -52,7 +52,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     driver.quit()
 
 
-@pytest.fixture(scope="module", params=["arm", "oscillator", "loop"])
+@pytest.fixture(scope="module", params=["arm", pytest.param("oscillator", marks=pytest.mark.slow), "loop"])
 def page(
     request: pytest.FixtureRequest, drawn_run: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
 ) -> Path:

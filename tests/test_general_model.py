@@ -317,7 +317,7 @@ def test_the_twin_nears_the_massless_arm() -> None:
     assert corrected[2] < 2e-4
 
 
-@pytest.mark.parametrize("move", MOVES)
+@pytest.mark.parametrize("move", ["minimum_jerk", pytest.param("trapezoid", marks=pytest.mark.slow)])
 def test_the_elastica_base_nears_the_massless_arm(move: str) -> None:
     drive = exact_drive(MOVES[move])
     ratios = (0.2845, 0.05, 0.005)
