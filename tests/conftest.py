@@ -17,7 +17,7 @@ settings.load_profile("repeatable")
 
 #: What takes longest begins first: no worker is left waiting for another at the end. Of two that begin together, each
 #: compiles other simulators; what comes after them finds these.
-LONGEST = ("loop", "effects", "reproduction_page", "export", "cli", "simulate", "pipeline", "posterior", "report")
+LONGEST = ("loop", "effects", "export", "cli", "simulate", "pipeline", "search", "report", "browser")
 LONG = [f"test_{name}.py" for name in LONGEST]
 
 

@@ -219,6 +219,7 @@ def _needs(browser: Any, selector: str) -> None:
         pytest.skip(f"this page has no {selector}")
 
 
+@pytest.mark.parametrize("opened", [pytest.param(1280, marks=pytest.mark.slow), 390], indirect=True)
 def test_no_serious_finding_of_the_accessibility_checker(opened: Any) -> None:
     checker = Path(pytest.importorskip("axe_core_python").__file__).parent / "axe.min.js"
     _all_open(opened)

@@ -260,22 +260,15 @@ def test_an_interrupted_run_leaves_whole_files_only(
     assert sound(tmp_path) == left
 
 
-def test_sampling_goes_on_where_it_was_interrupted(begun: Answer, results: dict[str, Any], tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_sampling_goes_on_where_it_was_interrupted(dataset: Dataset, results: dict[str, Any], tmp_path: Path) -> None:
     """The same seed gives the same numbers, in one go or in two."""
     with pytest.raises(Interruption):
-        add_posterior(copied(begun, tmp_path), progress=interrupt_at("sampling the posterior: "))
-    assert "posterior_chains.h5" in sound(tmp_path)
-    again = add_posterior(replace(begun, out=tmp_path), progress=silent)
-    assert json.loads(json.dumps(plain(numbers(again)))) == numbers(results)
-    assert {p.name for p in tmp_path.iterdir()} == FILES
-
-
-@pytest.mark.slow
-def test_a_run_is_the_same_in_one_go_or_in_two(dataset: Dataset, results: dict[str, Any], tmp_path: Path) -> None:
-    with pytest.raises(Interruption):
         run(dataset, tmp_path, seed=SEED, progress=interrupt_at("sampling the posterior: "))
+    assert "posterior_chains.h5" in sound(tmp_path)
     again = run(dataset, tmp_path, seed=SEED, progress=silent)
     assert json.loads(json.dumps(plain(numbers(again)))) == {**numbers(results), "data_note": ""}
+    assert {p.name for p in tmp_path.iterdir()} == FILES
 
 
 def copied(begun: Answer, folder: Path) -> Answer:

@@ -20,6 +20,7 @@ README = ROOT / "README.md"
 SCRIPT = runpy.run_path(str(ROOT / "docs" / "results_table.py"))
 
 
+@pytest.mark.slow
 def test_the_session_is_true(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     results = doctest.testfile(str(README), module_relative=False)
