@@ -221,6 +221,7 @@ def test_what_is_to_be_filled_in_is_said(tmp_path: Path, capsys: pytest.CaptureF
     assert "to fill in" not in call(capsys, "check", place).out
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_draft_without_a_data_sheet_names_the_right_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

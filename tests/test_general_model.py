@@ -196,7 +196,8 @@ def test_the_path_converges_with_the_step(move: str, limits: tuple[float, float]
         assert distance(motion, fine) < limit
 
 
-@pytest.mark.parametrize("move", [pytest.param(minimum_jerk(1.0, 1.0), marks=pytest.mark.slow), trapezoid(1.0, 1.0)])
+@pytest.mark.slow
+@pytest.mark.parametrize("move", [minimum_jerk(1.0, 1.0), trapezoid(1.0, 1.0)])
 def test_the_path_converges_with_the_retardation(move: Manoeuvre) -> None:
     drive = exact_drive(move)
     two, one, half = (simulate_general(ARM, drive, TIME, step=0.005, retardation=r) for r in (0.02, 0.01, 0.005))
