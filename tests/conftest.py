@@ -16,8 +16,8 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
 #: What takes longest begins first: no worker is left waiting for another at the end. Of two that begin together, each
-#: compiles other simulators; what comes after them finds these.
-LONGEST = ("loop", "effects", "export", "cli", "simulate", "pipeline", "search", "report", "browser")
+#: compiles other simulators; what comes after them finds these, and the browser the pages that the report has drawn.
+LONGEST = ("loop", "effects", "report", "export", "cli", "simulate", "pipeline", "search", "browser")
 LONG = [f"test_{name}.py" for name in LONGEST]
 
 
