@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,6 +19,29 @@ from discovery.results.provenance import write_json
 
 ARM_DECLARED = ["viscous_damping", "linear_stiffness", "cubic_stiffness", "radius_law"]
 TIME = np.arange(0.0, 20.0, 0.05)
+
+
+Write = Callable[[Path], dict[str, Any]]
+
+
+def _once(write: Write) -> Write:
+    """Write a run once: what is asked for again is copied."""
+
+    @functools.cache
+    def kept() -> tuple[dict[str, Any], dict[str, bytes]]:
+        with TemporaryDirectory() as folder:
+            results = write(Path(folder))
+            return results, {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+
+    @functools.wraps(write)
+    def written(folder: Path) -> dict[str, Any]:
+        results, files = kept()
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+        return copy.deepcopy(results)
+
+    return written
 
 
 def _errors(mean: float) -> dict[str, float]:
@@ -257,6 +284,7 @@ def _evidence(name: str, behind: float, pareto_k: float, rows: list[dict[str, An
     }  # fmt: skip
 
 
+@_once
 def write_arm_run(folder: Path) -> dict[str, Any]:
     """Write the run of an arm, explained by better mechanics and dry friction; return the content of results.json."""
     rng = np.random.default_rng(3)
@@ -513,6 +541,7 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
     return results
 
 
+@_once
 def write_oscillator_run(folder: Path) -> dict[str, Any]:
     """Write the run of a driven oscillator, nothing missing, without posterior, elastica, clean motion or hold-out."""
     declared = ["viscous_damping", "linear_stiffness", "cubic_stiffness"]

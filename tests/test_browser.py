@@ -10,9 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import synthetic_run
-
-from discovery.report import build_report
 
 pytestmark = pytest.mark.browser
 
@@ -55,12 +52,12 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     driver.quit()
 
 
-@pytest.fixture(scope="module", params=["arm", "oscillator", "loop"])
-def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp(request.param)
-    getattr(synthetic_run, f"write_{request.param}_run")(folder)
+@pytest.fixture(scope="module", params=["arm", pytest.param("oscillator", marks=pytest.mark.slow), "loop"])
+def page(
+    request: pytest.FixtureRequest, drawn_run: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     # Alone, away from its run: one file is all that a reader needs.
-    return build_report(folder).rename(tmp_path_factory.mktemp("alone") / "report.html")
+    return shutil.copy(drawn_run(request.param) / "report.html", tmp_path_factory.mktemp("alone") / "report.html")
 
 
 def looks(check: Callable[..., None]) -> Callable[..., None]:
@@ -222,6 +219,7 @@ def _needs(browser: Any, selector: str) -> None:
         pytest.skip(f"this page has no {selector}")
 
 
+@pytest.mark.parametrize("opened", [pytest.param(1280, marks=pytest.mark.slow), 390], indirect=True)
 def test_no_serious_finding_of_the_accessibility_checker(opened: Any) -> None:
     checker = Path(pytest.importorskip("axe_core_python").__file__).parent / "axe.min.js"
     _all_open(opened)

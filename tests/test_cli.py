@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -9,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -35,13 +37,15 @@ from discovery.declarations.registry import catalogue
 from discovery.declarations.systems import System
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
+from discovery.recordings.dataset import load_dataset
 from discovery.recordings.flags import UNDERSTATED, Flag
 from discovery.recordings.reading_flags import bend_flags
 from discovery.recordings.reading_noise import noise_flags
 from discovery.report import build_report
 from discovery.results.provenance import surroundings
 from discovery.rigs.rig_schema import RigTable
-from discovery.runs.loop_result import UPGRADES
+from discovery.runs import stages
+from discovery.runs.loop_result import UPGRADES, LoopResult
 from discovery.selection.decision import Decision
 from discovery.simulation.kernel import compile as compiled
 
@@ -106,11 +110,38 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
     return Case(rig, folder / "train.csv", folder / "holdout.csv", folder / "drive.csv")
 
 
+def heard(*arguments: object) -> Said:
+    """Run a command in this process, for fixtures that several tests share; the pictures of its page are empty."""
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr("discovery.report.page.render", lambda picture: (".svg", b"<svg/>"))
+        try:
+            main([str(a) for a in arguments])
+        except SystemExit as leaving:
+            status = int(leaving.code or 0)
+    return Said(status, out.getvalue(), err.getvalue())
+
+
 @pytest.fixture(scope="module")
-def looped(case: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Said, Path]:
+def found(case: Case) -> LoopResult:
+    """Return what the loop finds in the case; the commands below say and write it, and do not find it again."""
+    return stages.loop(load_dataset(case.rig, [case.train], [case.holdout]))
+
+
+@pytest.fixture(scope="module")
+def looped(case: Case, found: LoopResult, tmp_path_factory: pytest.TempPathFactory) -> tuple[Said, Path]:
     out = tmp_path_factory.mktemp("looped") / "new" / "run"
-    return shell("loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,
-                 "--out", out, "--quiet"), out  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stages, "loop", lambda *_, **__: found)
+        said = heard("loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,
+                     "--out", out, "--quiet")  # fmt: skip
+    return said, out
+
+
+@pytest.fixture
+def as_found(found: LoopResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the loop find in the case what it has found there."""
+    monkeypatch.setattr(stages, "loop", lambda *_, **__: found)
 
 
 def test_loop_says_what_it_found_and_quiet_is_quiet(looped: tuple[Said, Path]) -> None:
@@ -159,16 +190,16 @@ def test_what_is_not_explained_is_said_with_the_strongest_lead(capsys: pytest.Ca
     assert "added: " not in said
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(
-    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in ("prediction.csv", "manoeuvre_3.csv", "report.html"):
-        (tmp_path / name).write_text("old", encoding="utf-8")
-    said = call(capsys, "loop", film.rig, "--train", film.train, "--out", tmp_path, "--quiet")
+def test_a_prediction_of_another_model_does_not_stay_beside_a_new_loop(filmed: tuple[Said, Path]) -> None:
+    said, out = filmed
     assert said.status == 0, said.err
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json", "page", "report.html"]
-    assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert sorted(p.name for p in out.iterdir()) == ["loop.json", "page", "report.html"]
+    assert (out / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_progress_is_told_unless_quietly(filmed: tuple[Said, Path], looped: tuple[Said, Path]) -> None:
+    assert "refitting the declared model" in filmed[0].err
+    assert looped[0].err == ""
 
 
 def test_what_stands_where_the_page_is_kept_is_refused_and_stays(
@@ -227,6 +258,7 @@ def test_the_page_of_a_loop_says_what_it_found(looped: tuple[Said, Path]) -> Non
     assert not re.search('<iframe|src="(?!data:)', page)
 
 
+@pytest.mark.usefixtures("sketched")
 def test_the_page_of_a_loop_is_written_again(looped: tuple[Said, Path], capsys: pytest.CaptureFixture[str]) -> None:
     _, out = looped
     page = out / "report.html"
@@ -268,6 +300,7 @@ def test_a_run_without_time_gives_the_answer_and_says_what_is_left_out(
     assert "The time limit left out the posterior" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_while_it_samples_has_said_and_written_its_answer(film: Film, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "discovery", "run", film.rig, "--train", film.train, "--out", tmp_path]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -304,13 +337,18 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Film:
     return Film(folder / "rig.toml", folder / "film.csv")
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_a_loop_ends_with_what_doubts_it_and_what_judged(
-    film: Film, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    said = call(capsys, "loop", film.rig, "--train", film.train, "--out", tmp_path, "--quiet")
+@pytest.fixture(scope="module")
+def filmed(film: Film, tmp_path_factory: pytest.TempPathFactory) -> tuple[Said, Path]:
+    """A loop on the film, in the folder of an old one."""
+    out = tmp_path_factory.mktemp("filmed")
+    for name in ("prediction.csv", "manoeuvre_3.csv", "report.html"):
+        (out / name).write_text("old", encoding="utf-8")
+    return heard("loop", film.rig, "--train", film.train, "--out", out), out
+
+
+def test_a_loop_ends_with_what_doubts_it_and_what_judged(filmed: tuple[Said, Path]) -> None:
+    said, _ = filmed
     assert said.status == 0, said.err
-    assert said.err == ""
     (doubt,) = [line for line in said.out.splitlines() if line.startswith("doubt: ")]
     assert re.fullmatch(r"doubt: film: 'a' scatters by 0\.\d+ deg from .* a noise of 0\.1 deg, .*", doubt)
     assert "\nholdout: the last third of each training recording, continued; its motion is " in said.out
@@ -336,8 +374,6 @@ def test_a_state_in_degrees_is_refused_before_the_loop(
 
 
 def test_a_length_may_be_any_that_was_recorded_but_not_in_another_unit(tmp_path: Path) -> None:
-    from discovery.recordings.dataset import load_dataset
-
     time = np.arange(400) / 40
     pd.DataFrame({"t": time, "y": 12 * np.cos(3 * time)}).to_csv(tmp_path / "y.csv", index=False)
     text = 'name = "y"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
@@ -354,8 +390,6 @@ def test_a_length_may_be_any_that_was_recorded_but_not_in_another_unit(tmp_path:
 
 
 def test_a_drive_that_has_turned_far_may_start_there(tmp_path: Path) -> None:
-    from discovery.recordings.dataset import load_dataset
-
     time = np.arange(400) / 40
     pd.DataFrame({"t": time, "u": np.sin(time), "y": 10 * time}).to_csv(tmp_path / "y.csv", index=False)
     (tmp_path / "rig.toml").write_text(
@@ -437,7 +471,9 @@ def _interruptible() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("_interruptible")
-@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("sent", "status"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow), (signal.SIGTERM, 143)]
+)
 def test_an_interruption_does_not_wait_for_the_compiler(
     sent: signal.Signals, status: int, film: Film, tmp_path: Path
 ) -> None:
@@ -693,30 +729,11 @@ def test_export_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFix
     assert not (tmp_path / "out").exists()
 
 
-def alike(one: Any, other: Any) -> None:
-    """Compare results to the digits that a kernel keeps which is compiled here and loaded from disk there."""
-    if isinstance(one, dict):
-        assert one.keys() == other.keys()
-        for key, value in one.items():
-            alike(value, other[key])
-    elif isinstance(one, list):
-        assert len(one) == len(other)
-        for a, b in zip(one, other, strict=True):
-            alike(a, b)
-    elif isinstance(one, float):
-        assert one == pytest.approx(other, rel=1e-5, abs=1e-9)
-    else:
-        assert one == other
-
-
-def test_initial_state_same_result_and_progress(
-    looped: tuple[Said, Path], case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.usefixtures("as_found", "undrawn")
+def test_a_prediction_begins_where_it_is_told(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = call(capsys, "loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,
                 "--initial-state", "0.2,-0.1", "--out", tmp_path)  # fmt: skip
     assert said.status == 0, said.err
-    assert "refitting the declared model" in said.err
-    alike(json.loads((tmp_path / "loop.json").read_text()), json.loads((looped[1] / "loop.json").read_text()))
     table = pd.read_csv(tmp_path / "prediction.csv")
     motor = float(pd.read_csv(case.drive)["motor_angle_rad"][0])
     for when in ("before", "after"):
@@ -728,6 +745,7 @@ def test_initial_state_same_result_and_progress(
         assert turn == pytest.approx(-0.1 - 0.5 * 8.1 * 0.2 * 0.02, abs=0.015)
 
 
+@pytest.mark.usefixtures("as_found", "undrawn")
 def test_a_motion_that_blows_up_is_status_3(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     said = call(capsys, "loop", case.rig, "--train", case.train, "--holdout", case.holdout, "--predict", case.drive,

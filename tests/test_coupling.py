@@ -53,7 +53,9 @@ def arm_on(base: str, effects: tuple[str, ...] = PLAIN, inertia: float = INERTIA
     return Arm(Model(base, effects), numbers, inertia)
 
 
-@pytest.mark.parametrize("base", TWIN_ERROR)
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b == "elastica_4" else b for b in TWIN_ERROR]
+)
 def test_the_torque_is_that_of_a_converged_beam(base: str) -> None:
     rig, manoeuvre, time = PAPER_RIG, trapezoid(1.0, 1.4, start=0.2), np.linspace(0.0, 2.0, 101)
     twin = simulate_twin(rig, manoeuvre, time)
@@ -120,7 +122,7 @@ def lagrange_torque(base: str, effects: tuple[str, ...]) -> tuple[sp.Expr, list[
     return change - sp.diff(kinetic, s.theta_m) - push, [q, qd, qdd, s.theta_m, s.omega_m, s.alpha_m]
 
 
-@pytest.mark.parametrize("base", ["constant_radius", "reduced"])
+@pytest.mark.parametrize("base", ["constant_radius", pytest.param("reduced", marks=pytest.mark.slow)])
 def test_every_effect_reacts_on_the_motor_as_lagrange_says(base: str) -> None:
     rng = np.random.default_rng(1)
     kinds = Potential | Dissipation | Load | Memory | Kinetic

@@ -194,6 +194,7 @@ def test_a_folder_is_held_by_one(tmp_path: Path) -> None:
         assert mine
 
 
+@pytest.mark.slow
 def test_a_read_only_installation_needs_no_home(folder: Path) -> None:
     # With this setting the compiler's own cache finds a place for nothing, as there.
     code = """

@@ -71,6 +71,7 @@ def test_every_example_is_known() -> None:
     assert set(HIDDEN) == {p.stem for p in GALLERY}
 
 
+@pytest.mark.slow
 def test_the_first_page_is_true(tmp_path: Path) -> None:
     (tmp_path / "datasets").symlink_to(ROOT / "datasets")
     work_through((DOCS / "START.md").read_text(encoding="utf-8"), "START.md", tmp_path)

@@ -221,6 +221,8 @@ def test_what_is_to_be_filled_in_is_said(tmp_path: Path, capsys: pytest.CaptureF
     assert "to fill in" not in call(capsys, "check", place).out
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_a_draft_without_a_data_sheet_names_the_right_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -452,6 +454,7 @@ def test_lists_are_printed_as_one_document(capsys: pytest.CaptureFixture[str]) -
     assert json.loads(call(capsys, "data", "list", "--json").out)[0]["licence"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_new_user_gets_the_right_answer_from_init_and_loop(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -67,7 +67,10 @@ def test_mixture_draws_follow_its_density():
     assert ratios == pytest.approx([ratios[0]] * 3, rel=0.1)
 
 
-@pytest.mark.parametrize(("dimension", "sd", "seed"), [(2, 1.0, 1), (2, 1.0, 2), (3, 0.7, 3), (4, 1.0, 4)])
+@pytest.mark.parametrize(
+    ("dimension", "sd", "seed"),
+    [(2, 1.0, 1), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((2, 1.0, 2), (3, 0.7, 3), (4, 1.0, 4)))],
+)
 def test_two_peaks_have_their_weights(dimension, sd, seed):
     """Eight standard deviations apart, and the ensembles start around the larger one."""
     weight, away = 0.3, np.zeros(dimension)
@@ -88,7 +91,7 @@ def test_two_peaks_have_their_weights(dimension, sd, seed):
     assert found.r_hat.max() < 1.01
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2)), 3])
 def test_banana_has_its_marginals(seed):
     """x is normal, and y given x is normal around b x^2."""
     a, b = 1.5, 0.5

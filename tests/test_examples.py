@@ -117,6 +117,7 @@ def sessions() -> Iterator[Any]:
         yield from (pytest.param(inspect.getdoc(of), id=label) for label, of in found if examples(of))
 
 
+@pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("session", list(sessions()))
 def test_what_an_example_shows_comes_out(
     session: str, place: dict[str, Any], request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]

@@ -236,7 +236,7 @@ def test_parameter_sets_run_side_by_side() -> None:
         np.testing.assert_allclose(together[..., k], alone, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("base", ["reduced", "oscillator", "inverse_dynamics"])
+@pytest.mark.parametrize("base", [pytest.param("reduced", marks=pytest.mark.slow), "oscillator", "inverse_dynamics"])
 def test_what_numba_compiles_is_what_numpy_does_alone(base: str) -> None:
     """With all effects, and several parameter sets."""
     model, values, alone = everything(base)
@@ -403,7 +403,7 @@ def evaluator(base: str):
     return model, found, evaluate
 
 
-@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("base", QUICK_FIRST)
 def test_the_sympy_program_is_the_kernels(base: str) -> None:
     model, found, evaluate = evaluator(base)
     program = build_program(model.base, model.effects)
@@ -542,7 +542,7 @@ def mathematics(text: str) -> list[str]:
     return [*rows, *re.findall(r"(?<!\\)\$(.+?)(?<!\\)\$", text)]
 
 
-@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("base", [pytest.param(b, marks=pytest.mark.slow) if b == "reduced" else b for b in BASES])
 def test_the_latex_is_balanced_and_renders(base: str) -> None:
     model = Model(base, every_effect(base))
     text = to_latex(model, some_values(model))

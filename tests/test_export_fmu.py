@@ -54,7 +54,9 @@ def driven(
     return np.transpose(found)
 
 
-@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
+)
 def test_the_description_is_valid(base: str, tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 

@@ -196,6 +196,7 @@ def test_the_path_converges_with_the_step(move: str, limits: tuple[float, float]
         assert distance(motion, fine) < limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("move", [minimum_jerk(1.0, 1.0), trapezoid(1.0, 1.0)])
 def test_the_path_converges_with_the_retardation(move: Manoeuvre) -> None:
     drive = exact_drive(move)
@@ -250,17 +251,17 @@ def test_friction_takes_its_power() -> None:
 # Limits.
 
 
-def test_small_swings_have_the_frequency_of_the_linear_model() -> None:
+@pytest.mark.parametrize("amplitude", [pytest.param(0.02, marks=pytest.mark.slow), 0.1])
+def test_small_swings_have_the_frequency_of_the_linear_model(amplitude: float) -> None:
     omega = np.sqrt(3 * FREE.flexural_rigidity / (FREE.tip_mass * FREE.length**3))
-    for amplitude in (0.02, 0.1):
-        time = np.linspace(0.0, 20.0, 4001)
-        angle = simulate_general(FREE, None, time, deflection=amplitude).theta_t
-        cross = np.flatnonzero(angle[:-1] * angle[1:] < 0)
-        when = time[cross] - angle[cross] * (time[1] - time[0]) / (angle[cross + 1] - angle[cross])
-        ratio = np.pi / np.diff(when).mean() / omega
-        # To third order beta = (64/525) alpha adds 3/8 of beta / alpha, and c1, c2, c3 an eighth of their sum.
-        expected = amplitude**2 * (3 / 8 * 64 / 525 + (1 / 5 - 2 / 5 + 1 / 25) / 8)
-        assert ratio - 1.0 == pytest.approx(expected, rel=0.03)
+    time = np.linspace(0.0, 20.0, 4001)
+    angle = simulate_general(FREE, None, time, deflection=amplitude).theta_t
+    cross = np.flatnonzero(angle[:-1] * angle[1:] < 0)
+    when = time[cross] - angle[cross] * (time[1] - time[0]) / (angle[cross + 1] - angle[cross])
+    ratio = np.pi / np.diff(when).mean() / omega
+    # To third order beta = (64/525) alpha adds 3/8 of beta / alpha, and c1, c2, c3 an eighth of their sum.
+    expected = amplitude**2 * (3 / 8 * 64 / 525 + (1 / 5 - 2 / 5 + 1 / 25) / 8)
+    assert ratio - 1.0 == pytest.approx(expected, rel=0.03)
 
 
 def test_a_small_motion_is_that_of_the_cubic_model() -> None:
@@ -317,7 +318,7 @@ def test_the_twin_nears_the_massless_arm() -> None:
     assert corrected[2] < 2e-4
 
 
-@pytest.mark.parametrize("move", MOVES)
+@pytest.mark.parametrize("move", ["minimum_jerk", pytest.param("trapezoid", marks=pytest.mark.slow)])
 def test_the_elastica_base_nears_the_massless_arm(move: str) -> None:
     drive = exact_drive(MOVES[move])
     ratios = (0.2845, 0.05, 0.005)

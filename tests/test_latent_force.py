@@ -306,6 +306,7 @@ def test_without_a_hold_out_the_rest_of_the_recording_judges() -> None:
     assert {p.reason for p in whole.patches} == {"nothing was held out to try it on"}
 
 
+@pytest.mark.usefixtures("sketched")
 def test_the_page_tells_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = {name: functions if name == "unexplained" else () for name, functions in figures.SECTIONS.items()}
     monkeypatch.setattr(figures, "SECTIONS", drawn)

@@ -30,7 +30,11 @@ def deviation(model: Model, values: dict[str, float], point, push: float, time: 
 
 
 @pytest.mark.parametrize(
-    "base", ["oscillator", "accelerometer", "base_excited", "constant_radius", "reduced", "elastica_2"]
+    "base",
+    [
+        *("oscillator", "accelerometer", "base_excited", "constant_radius", "reduced"),
+        pytest.param("elastica_2", marks=pytest.mark.slow),
+    ],
 )
 def test_a_small_push_moves_the_reading_as_the_linear_model_says(base: str) -> None:
     model = with_stiffness(base, "viscous_damping", "viscoelastic_relaxation")

@@ -105,7 +105,8 @@ def reduced_equation() -> tuple[sp.Expr, dict[str, sp.Symbol]]:
     }
     for old, new in replaced.items():
         row = row.subs(old, new)
-    return sp.solve(sp.expand(row.doit()), sp.Symbol("acc"))[0], names
+    row, acceleration = row.doit(), sp.Symbol("acc")
+    return -row.subs(acceleration, 0) / sp.diff(row, acceleration), names
 
 
 def test_reduced_is_lagranges_equation() -> None:
@@ -383,7 +384,14 @@ def test_the_components_of_the_bending_make_its_energy(base: str) -> None:
     np.testing.assert_allclose(change, rows @ rate, atol=1e-15)
 
 
-@pytest.mark.parametrize("base", ["constant_radius", "reduced", *ELASTICA])
+@pytest.mark.parametrize(
+    "base",
+    [
+        "constant_radius",
+        "reduced",
+        *(pytest.param(b, marks=pytest.mark.slow) if b == "elastica_4" else b for b in ELASTICA),
+    ],
+)
 @pytest.mark.parametrize("lossy", [False, True])
 def test_energy_over_a_swing(base: str, lossy: bool) -> None:
     from scipy.integrate import solve_ivp

@@ -194,13 +194,14 @@ def recorded(folder: Path, hidden: Disturbance):
         # Starts 50 % off, beside the stiffness and damping of a fit without the effect.
         (FIBRES, "hysteresis", {"h_b": 0.01, "w_h": 0.2}, {"h_b": (0.02, 0.02), "w_h": (1 / 3, 0.03)}, 0.004, 1.1),
         # The contact of the twin is damped: a few per cent. It is as sharp as small steps allow.
-        (
+        pytest.param(
             PLAY,
             "base_backlash",
             {"w_p": 0.002, "c_p": 0.001},
             {"w_p": (0.004, 0.06), "c_p": (0.01, 0.04)},
             0.0005,
             1.02,
+            marks=pytest.mark.slow,
         ),
         # The share that sticks is that of another, similar law: only the compliance has a counterpart.
         (

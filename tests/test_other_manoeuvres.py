@@ -19,7 +19,8 @@ from discovery.diagnosis.separation import Separation, separate
 from discovery.equations.model import Model
 from discovery.estimation.fit import Fit, fit
 from discovery.recordings.dataset import load_dataset
-from discovery.report import build_report
+from discovery.report import build_report, figures
+from discovery.report.figures import manoeuvre
 from discovery.report.follow_up_sentences import separation_sentence
 from discovery.simulation.simulate import Simulator
 
@@ -120,7 +121,8 @@ def page_with(folder: Path, *designs: Separation, decides: bool = True) -> str:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_page_shows_both(tmp_path: Path) -> None:
+def test_the_page_shows_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
     page = page_with(tmp_path, course(), release())
     assert 'id="figure-manoeuvre_1"' in page
     assert 'id="figure-manoeuvre_2"' in page
@@ -130,7 +132,10 @@ def test_the_page_shows_both(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_where_nothing_decides_the_page_says_so_and_names_no_file(tmp_path: Path) -> None:
+def test_where_nothing_decides_the_page_says_so_and_names_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
     page = page_with(tmp_path, course(), release(), decides=False)
     assert page.count("No manoeuvre within the safe limits") == 2
     assert "manoeuvre_1" not in page
@@ -138,7 +143,8 @@ def test_where_nothing_decides_the_page_says_so_and_names_no_file(tmp_path: Path
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_release_alone_moves_no_input(tmp_path: Path) -> None:
+def test_a_release_alone_moves_no_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
     page = page_with(tmp_path, release())
     assert "let go at" in page
     assert 'id="table-separation"' in page

@@ -28,7 +28,7 @@ from discovery.runs.loop_files import save_prediction, write_loop
 from discovery.runs.pipeline import add_posterior, answer, run
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("sketched")
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
@@ -60,11 +60,23 @@ def dataset(inputs: Path) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def out(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of one whole run."""
-    folder = tmp_path_factory.mktemp("runs") / "new" / "folder"
-    run(dataset, folder, seed=SEED, progress=silent, command=["discovery", "run", "rig.toml"], note="A simulated arm.")
+def begun(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Answer:
+    """A run whose loop is done, in a folder that was not there."""
+    folder, told = tmp_path_factory.mktemp("runs") / "new" / "folder", ["discovery", "run", "rig.toml"]
+    return answer(dataset, folder, seed=SEED, progress=silent, command=told, note="A simulated arm.")
+
+
+@pytest.fixture(scope="module")
+def out(begun: Answer, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the same run when all is done; the circuit below is run in one go."""
+    folder = tmp_path_factory.mktemp("whole")
+    add_posterior(copied(begun, folder), progress=silent)
     return folder
+
+
+@pytest.fixture(scope="module")
+def fits(dataset: Dataset) -> stages.Fits:
+    return stages.estimate(dataset, progress=silent)
 
 
 @pytest.fixture(scope="module")
@@ -124,15 +136,18 @@ def test_the_provenance_says_where_everything_came_from(inputs: Path, results: d
 # The numbers are those of the stages.
 
 
-def test_fits_and_discovery_are_those_of_the_stages(dataset: Dataset, results: dict[str, Any]) -> None:
-    fits = stages.estimate(dataset, progress=silent)
+def test_fits_and_discovery_are_those_of_the_stages(
+    dataset: Dataset, fits: stages.Fits, results: dict[str, Any]
+) -> None:
     found = regression_stage.discover(dataset, seed=SEED, progress=silent)
     expected = json.loads(json.dumps(plain({**fits.summary(), **found.summary()})))
     assert {k: results[k] for k in expected} == expected
 
 
-def test_the_loop_and_the_trajectories_are_those_of_the_stage(dataset: Dataset, out: Path, results: dict[str, Any]):
-    loop = stages.loop(dataset, seed=SEED, progress=silent)
+def test_the_loop_and_the_trajectories_are_those_of_the_stage(
+    dataset: Dataset, begun: Answer, out: Path, results: dict[str, Any]
+) -> None:
+    loop = begun.loop
     assert results["loop"] == json.loads(json.dumps(plain(loop.summary())))
     for i, e in enumerate((*dataset.train, *dataset.holdout)):
         with xr.open_dataset(out / "trajectories.nc", group=e.recording.name, engine="h5netcdf") as group:
@@ -233,8 +248,8 @@ def sound(folder: Path) -> set[str]:
     [
         ("searching the library", set()),
         ("refitting the declared model", set()),
-        ("checking against the elastica", set()),
-        ("profile likelihoods", {*ANSWER, "posterior_chains.h5"}),
+        pytest.param("checking against the elastica", set(), marks=pytest.mark.slow),
+        pytest.param("profile likelihoods", {*ANSWER, "posterior_chains.h5"}, marks=pytest.mark.slow),
     ],
 )
 def test_an_interrupted_run_leaves_whole_files_only(
@@ -245,6 +260,7 @@ def test_an_interrupted_run_leaves_whole_files_only(
     assert sound(tmp_path) == left
 
 
+@pytest.mark.slow
 def test_sampling_goes_on_where_it_was_interrupted(dataset: Dataset, results: dict[str, Any], tmp_path: Path) -> None:
     """The same seed gives the same numbers, in one go or in two."""
     with pytest.raises(Interruption):
@@ -253,14 +269,6 @@ def test_sampling_goes_on_where_it_was_interrupted(dataset: Dataset, results: di
     again = run(dataset, tmp_path, seed=SEED, progress=silent)
     assert json.loads(json.dumps(plain(numbers(again)))) == {**numbers(results), "data_note": ""}
     assert {p.name for p in tmp_path.iterdir()} == FILES
-
-
-@pytest.fixture(scope="module")
-def begun(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Answer:
-    """A run whose loop is done, with its page."""
-    found = answer(dataset, tmp_path_factory.mktemp("begun"), seed=SEED, progress=silent)
-    build_report(found.out)
-    return found
 
 
 def copied(begun: Answer, folder: Path) -> Answer:
@@ -278,7 +286,7 @@ def test_recordings_too_long_for_predictive_bands_are_no_trouble(
 ) -> None:
     monkeypatch.setattr("discovery.posterior.study.LONGEST_BAND", 10)
     add_posterior(copied(begun, tmp_path), progress=silent)
-    assert {p.name for p in tmp_path.iterdir()} == {*FILES - {"predictive.nc"}, "report.html", "figures", "tables"}
+    assert {p.name for p in tmp_path.iterdir()} == FILES - {"predictive.nc"}
 
 
 def test_the_answer_is_there_before_sampling_begins(
@@ -291,7 +299,7 @@ def test_the_answer_is_there_before_sampling_begins(
     found = copied(begun, tmp_path)
     with pytest.raises(KeyboardInterrupt):
         add_posterior(found, progress=silent)
-    assert {p.name for p in tmp_path.iterdir()} == {*ANSWER, "report.html", "figures", "tables"}
+    assert {p.name for p in tmp_path.iterdir()} == ANSWER
     there = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert there["loop"] == results["loop"]
     assert there["posterior"] is None
@@ -386,8 +394,7 @@ def test_a_write_that_fails_leaves_the_old_file(dataset: Dataset, tmp_path: Path
 # Predictions.
 
 
-def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, tmp_path: Path) -> None:
-    fits = stages.estimate(dataset, progress=silent)
+def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, fits: stages.Fits, tmp_path: Path) -> None:
     before, after = fits.models["linear"], fits.models["declared"]
     (wanted,) = dataset.holdout
     save_prediction(tmp_path / "prediction.csv", wanted, before, after)
@@ -404,8 +411,9 @@ def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, tmp_path:
     assert angle - wanted.motor_angle[0] == pytest.approx(0.2, abs=1e-6)
 
 
-def test_a_declared_model_that_blows_up_leaves_its_columns_empty(dataset: Dataset, tmp_path: Path) -> None:
-    fits = stages.estimate(dataset, progress=silent)
+def test_a_declared_model_that_blows_up_leaves_its_columns_empty(
+    dataset: Dataset, fits: stages.Fits, tmp_path: Path
+) -> None:
     after, cubic = fits.models["linear"], fits.models["declared"]
     (wanted,) = dataset.holdout
     x = cubic.minimum.x.copy()

@@ -27,7 +27,7 @@ def holds(quantity: Quantity, value: float) -> tuple[bool, bool]:
     return quantity.low < value < quantity.high, value < quantity.median
 
 
-@pytest.mark.parametrize("n", [2, 5, 12])
+@pytest.mark.parametrize("n", [2, *(pytest.param(n, marks=pytest.mark.slow) for n in (5, 12))])
 def test_intervals_hold_the_truth_as_often_as_they_say(n: int) -> None:
     rng = np.random.default_rng(n)
     found = []

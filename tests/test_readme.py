@@ -20,6 +20,7 @@ README = ROOT / "README.md"
 SCRIPT = runpy.run_path(str(ROOT / "docs" / "results_table.py"))
 
 
+@pytest.mark.slow
 def test_the_session_is_true(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     results = doctest.testfile(str(README), module_relative=False)
@@ -33,7 +34,8 @@ def pasted() -> list[tuple[str, str]]:
     return re.findall(r"^```\n\.venv/bin/(discovery .*?)```\n\n```\n(.*?)```$", text, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("place", ["build/spring_bench", "build/arm_delay"])
+@pytest.mark.usefixtures("sketched")
+@pytest.mark.parametrize("place", ["build/spring_bench", pytest.param("build/arm_delay", marks=pytest.mark.slow)])
 def test_a_command_to_paste_prints_what_is_quoted(place: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     ((command, quoted),) = [(command, quoted) for command, quoted in pasted() if place in command]
     monkeypatch.chdir(ROOT)

@@ -7,7 +7,7 @@ import math
 import re
 import shutil
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -29,14 +29,14 @@ from discovery.foundation.errors import ComputationError, InputError
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.systems import declare
 from discovery.posterior.inference_data import arranged
-from discovery.report import build_report, posterior, sentences, story
+from discovery.report import build_report, figures, posterior, sentences, story
 from discovery.report.charts import _every, chart_data
 from discovery.report.convergence import convergence_sentence
 from discovery.report.drive import drive_symbols
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import posterior_table
-from discovery.report.figures import correlogram, model_error, motion, nats, ranking
+from discovery.report.figures import correlogram, laws, model_error, motion, nats, ranking
 from discovery.report.formula import formula
 from discovery.report.index import build_index
 from discovery.report.latex import latex
@@ -46,7 +46,7 @@ from discovery.report.numbers import chance, interval, scale_for, scale_for_chan
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline, prose
-from discovery.results.provenance import write_json
+from discovery.results.provenance import read_json, write_json
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
 
@@ -76,18 +76,18 @@ class _Reader(HTMLParser):
             self.text += data
 
 
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    folder = tmp_path_factory.mktemp("arm")
-    results = synthetic_run.write_arm_run(folder)
-    return folder, results, build_report(folder).read_text(encoding="utf-8")
+def _made(folder: Path) -> Made:
+    return folder, read_json(folder / "results.json"), (folder / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def oscillator(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    folder = tmp_path_factory.mktemp("oscillator")
-    results = synthetic_run.write_oscillator_run(folder)
-    return folder, results, build_report(folder).read_text(encoding="utf-8")
+def arm(drawn_run: Callable[[str], Path]) -> Made:
+    return _made(drawn_run("arm"))
+
+
+@pytest.fixture(scope="module")
+def oscillator(drawn_run: Callable[[str], Path]) -> Made:
+    return _made(drawn_run("oscillator"))
 
 
 @pytest.fixture(scope="module", params=["arm", "oscillator"])
@@ -404,7 +404,7 @@ def test_an_error_that_grows_does_not_fall(tmp_path: Path) -> None:
     assert "goes from 2.98 to 4.00 mm" in headline(Run(tmp_path, results))
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("sketched")
 def test_a_declared_model_that_blows_up_is_told_and_hides_nothing(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     before = results["loop"]["errors"]["before"]
@@ -869,7 +869,7 @@ def test_an_error_counts_as_seen_by_a_chart_of_small_integers(arm: Made) -> None
     assert np.abs(values - left)[good].max() <= packed["step"]
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("sketched")
 def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:
     """Results of a run that did not study its posterior."""
     results = synthetic_run.write_arm_run(tmp_path)
@@ -936,6 +936,7 @@ def test_another_rig_is_not_set_beside_the_paper(tmp_path: Path) -> None:
     assert "28.3" not in alone.html()
 
 
+@pytest.mark.usefixtures("sketched")
 def test_optional_files_may_be_missing(tmp_path: Path) -> None:
     results = synthetic_run.write_arm_run(tmp_path)
     for name in ("amplitude.nc", "laws.nc", "posterior.nc", "trajectories.nc"):
@@ -958,6 +959,7 @@ def test_the_same_run_gives_the_same_files(arm: Made, tmp_path: Path) -> None:
     assert not list(tmp_path.rglob(".*"))
 
 
+@pytest.mark.usefixtures("sketched")
 def test_the_users_own_style_is_left_alone(tmp_path: Path) -> None:
     import matplotlib as mpl
 
@@ -980,7 +982,8 @@ def test_no_results(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_broken_file_is_named(tmp_path: Path) -> None:
+def test_a_broken_file_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(figures.SECTIONS, "elastica", (laws.draw,))
     synthetic_run.write_arm_run(tmp_path)
     (tmp_path / "laws.nc").write_bytes(b"no netCDF")
     with pytest.raises(InputError, match=r"laws\.nc cannot be read"):

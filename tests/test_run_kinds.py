@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +24,7 @@ from discovery.runs import regression_stage, stages
 from discovery.runs.pipeline import run
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("sketched")
 
 MASS, DAMPING, NOISE = 3.0, 0.8, 1.0
 
@@ -84,7 +85,7 @@ def results_of(folder: Path) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def drive(sketch: Callable[[Path], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run the inverse view of a carriage with viscous friction, nothing hidden."""
     folder = tmp_path_factory.mktemp("drive")
     t = np.arange(1600) / 100.0
@@ -94,7 +95,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pd.DataFrame({"t": t, "q": q, "F": force}).to_csv(folder / "drive.csv", index=False)
     (folder / "rig.toml").write_text(DRIVE)
     run(load_dataset(folder / "rig.toml"), folder / "run", seed=1, progress=silent)
-    build_report(folder / "run")
+    sketch(folder / "run")
     return folder / "run"
 
 

@@ -143,6 +143,7 @@ def test_hostile_names_are_shown_and_do_nothing(
     assert not [*tmp_path.rglob("*pwned")]
 
 
+@pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("name", ["".join(HOSTILE), "../../../outside", "x" * 400])
 def test_a_page_of_altered_results_does_nothing(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "a" / "b" / "c"

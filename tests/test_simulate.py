@@ -167,7 +167,7 @@ def arm_experiment(base: str, time: np.ndarray, drive: Drive) -> tuple[Experimen
 # Accuracy.
 
 
-@pytest.mark.parametrize("base", ["constant_radius", "reduced", "elastica"])
+@pytest.mark.parametrize("base", ["constant_radius", "reduced", pytest.param("elastica", marks=pytest.mark.slow)])
 def test_default_step_keeps_the_trajectory_within_a_microradian(base: str) -> None:
     time, drive = np.linspace(0.0, 3.0, 151), trapezoid(1.0, 1.25)
     experiment, model = arm_experiment(base, time, drive)
@@ -501,6 +501,7 @@ def test_a_blow_up_keeps_its_length_and_names_parameters_and_time() -> None:
 # Cache.
 
 
+@pytest.mark.slow
 def test_a_second_process_does_not_compile(tmp_path: Path) -> None:
     code = """
 import json, numba, numpy as np

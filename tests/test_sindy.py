@@ -102,15 +102,18 @@ def quiet(paper):
     return motions(paper, 3e-4, 0)
 
 
-@pytest.mark.parametrize("noise", [3e-4, 1e-3, 3e-3])
-def test_structure_of_the_papers_model(paper, noise):
+@pytest.mark.parametrize(
+    ("noise", "draws"),
+    [(1e-3, 4), *(pytest.param(noise, 10, marks=pytest.mark.slow) for noise in (3e-4, 1e-3, 3e-3))],
+)
+def test_structure_of_the_papers_model(paper, noise, draws):
     found, plain = 0, 0
-    for seed in range(10):
+    for seed in range(draws):
         data = motions(paper, noise, seed)
         result = discover(data, rng=np.random.default_rng(seed), resamples=20)
         found += set(result.equation.terms) == STRUCTURE
         plain += any(set(terms) == STRUCTURE for terms in default_pysindy(data))
-    assert found >= 9  # benchmarks/sindy_gates.py counts 100 seeds
+    assert found >= 0.9 * draws  # benchmarks/sindy_gates.py counts 100 seeds
     assert plain == 0  # a threshold on coefficients cannot see a friction 200 times smaller than the stiffness
 
 
@@ -334,13 +337,14 @@ def test_the_best_subsets_are_those_of_ordinary_least_squares():
     assert all(1 not in terms for found, rss in signed for terms in found[np.isfinite(rss)])
 
 
-def test_radius_law_of_the_papers_model(paper):
+@pytest.mark.parametrize("draws", [4, pytest.param(10, marks=pytest.mark.slow)])
+def test_radius_law_of_the_papers_model(paper, draws):
     inside, gammas = 0, []
-    for seed in range(10):
+    for seed in range(draws):
         law = discover_radius(motions(paper, 3e-4, seed), rng=np.random.default_rng(seed))
         inside += law.interval[0] <= GAMMA <= law.interval[1]
         gammas.append(law.gamma)
-    assert inside >= 7
+    assert inside >= 0.7 * draws
     assert np.mean(gammas) == pytest.approx(GAMMA, abs=2e-4)
 
 

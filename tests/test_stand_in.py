@@ -49,6 +49,7 @@ def test_a_scale_that_the_rig_s_length_covers_is_named_with_that_doubt(folder: P
     assert plain(effect["stands_for"])["quantity"] == "length"
 
 
+@pytest.mark.slow
 def test_a_scale_beyond_the_rig_s_length_is_doubted_less(folder: Path) -> None:
     result, said = with_length("length_m = { value = 1.001, sd = 0.0002 }\n", folder)
     assert result.added[-1] == "position_scale"
@@ -60,6 +61,7 @@ def test_a_scale_beyond_the_rig_s_length_is_doubted_less(folder: Path) -> None:
     assert result.summary()["effects"][-1]["parameters"]["s"]["sd"] == pytest.approx(2e-4, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_length_without_error_leaves_the_scale_as_it_was_found(folder: Path) -> None:
     result, said = with_length("length_m = { value = 1.001, sd = 0.0 }\n", folder)
     assert result.stand_ins == {}

@@ -29,18 +29,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.slow
 def test_every_block_does_what_the_page_says(folder: Path) -> None:
     for name in ("first", "report", "swing"):
         assert (folder / name / "loop.json").exists()
     assert not (folder / "wrong").exists()
 
 
+@pytest.mark.slow
 def test_the_rig_file_has_ten_lines(folder: Path) -> None:
     lines = [line for line in (folder / "rig.toml").read_text().splitlines() if line and line[0] != "#"]
     assert len(lines) <= 10
     assert tomllib.loads("\n".join(lines))["kind"] == "pendulum"
 
 
+@pytest.mark.slow
 def test_the_report_says_what_is_quoted_and_has_the_sections(folder: Path) -> None:
     page = (folder / "report" / "report.html").read_text(encoding="utf-8")
     words = " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).split())
@@ -55,6 +58,7 @@ def test_the_report_says_what_is_quoted_and_has_the_sections(folder: Path) -> No
     assert not set(sections) - set(linked)
 
 
+@pytest.mark.slow
 def test_sparse_regression_finds_what_the_page_says(folder: Path) -> None:
     terms = json.loads((folder / "report" / "results.json").read_text(encoding="utf-8"))["discovery"]["terms"]
     assert {"quadratic_drag", "linear_stiffness", "cubic_stiffness"} <= {term["effect"] for term in terms}

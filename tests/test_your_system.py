@@ -28,6 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.slow
 def test_the_friction_is_found_where_it_is(folder: Path) -> None:
     found = json.loads((folder / "first" / "loop.json").read_text(encoding="utf-8"))
     assert [e["id"] for e in found["effects"]] == ["coulomb_friction_at_load"]
@@ -41,6 +42,7 @@ def test_the_friction_is_found_where_it_is(folder: Path) -> None:
     assert not (folder / "wrong").exists()
 
 
+@pytest.mark.slow
 def test_the_model_is_taken_along(folder: Path) -> None:
     main(["export", str(folder / "first"), "--out", str(folder / "model")])
     exported = runpy.run_path(str(folder / "model" / "model.py"))
@@ -51,6 +53,7 @@ def test_the_model_is_taken_along(folder: Path) -> None:
     assert "\\mathrm{q}" not in written
 
 
+@pytest.mark.slow
 def test_the_page_of_a_run_has_its_equations(folder: Path) -> None:
     page = (folder / "first" / "report.html").read_text(encoding="utf-8")
     for words in ("Kinetic energy", "Generalised force on motor", "Place shaft", "Dry friction of constant size"):
