@@ -590,7 +590,7 @@ def test_a_loop_tells_decisions_that_doubt_its_answer() -> None:
     good = Decision("integrate", ("hysteresis",), True, "sampled", {"correction": 0.1, "error": 0.1, "pareto_k": 0.2})
     rig = SimpleNamespace(rig=SimpleNamespace(unfilled=()), train=(), holdout=())
     first, second = doubts(scattered(0.0, steps=(astray, good, drawn), complete=False), rig)
-    assert first.startswith("the declared model leaves 83 % of the variance of the readings")
+    assert first.startswith("the declared model leaves 83 % of the variance: check")
     assert "check columns, signs and units" in first
     assert "(their largest weights have Pareto k = 1.4)" in second
     # What explains all that is left was the main force.

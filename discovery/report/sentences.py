@@ -219,11 +219,9 @@ def _laplace(numbers: Record) -> str:
 
 
 def _astray(numbers: Record) -> str:
-    left = plain(100 * numbers["left"], 2)
-    return (
-        f"the declared model leaves {left} % of the variance of the readings, and effects may explain its mistakes: "
-        "check columns, signs and units in the rig file, and that [model] holds the main force"
-    )
+    left = plain(100 * numbers.get("left", math.nan), 2)
+    remedy = "check columns, signs, units, and that [model] holds the main force"
+    return f"the declared model leaves {left} % of the variance: {remedy}"
 
 
 def _complete(numbers: Record) -> str:
