@@ -215,7 +215,7 @@ def test_parameters_of_a_drive_are_compared_as_forces(results):
     assert found["m₀ f_c"].sd is None
     assert np.isnan(found["m₀ f₀"].fitted)
     assert found["m₀ f₀"].expected == -3.0
-    assert "m₀ ξₐ" not in found
+    assert "m₀ a_v ξ" not in found
 
 
 @pytest.fixture

@@ -153,18 +153,30 @@ def test_stribeck_friction_falls_from_its_creep_value_to_its_sliding_value() -> 
 
 def test_asymmetric_damping_shrinks_forward_and_backward_half_swings_differently() -> None:
     """Each half swing of a linear oscillator decays by exp(-pi c / sqrt(4 alpha - c^2)), with its own c."""
-    alpha, xi, xi_a = 9.0, 0.3, 0.12
+    alpha, xi, a_v = 9.0, 0.3, 0.4
     found = simulate(
-        (*LINEAR, "asymmetric_viscous_damping"), {"alpha": alpha, "xi": xi, "xi_a": xi_a},
+        (*LINEAR, "asymmetric_viscous_damping"), {"alpha": alpha, "xi": xi, "a_v": a_v},
         base="oscillator", time=np.linspace(0, 6, 6001), start=(-0.4, 0.0),
     )[:, 0]  # fmt: skip
     inner = found[1:-1]
     extremes = inner[((inner > found[:-2]) & (inner > found[2:])) | ((inner < found[:-2]) & (inner < found[2:]))]
     amplitudes = np.abs(np.concatenate([[found[0]], extremes]))
-    coefficients = np.array([xi + xi_a, xi - xi_a] * 3)[: amplitudes.size - 1]
+    coefficients = xi * np.array([1 + a_v, 1 - a_v] * 3)[: amplitudes.size - 1]
     expected = np.exp(-np.pi * coefficients / np.sqrt(4 * alpha - coefficients**2))
     assert amplitudes.size > 4
     np.testing.assert_allclose(amplitudes[1:] / amplitudes[:-1], expected, rtol=1e-5)
+
+
+def test_asymmetric_damping_feeds_no_motion_at_its_bounds() -> None:
+    alpha, xi, bounds = 9.0, 0.3, get_effect("asymmetric_viscous_damping").parameters()[0].bounds
+    for a_v in bounds:
+        found = simulate(
+            (*LINEAR, "asymmetric_viscous_damping"), {"alpha": alpha, "xi": xi, "a_v": a_v},
+            base="oscillator", time=np.linspace(0, 6, 6001), start=(-0.4, 0.0),
+        )[:, 0]  # fmt: skip
+        energy = 0.5 * np.gradient(found, 1e-3) ** 2 + 0.5 * alpha * found**2
+        assert np.diff(energy[1:-1]).max() < 1e-9
+        assert energy[-2] < 0.5 * energy[1]
 
 
 # Gravity.

@@ -35,7 +35,7 @@ def catalogue_values(effect: str, p: Mapping[str, Any], rig: Mapping[str, float]
         case "structural_damping":
             return {"c_s": alpha * p["time"]}
         case "asymmetric_viscous_damping":
-            return {"xi_a": p["coefficient"] / mass}
+            return {"a_v": p["coefficient"] / rig["disc_friction"]}
         case "material_nonlinearity":
             return {"b_3": p["cubic"] / length**2}
         case "stiffness_drift":

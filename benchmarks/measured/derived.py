@@ -82,14 +82,14 @@ def drive_checks(run: Run, reference: Reference) -> tuple[Check, ...]:
 
     reference_inertia = float(model["model"]["known"]["m_0"])
 
-    def force(name: str) -> tuple[float, float | None]:
-        return _propagated(model, [name], lambda x: reference_inertia * x)
+    def force(*names: str) -> tuple[float, float | None]:
+        return _propagated(model, names, lambda *x: reference_inertia * math.prod(x))
 
     dry = "f_c" if any(p["name"] == "f_c" for p in model["parameters"]) else "f_k"
     found = (
         Check("m", "mass", "kg", *_propagated(model, ["m"], float), reference.mass),
         Check("m₀ ξ", "viscous friction, mean of both directions", "N s/m", *force("xi"), reference.viscous),
-        Check("m₀ ξₐ", "half the difference between the directions", "N s/m", *force("xi_a"), math.nan),
+        Check("m₀ a_v ξ", "half the difference between the directions", "N s/m", *force("a_v", "xi"), math.nan),
         Check(f"m₀ {dry}", "dry friction", "N", *force(dry), reference.coulomb),
         Check("m₀ f_b", "more of it at creep (Stribeck)", "N", *force("f_b"), math.nan),
         Check("m₀ f₀", "constant force", "N", *force("f_0"), reference.offset),

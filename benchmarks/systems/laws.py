@@ -78,9 +78,9 @@ def cogging(size: float, periods: float) -> Law:
     return Law(lambda d, v, z: size * sin(periods * d), ("cogging",), {"N_c": periods, "n_b": size})
 
 
-def lopsided(size: float) -> Law:
+def lopsided(size: float, mean: float) -> Law:
     """A damper that resists one way more than the other: the declared loss is the mean of both."""
-    return Law(lambda d, v, z: -size * abs(v), ("asymmetric_viscous_damping",), {"xi_a": size})
+    return Law(lambda d, v, z: -size * abs(v), ("asymmetric_viscous_damping",), {"a_v": size / mean})
 
 
 def dead_zone(half: float) -> Law:

@@ -4,29 +4,25 @@ import sympy as sp
 
 from discovery.declarations.effect import Load
 from discovery.declarations.parameters import Normal, Parameter
-from discovery.declarations.symbols import omega, rho
+from discovery.declarations.symbols import omega, rho, xi
 
 
 class AsymmetricViscousDamping(Load):
     r"""Viscous friction that is stronger one way than the other.
 
-    .. math:: F_\theta = -\xi_a\, \rho^2 |\dot\theta_t|
+    .. math:: F_\theta = -a_v\, \xi\, \rho^2 |\dot\theta_t|
 
-    Beside `viscous_damping` the coefficient is :math:`\xi + \xi_a` forward and :math:`\xi - \xi_a` backward; alone it
-    would feed the motion on the way back, so that :math:`|\xi_a| \le \xi` in a passive system.
+    The coefficient is :math:`(1 + a_v)\, \xi` forward and :math:`(1 - a_v)\, \xi` backward, where :math:`\xi` is the
+    linear damping. Neither is negative, because a passive damper never feeds the motion: :math:`|a_v| \le 1`.
     """
 
     on = omega
     cite = "Dixon, The Shock Absorber Handbook (2007)"
-    xi_a = Parameter(
-        "s^-1",
-        "asymmetry of the viscous damping",
-        (-5.0, 5.0),
-        Normal(0.0, 0.2),
-        starts=(0.003, -0.003, 0.03, -0.03),
-        latex=r"\xi_a",
-    )
+    a_v = Parameter(
+        "1", "asymmetry of the viscous damping, a share of it", (-1.0, 1.0), Normal(0.0, 0.5),
+        starts=(0.1, -0.1, 0.5, -0.5), latex="a_v",
+    )  # fmt: skip
 
     def expression(self):
         """Return the force on theta_t."""
-        return -self.xi_a * rho**2 * sp.Abs(omega)
+        return -self.a_v * xi * rho**2 * sp.Abs(omega)

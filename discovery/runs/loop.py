@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.estimation.bent_intervals import without_bent
 from discovery.estimation.declared import rig_uncertainty
 from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit
@@ -161,6 +162,7 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     found = {n.effect: n for n in named(search)}
     best, geometry, steps = _on_best_mechanics(before, search, context)
     after, last = finished(best, context)
+    after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)
     first = _declared(before, context)
     contradiction = contradiction_of(after, search, context, complete=complete)
@@ -200,8 +202,7 @@ def _on_best_mechanics(
         return search.best, (), []
     context.progress("comparing mechanics")
     bases = ["constant_radius", *(base for base, _ in UPGRADES)]
-    tasks = [partial(_with_base, base, before, search, context) for base in bases]
-    answers = at_once(tasks, threads=THREADS)
+    answers = at_once([partial(_with_base, base, before, search, context) for base in bases], threads=THREADS)
     best, geometry, steps = answers[0], [], []
     for (_, name), other in zip(UPGRADES, answers[1:], strict=True):
         gain = -np.inf if other is None else other.joint - (-np.inf if best is None else best.joint)

@@ -33,6 +33,8 @@ from discovery.testing.states import Sample, derivative, every_effect, sample_st
 __all__ = ["MechanicsContract"]
 
 FloatArray = NDArray[np.float64]
+#: Laws may be shares of these.
+_BESIDE = ("linear_stiffness", "viscous_damping")
 
 
 def _weights(x: FloatArray) -> FloatArray:
@@ -101,7 +103,7 @@ class MechanicsContract:
 
     def test_sympy_and_numpy_agree(self, effect: str, base: str) -> None:
         """The printed text evaluates to what sympy evaluates the equations to."""
-        program, sample = whole(base), sample_states(base, ("linear_stiffness", effect), count=2)
+        program, sample = whole(base), sample_states(base, (*_BESIDE, effect), count=2)
         slopes = slopes_of(base, sample)
         for k in range(2):
             expected = slopes_by_sympy(program, sample, k)
@@ -112,7 +114,7 @@ class MechanicsContract:
         """One step of the compiled kernel is one step of the plain method on the printed equations."""
         kernel = compile_kernel(base, every_effect(base))
         program, h = kernel.program, 0.2
-        sample = sample_states(base, ("linear_stiffness", effect), count=kernel.lanes)
+        sample = sample_states(base, (*_BESIDE, effect), count=kernel.lanes)
         time = np.array([sample.time, sample.time + 0.5 * h, sample.time + h])
         angle, rate, change = sample.recorded[:, :1]
         parabola = np.array([0.5 * change, rate - change, angle - rate + 0.5 * change])
@@ -137,7 +139,7 @@ class MechanicsContract:
         """What the effect adds to Euler-Lagrange's row is the numerical derivative of its energy or power."""
         _needs_motion(base)
         instance = get_effect(effect)
-        sample = sample_states(base, ("linear_stiffness", effect))
+        sample = sample_states(base, (*_BESIDE, effect))
         absent = without(sample, base, effect)
         if instance.kind == "drive":
             absent = replace(absent, recorded=self._received(base, sample))

@@ -80,12 +80,12 @@ def _amplitude(b: Body, rng: Generator) -> Ingredient:
 
 def _asymmetric(b: Body, rng: Generator) -> Ingredient:
     """Friction that is greater one way."""
-    unit = 0.3 * _sign(rng) * b.laws.viscous
+    share = 0.3 * _sign(rng)
     return Ingredient(
         "asymmetric_viscous_damping",
-        lambda s: Action({"asymmetry": s * unit}),
+        lambda s: Action({"asymmetry": s * share * b.laws.viscous}),
         3.0,
-        catalogue=lambda s: {"xi_a": s * unit},
+        catalogue=lambda s: {"a_v": s * share},
     )
 
 
