@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, misread, misstated
+from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, doubted, misstated
 from discovery.recordings.quantisation import quantum, resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import noise_flags
@@ -395,8 +395,8 @@ def test_a_tip_that_does_not_point_where_the_motor_does_is_told(change, words):
     # Each mistake is told once, however far the tip lies beside the motor's direction.
     again = [replace(note, numbers={**note.numbers, "bend": 1.7}) for note in notes]
     doubt = [f"a: {note} So in b." for note in notes]
-    assert misread({"a": [OTHER, *notes], "b": again}) == doubt
-    assert len(misread({"a": notes, "c": bend_flags(-motor, {"tip_x": x, "tip_y": y})})) == (
+    assert doubted({"a": [OTHER, *notes], "b": again}) == doubt
+    assert len(doubted({"a": notes, "c": bend_flags(-motor, {"tip_x": x, "tip_y": y})})) == (
         1 if words is None or "or tip_y of opposite" in words else 2
     )
 

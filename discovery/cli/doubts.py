@@ -21,7 +21,7 @@ _SCATTERED = 1.5
 
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
-    from discovery.recordings.flags import UNDERSTATED, misread, misstated
+    from discovery.recordings.flags import UNDERSTATED, doubted, misstated
     from discovery.report.follow_up_sentences import stand_in_sentence
 
     flags = {recording.name: recording.flags for recording in result.recordings}
@@ -30,7 +30,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     known = not result.complete or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
     return [
         *_unfilled(dataset),
-        *misread(flags),
+        *doubted(flags),
         *misstated(flags),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
         *([] if known else _scattered(result, held)),
