@@ -57,7 +57,7 @@ def test_ordinary_motions_are_left_alone(motion):
     found = flat_runs(values, max(NOISE, quantum(values)))
     assert not found.stretches
     assert not found.limits
-    assert spikes(values, max(NOISE, resolution(values))).size == 0
+    assert spikes(T[: values.size], values, max(NOISE, resolution(values))).size == 0
 
 
 @given(st.integers(300, 3000), st.integers(25, 150), st.booleans())
@@ -131,7 +131,20 @@ def test_clipped_readings_are_found(limit):
 def test_spikes_are_found(at, size):
     values = noisy(DECAY)
     values[at] += size
-    assert spikes(values, NOISE).tolist() == [at]
+    assert spikes(T[: values.size], values, NOISE).tolist() == [at]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lost_rows_are_no_spikes_and_hide_none(seed):
+    rng = np.random.default_rng(seed)
+    t, lone = 0.01 * np.arange(2000), rng.integers(50, 1950)
+    values = np.sin(2 * np.pi * 0.6 * t) + 3e-4 * rng.standard_normal(t.size)
+    near = np.abs(np.arange(t.size) - lone) < 4
+    for kept in (rng.random(t.size) > 0.15, (t < 7) | (t > 8.3)):
+        kept = kept | near
+        assert spikes(t[kept], values[kept], 3e-4).size == 0
+        wild = values + 0.02 * (np.arange(t.size) == lone)
+        assert t[kept][spikes(t[kept], wild[kept], 3e-4)].tolist() == [t[lone]]
 
 
 def test_the_mean_that_creeps():
@@ -281,6 +294,7 @@ JITTERED = REGULAR + np.random.default_rng(3).uniform(-3e-3, 3e-3, 1000)
         (REGULAR, []),
         (np.round(np.arange(500) / 30.0, 3), []),
         (np.delete(REGULAR, [100, 101, 102, 700]), ["4 samples are missing in 2 gaps", "longest lasts 0.04 s"]),
+        (REGULAR[np.random.default_rng(4).random(1000) > 0.15], ["samples are missing in 1", "gaps of the times"]),
         (np.delete(REGULAR, 100), ["1 sample is missing in 1 gap of the times"]),
         (JITTERED, ["stamps jitter", "taken as they are"]),
         (np.sort(np.concatenate([REGULAR[::5] + k * 1e-4 for k in range(5)])), ["come in bursts"]),

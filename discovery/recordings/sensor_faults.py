@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from discovery.recordings.time_jitter import left_by_cubics
+
 __all__ = ["FlatRuns", "drift", "flat_runs", "spikes"]
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,6 +25,8 @@ _EDGE = 2  # samples that tell the speed at the edge, at least
 _SEEN = 5.0  # quanta or noise sds that they must cover
 _JUMP = 3.0  # largest changes of the step just before
 _SPIKE = 12.0  # robust sds
+_OF_EVEN = np.sqrt(70.0) / 6.0  # sd of what misses the cubic through evenly spaced neighbours [noise sds]
+_WIDE = 2.0  # times the usual span of neighbours
 _NEIGHBOURHOOD = 25  # samples on either side of a spike that tell what is usual
 _PERIODS = 4.0  # over which a mean is taken
 _CREEP = 0.05  # of the signal's sd
@@ -129,14 +133,17 @@ def _interrupts(values: FloatArray, start: int, length: int, error: float, abrup
     return False
 
 
-def spikes(values: FloatArray, error: float) -> npt.NDArray[np.int64]:
+def spikes(time: FloatArray, values: FloatArray, error: float) -> npt.NDArray[np.int64]:
     """Find single readings far from where their neighbours put them.
 
     A cubic through two neighbours on either side predicts a reading. A spike misses its prediction by far more than is
-    usual around it, and pulls the predictions beside it two thirds as far to the other side.
+    usual around it, and pulls the predictions beside it two thirds as far to the other side. Neighbours that lie across
+    a gap of the times predict nothing.
 
     Parameters
     ----------
+    time : array, shape (n,)
+        Times [s], increasing.
     values : array, shape (n,)
         Readings; NaN are gaps.
     error : float
@@ -150,7 +157,8 @@ def spikes(values: FloatArray, error: float) -> npt.NDArray[np.int64]:
     if values.size < 4 * _NEIGHBOURHOOD:
         return np.empty(0, np.int64)
     miss = np.zeros(values.size)
-    miss[2:-2] = values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
+    wide = time[4:] - time[:-4] > _WIDE * np.median(time[4:] - time[:-4])
+    miss[2:-2] = np.where(wide, 0.0, _OF_EVEN * left_by_cubics(time, values)[0])
     size = np.abs(np.nan_to_num(miss))
     around = np.lib.stride_tricks.sliding_window_view(
         np.pad(size, _NEIGHBOURHOOD, mode="reflect"), 2 * _NEIGHBOURHOOD + 1

@@ -155,8 +155,8 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
             "for the output in the rig file."
         )
     scatter = float(np.median(np.abs(angle - np.median(angle))))
-    # Of a swing that lasts for a small part of the record, medians see the noise after it alone; the rms sees a few wild
-    # readings alone.
+    # Of a swing that lasts for a small part of the record, medians see only the noise after it. The rms sees only a few
+    # wild readings.
     if float(np.median(np.abs(np.diff(angle)))) > _WHITE * scatter and _rms_of_steps(angle) > _WHITE:
         raise InputError(
             f"{where}: nothing swings. The readings scatter by {quoted(1.48 * scatter, unit)}, each independent of the "
