@@ -148,10 +148,17 @@ def test_lost_rows_are_no_spikes_and_hide_none(seed):
 
 
 def test_the_mean_that_creeps():
-    assert drift(T, noisy(DECAY)) == 0.0
-    assert drift(T, noisy(np.cos(6.0 * T)) + 0.2 * T / T[-1]) == pytest.approx(0.2, rel=0.03)
-    assert drift(T, noisy(np.cos(6.0 * T)) + 0.01 * T / T[-1]) == 0.0
-    assert drift(T[:3000], noisy(np.cos(6.0 * T) + T)[:3000]) == 0.0
+    assert drift(T, noisy(DECAY), NOISE) == 0.0
+    assert drift(T, noisy(np.cos(6.0 * T)) + 0.2 * T / T[-1], NOISE) == pytest.approx(0.2, rel=0.03)
+    assert drift(T, noisy(np.cos(6.0 * T)) + 0.01 * T / T[-1], NOISE) == 0.0
+    assert drift(T[:3000], noisy(np.cos(6.0 * T) + T)[:3000], NOISE) == 0.0
+
+
+def test_a_body_that_dry_friction_stops_off_its_middle_does_not_creep():
+    swings = sliding(0.4)[:6000]
+    stopped = np.where(swings == 0.0, 0.06, swings)
+    assert drift(T[:6000], noisy(stopped), NOISE) == 0.0
+    assert drift(T[:6000], noisy(stopped + 0.1 * T[:6000] / 30), NOISE) == pytest.approx(0.1, rel=0.02)
 
 
 @pytest.mark.parametrize("drifts", [0.0, 0.2])
@@ -165,7 +172,7 @@ def test_the_slow_part_of_a_driven_motion_does_not_creep(drifts):
         waves = np.exp(1j * (np.multiply.outer(time, rates) + phases))
         motion = (waves @ (sizes / (own**2 - rates**2 + 0.1j * own * rates))).real
         motion *= 1.0 / motion.std()
-        found.append(drift(time, noisy(motion) + drifts * time / time[-1], (waves @ sizes).real))
+        found.append(drift(time, noisy(motion) + drifts * time / time[-1], NOISE, (waves @ sizes).real))
     # A swing that is slow for the length of the record has no mean that could be told from it.
     assert found.count(0.0) == 20 if drifts == 0.0 else found.count(0.0) <= 3
     assert np.median(found) == pytest.approx(drifts, rel=0.05)

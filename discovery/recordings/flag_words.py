@@ -127,7 +127,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "mean_creeps": (
         "doubt",
         "The mean of {column!r} creeps by {creep:unit} over the record: a drifting instrument, or a rest position that "
-        "moves.",
+        "moves. The effect zero_drift is a steady drift; another may be taken for a force.",
     ),
     UNDERSTATED: ("doubt", "{column!r} scatters by {scatter:unit}" + NOISE[UNDERSTATED]),
     OVERSTATED: ("doubt", "{column!r} scatters by {scatter:unit}" + NOISE[OVERSTATED]),

@@ -214,6 +214,6 @@ def clean_output(
     found = spikes(time, kept, noise)
     if found.size:
         tell("spikes", count=int(found.size), start=float(time[found[0]]))
-    if returns and (creep := drift(time, kept, given)):
+    if returns and (creep := drift(time, kept, noise, given)):
         tell("mean_creeps", creep=float(creep))
     return kept, flags

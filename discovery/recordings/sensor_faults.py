@@ -31,6 +31,8 @@ _NEIGHBOURHOOD = 25  # samples on either side of a spike that tell what is usual
 _PERIODS = 4.0  # over which a mean is taken
 _CREEP = 0.05  # of the signal's sd
 _CERTAIN = 3.0  # standard errors
+_STILL = 2.0  # noise sds about a straight line over a period
+_RESTS = 3  # periods
 
 
 @dataclass(frozen=True)
@@ -171,10 +173,11 @@ def spikes(time: FloatArray, values: FloatArray, error: float) -> npt.NDArray[np
     return candidates[(np.abs(here) > _SPIKE * usual) & opposite & large]
 
 
-def drift(time: FloatArray, values: FloatArray, given: FloatArray | None = None) -> float:
+def drift(time: FloatArray, values: FloatArray, error: float, given: FloatArray | None = None) -> float:
     """Give by how much the mean about which a signal swings creeps over the record.
 
-    The slow part of a motion has a trend too, by chance or because its input has one. Such a trend is no creeping.
+    The slow part of a motion has a trend too, by chance or because its input has one. Such a trend is no creeping, nor
+    is that of a free body which dry friction stops off its middle: where it stands still in the end, that part tells.
 
     Parameters
     ----------
@@ -182,15 +185,17 @@ def drift(time: FloatArray, values: FloatArray, given: FloatArray | None = None)
         Times [s], about equally spaced.
     values : array, shape (n,)
         Readings; NaN are skipped.
+    error : float
+        Standard deviation of a reading.
     given : array, shape (n,), optional
         The input, which a slow motion follows.
 
     Returns
     -------
     float
-        The change over the whole record of a straight line through means over four periods, in the unit of `values`; 0
-        if it is below a twentieth of the signal's standard deviation, or below three of its own standard errors, or the
-        record is shorter than four such windows.
+        The change over the whole record of a straight line through means over four periods, or through the readings at
+        the end that stand still, in the unit of `values`; 0 if it is below a twentieth of the signal's standard
+        deviation, or below three of its own standard errors, or the record is shorter than four such windows.
     """
     good = np.isfinite(values)
     x = np.interp(time, time[good], values[good])
@@ -200,11 +205,29 @@ def drift(time: FloatArray, values: FloatArray, given: FloatArray | None = None)
     width = round(_PERIODS * x.size / peak)
     if 4 * width > x.size:
         return 0.0
+    if given is None and (rest := _stands_still(x, x.size // peak, error)) > 0:
+        slope, (change, shown) = x.size / rest, _trend(x[-rest:], [])
+        shown = max(shown, error * np.sqrt(12.0 / rest))
+        change, shown = slope * change, slope * shown
+        return change if abs(change) > max(_CREEP * float(np.std(x)), _CERTAIN * shown) else 0.0
     window = np.hanning(width + 2)[1:-1]  # no side lobes that the swing could pass through
     slow = [np.convolve(signal, window / window.sum(), mode="valid") for signal in (x, given) if signal is not None]
     change, error = _trend(slow[0], slow[1:])
     change, error = (size * (x.size - 1) / (slow[0].size - 1) for size in (change, error))  # over the whole record
     return change if abs(change) > max(_CREEP * float(np.std(x)), _CERTAIN * error) else 0.0
+
+
+def _stands_still(values: FloatArray, period: int, error: float) -> int:
+    """Return for how many samples at the end nothing but noise is seen, whole periods, at least `_RESTS` of them."""
+    count = values.size // period if period > 3 else 0
+    parts = values[values.size - count * period :].reshape(count, max(period, 1))[::-1]
+    line = np.linspace(-1.0, 1.0, max(period, 2))
+    lines = np.column_stack([np.ones_like(line), line])
+    moves = [
+        float(np.std(part - lines @ np.linalg.lstsq(lines, part, rcond=None)[0])) > _STILL * error for part in parts
+    ]
+    still = moves.index(True) if True in moves else count
+    return still * period if still >= _RESTS else 0
 
 
 def _trend(values: FloatArray, beside: list[FloatArray]) -> tuple[float, float]:
