@@ -188,8 +188,16 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "input_chosen": (
         "note",
-        "the input between its samples was taken as {words}; error of the declared model with another, in units of "
-        'this one\'s: {against}. Set interpolation = "{interpolation}" in the rig file to keep it so.',
+        lambda n: (
+            "the input between its samples was taken as {words}; error of the declared model with another, in units of "
+            "this one's: {against}. "
+            + (
+                "A smaller one does not count: half a sample of lag, or a damping that the model lacks, gains as much. "
+                if n.get("kept")
+                else ""
+            )
+            + 'Set interpolation = "{interpolation}" in the rig file to keep it so.'
+        ),
     ),
 }
 

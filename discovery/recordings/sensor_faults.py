@@ -205,16 +205,16 @@ def drift(time: FloatArray, values: FloatArray, error: float, given: FloatArray 
     width = round(_PERIODS * x.size / peak)
     if 4 * width > x.size:
         return 0.0
-    if given is None and (rest := _stands_still(x, x.size // peak, error)) > 0:
-        slope, (change, shown) = x.size / rest, _trend(x[-rest:], [])
-        shown = max(shown, error * np.sqrt(12.0 / rest))
-        change, shown = slope * change, slope * shown
-        return change if abs(change) > max(_CREEP * float(np.std(x)), _CERTAIN * shown) else 0.0
-    window = np.hanning(width + 2)[1:-1]  # no side lobes that the swing could pass through
-    slow = [np.convolve(signal, window / window.sum(), mode="valid") for signal in (x, given) if signal is not None]
-    change, error = _trend(slow[0], slow[1:])
-    change, error = (size * (x.size - 1) / (slow[0].size - 1) for size in (change, error))  # over the whole record
-    return change if abs(change) > max(_CREEP * float(np.std(x)), _CERTAIN * error) else 0.0
+    rest = _stands_still(x, x.size // peak, error) if given is None else 0
+    if rest:
+        span, (change, doubt) = rest, _trend(x[-rest:], [])
+        doubt = max(doubt, error * np.sqrt(12.0 / rest))
+    else:
+        window = np.hanning(width + 2)[1:-1]  # no side lobes that the swing could pass through
+        slow = [np.convolve(signal, window / window.sum(), mode="valid") for signal in (x, given) if signal is not None]
+        span, (change, doubt) = slow[0].size, _trend(slow[0], slow[1:])
+    whole = (x.size - 1) / (span - 1)  # of the record
+    return whole * change if abs(whole * change) > max(_CREEP * float(np.std(x)), _CERTAIN * whole * doubt) else 0.0
 
 
 def _stands_still(values: FloatArray, period: int, error: float) -> int:
@@ -223,9 +223,8 @@ def _stands_still(values: FloatArray, period: int, error: float) -> int:
     parts = values[values.size - count * period :].reshape(count, max(period, 1))[::-1]
     line = np.linspace(-1.0, 1.0, max(period, 2))
     lines = np.column_stack([np.ones_like(line), line])
-    moves = [
-        float(np.std(part - lines @ np.linalg.lstsq(lines, part, rcond=None)[0])) > _STILL * error for part in parts
-    ]
+    left = (part - lines @ np.linalg.lstsq(lines, part, rcond=None)[0] for part in parts)
+    moves = [float(np.std(own)) > _STILL * error for own in left]
     still = moves.index(True) if True in moves else count
     return still * period if still >= _RESTS else 0
 
