@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -119,6 +121,20 @@ def test_the_score_is_the_gain_of_a_full_linear_refit(effect: str, name: str, va
     assert gain > 50
     # The screen uses a finite size of the effect.
     assert score == pytest.approx(gain, rel=0.06)
+
+
+def test_beside_a_motion_that_blows_up_nothing_is_gained() -> None:
+    found = declared_fit()
+    blown = replace(
+        found.minimum,
+        x=found.problem.start({**found.values, "xi": -50.0}),
+        residual=np.full_like(found.minimum.residual, np.inf),
+        jacobian=np.full_like(found.minimum.jacobian, np.nan),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scored = screen(found.model, blown, found.problem, ["quadratic_drag", "sensor_delay"])
+    assert [c.score for c in scored] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(

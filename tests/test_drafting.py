@@ -487,3 +487,16 @@ def test_a_new_user_gets_the_right_answer_from_init_and_loop(
 def test_large_numbers_are_said_in_digits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path, "a.csv", "time_s,u_mV,speed_rpm", TIME, 1e3 * HELD, 100.0 * turning())
     assert "e+0" not in call(capsys, "init", path).out
+
+
+@pytest.mark.parametrize("told", ["number", "word"])
+def test_trials_of_one_file_are_told_apart_by_their_column(tmp_path, told):
+    values = [3.0, 1.0, 2.0] if told == "number" else ["high", "low", "mid"]
+    swings = [a * SWING + RNG.normal(0.0, 1e-3, TIME.size) for a in (1.0, 0.6, 0.8)]
+    rows = [f"{v},{t:.2f},{x:.6f},7" for v, swing in zip(values, swings, strict=True)
+            for t, x in zip(TIME, swing, strict=True)]  # fmt: skip
+    path = tmp_path / "all.csv"
+    path.write_text("\n".join(["take no,t_s,angle_rad,battery", *rows]), encoding="utf-8")
+    records = drafted(path)["records"]
+    assert [part["where"]["take no"] for part in (*records["train"], *records["holdout"])] == values
+    assert len(records["train"]) == 2

@@ -34,7 +34,7 @@ VOCABULARY = {
     *("quadratic_drag", "structural_damping", "amplitude_dependent_damping", "asymmetric_viscous_damping"),
     *("table_tilt", "gravity_torque", "periodic_disturbance", "base_backlash", "base_compliance", "encoder_ripple"),
     *("input_offset", "input_gain", "base_hysteresis", "hysteresis", "viscoelastic_relaxation"),
-    *("sensor_delay", "angle_offset", "position_scale", "camera_origin_offset", "time_base_error"),
+    *("sensor_delay", "angle_offset", "position_scale", "camera_origin_offset", "time_base_error", "zero_drift"),
     *("second_mode", "radius_inertia", "elastica_geometry"),
 }
 #: Effects are searched on it.

@@ -75,6 +75,8 @@ def test_a_law_that_is_missing_does_not_decide(tmp_path):
     (tmp_path / "rig.toml").write_text(RIG % ("auto", 0.03))
     dataset = choose_interpolation(load_dataset(tmp_path / "rig.toml", [tmp_path / "run.csv"]))
     assert dataset.rig.columns.input.interpolation == "spline"
+    (note,) = [flag for flag in dataset.train[0].recording.flags if flag.code == "input_chosen"]
+    assert ("A smaller one does not count: half a sample of lag" in note.sentence) == note.numbers["kept"] is True
 
 
 def test_where_noise_hides_it_the_usual_one_is_kept(tmp_path):

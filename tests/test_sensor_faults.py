@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, misread, misstated
+from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, doubted, misstated
 from discovery.recordings.quantisation import quantum, resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import noise_flags
@@ -57,7 +57,7 @@ def test_ordinary_motions_are_left_alone(motion):
     found = flat_runs(values, max(NOISE, quantum(values)))
     assert not found.stretches
     assert not found.limits
-    assert spikes(values, max(NOISE, resolution(values))).size == 0
+    assert spikes(T[: values.size], values, max(NOISE, resolution(values))).size == 0
 
 
 @given(st.integers(300, 3000), st.integers(25, 150), st.booleans())
@@ -131,14 +131,34 @@ def test_clipped_readings_are_found(limit):
 def test_spikes_are_found(at, size):
     values = noisy(DECAY)
     values[at] += size
-    assert spikes(values, NOISE).tolist() == [at]
+    assert spikes(T[: values.size], values, NOISE).tolist() == [at]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lost_rows_are_no_spikes_and_hide_none(seed):
+    rng = np.random.default_rng(seed)
+    t, lone = 0.01 * np.arange(2000), rng.integers(50, 1950)
+    values = np.sin(2 * np.pi * 0.6 * t) + 3e-4 * rng.standard_normal(t.size)
+    near = np.abs(np.arange(t.size) - lone) < 4
+    for kept in (rng.random(t.size) > 0.15, (t < 7) | (t > 8.3)):
+        kept = kept | near
+        assert spikes(t[kept], values[kept], 3e-4).size == 0
+        wild = values + 0.02 * (np.arange(t.size) == lone)
+        assert t[kept][spikes(t[kept], wild[kept], 3e-4)].tolist() == [t[lone]]
 
 
 def test_the_mean_that_creeps():
-    assert drift(T, noisy(DECAY)) == 0.0
-    assert drift(T, noisy(np.cos(6.0 * T)) + 0.2 * T / T[-1]) == pytest.approx(0.2, rel=0.03)
-    assert drift(T, noisy(np.cos(6.0 * T)) + 0.01 * T / T[-1]) == 0.0
-    assert drift(T[:3000], noisy(np.cos(6.0 * T) + T)[:3000]) == 0.0
+    assert drift(T, noisy(DECAY), NOISE) == 0.0
+    assert drift(T, noisy(np.cos(6.0 * T)) + 0.2 * T / T[-1], NOISE) == pytest.approx(0.2, rel=0.03)
+    assert drift(T, noisy(np.cos(6.0 * T)) + 0.01 * T / T[-1], NOISE) == 0.0
+    assert drift(T[:3000], noisy(np.cos(6.0 * T) + T)[:3000], NOISE) == 0.0
+
+
+def test_a_body_that_dry_friction_stops_off_its_middle_does_not_creep():
+    swings = sliding(0.4)[:6000]
+    stopped = np.where(swings == 0.0, 0.06, swings)
+    assert drift(T[:6000], noisy(stopped), NOISE) == 0.0
+    assert drift(T[:6000], noisy(stopped + 0.1 * T[:6000] / 30), NOISE) == pytest.approx(0.1, rel=0.02)
 
 
 @pytest.mark.parametrize("drifts", [0.0, 0.2])
@@ -152,7 +172,7 @@ def test_the_slow_part_of_a_driven_motion_does_not_creep(drifts):
         waves = np.exp(1j * (np.multiply.outer(time, rates) + phases))
         motion = (waves @ (sizes / (own**2 - rates**2 + 0.1j * own * rates))).real
         motion *= 1.0 / motion.std()
-        found.append(drift(time, noisy(motion) + drifts * time / time[-1], (waves @ sizes).real))
+        found.append(drift(time, noisy(motion) + drifts * time / time[-1], NOISE, (waves @ sizes).real))
     # A swing that is slow for the length of the record has no mean that could be told from it.
     assert found.count(0.0) == 20 if drifts == 0.0 else found.count(0.0) <= 3
     assert np.median(found) == pytest.approx(drifts, rel=0.05)
@@ -281,6 +301,7 @@ JITTERED = REGULAR + np.random.default_rng(3).uniform(-3e-3, 3e-3, 1000)
         (REGULAR, []),
         (np.round(np.arange(500) / 30.0, 3), []),
         (np.delete(REGULAR, [100, 101, 102, 700]), ["4 samples are missing in 2 gaps", "longest lasts 0.04 s"]),
+        (REGULAR[np.random.default_rng(4).random(1000) > 0.15], ["samples are missing in 1", "gaps of the times"]),
         (np.delete(REGULAR, 100), ["1 sample is missing in 1 gap of the times"]),
         (JITTERED, ["stamps jitter", "taken as they are"]),
         (np.sort(np.concatenate([REGULAR[::5] + k * 1e-4 for k in range(5)])), ["come in bursts"]),
@@ -395,8 +416,8 @@ def test_a_tip_that_does_not_point_where_the_motor_does_is_told(change, words):
     # Each mistake is told once, however far the tip lies beside the motor's direction.
     again = [replace(note, numbers={**note.numbers, "bend": 1.7}) for note in notes]
     doubt = [f"a: {note} So in b." for note in notes]
-    assert misread({"a": [OTHER, *notes], "b": again}) == doubt
-    assert len(misread({"a": notes, "c": bend_flags(-motor, {"tip_x": x, "tip_y": y})})) == (
+    assert doubted({"a": [OTHER, *notes], "b": again}) == doubt
+    assert len(doubted({"a": notes, "c": bend_flags(-motor, {"tip_x": x, "tip_y": y})})) == (
         1 if words is None or "or tip_y of opposite" in words else 2
     )
 

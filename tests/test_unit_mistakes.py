@@ -103,6 +103,11 @@ def test_noise_alone_is_no_swing(tmp_path):
         read(tmp_path, pendulum(Quantity(1.0, 1e-3)), still)
 
 
+def test_a_swing_with_a_long_dead_tail_is_a_swing(tmp_path):
+    angle = np.where(T < 6.0, swing(0.3), 0.0) + 4e-3 * np.random.default_rng(1).standard_normal(T.size)
+    assert read(tmp_path, pendulum(Quantity(1.0, 1e-3)), angle).time.size == T.size
+
+
 def test_zero_and_scale_apply_to_the_column(tmp_path):
     angle = swing(0.5)
     turned = np.angle(np.exp(1j * (np.pi - angle)))

@@ -21,7 +21,7 @@ _SCATTERED = 1.5
 
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
-    from discovery.recordings.flags import UNDERSTATED, misread, misstated
+    from discovery.recordings.flags import UNDERSTATED, doubted, misstated
     from discovery.report.follow_up_sentences import stand_in_sentence
     from discovery.report.sentences import decision_sentence, doubts_answer
 
@@ -31,7 +31,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     known = not result.complete or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
     return [
         *_unfilled(dataset),
-        *misread(flags),
+        *doubted(flags),
         *misstated(flags),
         *map(decision_sentence, (s.summary() for s in result.steps if doubts_answer(s.code, complete=result.complete))),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),

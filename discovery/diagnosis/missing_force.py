@@ -90,7 +90,10 @@ def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
         forces = tuple(reconstruct(fit, i) for i in range(len(fit.problem.bench.experiments)))
     except ComputationError as failure:
         why = f"{str(failure)[:1].lower()}{str(failure)[1:]}"
-        raise ComputationError(f"The missing force could not be reconstructed: {why}") from failure
+        raise ComputationError(
+            f"The missing force could not be reconstructed: {why} The answer does not depend on it; shorter "
+            "recordings, with samples = [start, stop], may have one."
+        ) from failure
     if max(f.gain for f in forces) < LEAST_GAIN:
         return MissingForce(forces, (), (), (), coordinate)
     sites = Sites.of(forces, period)

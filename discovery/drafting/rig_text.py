@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.equations import equations
 from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm
 from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
+from discovery.drafting.trials import trials
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
@@ -77,6 +79,7 @@ def draft(
     path = fitted[0]
     place = path.parent if folder is None else as_path(folder, "folder", "Give the folder of the rig file.")
     names = open_table(path)[0].columns
+    rows: list[str] = []
     if (kind is None or KINDS[kind].has_rod) and has_columns_of_an_arm(names):
         lines = _arm(path)
     else:
@@ -87,7 +90,9 @@ def draft(
         if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
             found = replace(found, output=replace(found.output, unit=angle_unit(found.output.values)))
         lines = _system(path, found, guess, time, rate)
-    return "\n".join([*lines, "", *_records(fitted, held, place)]) + "\n"
+        if len(fitted) == 1 and found.time is not None:
+            rows = _trials(path, time, found)
+    return "\n".join([*lines, "", *_records(fitted, held, place, rows)]) + "\n"
 
 
 def _check_wishes(kind: str | None, rate: float | None, chosen: Mapping[str, str | None] | None) -> None:
@@ -240,17 +245,31 @@ def _zero(found: Signals, guess: Guess) -> str:
     return f", zero = {rest:.6g}" if swings and found.input is None and abs(rest) > _BESIDE * half else ""
 
 
-def _records(files: Sequence[Path], holdout: Sequence[Path], folder: Path) -> Iterator[str]:
-    def parts(paths: Sequence[Path]) -> str:
-        return ", ".join(f"{{ file = {_text(_from(folder, path))} }}" for path in paths)
+def _records(files: Sequence[Path], holdout: Sequence[Path], folder: Path, which: Sequence[str] = ()) -> Iterator[str]:
+    def parts(paths: Sequence[Path], rows: Sequence[str]) -> str:
+        return ", ".join(f"{{ file = {_text(_from(folder, path))}{part} }}" for path in paths for part in rows)
 
     yield "[records]"
-    yield f"train = [{parts(files)}]"
-    if holdout:
-        yield f"holdout = [{parts(holdout)}]   # never fitted"
+    kept = which[-1:] if which and not holdout else []
+    if which:
+        yield "# guessed: the times begin again with each trial" + (", and the last one judges" if kept else "")
+    yield f"train = [{parts(files, which[: len(which) - len(kept)] or [''])}]"
+    if holdout or kept:
+        yield f"holdout = [{parts(holdout or files, kept or [''])}]   # never fitted"
     else:
         yield "# Without a hold-out the last third of each is kept out of the fit. Another motion judges better:"
         yield '# holdout = [{ file = "another.csv" }]'
+
+
+def _trials(path: Path, time: FloatArray, found: Signals) -> list[str]:
+    """Return how the rows of each trial of a file are picked."""
+    column, values = trials(open_table(path)[0], time, found.unused)
+    said = (_text(value) if isinstance(value, str) else f"{value:.12g}" for value in values)
+    return [f", where = {{ {_key(column)} = {value} }}" for value in said]
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
 
 
 def _from(folder: Path, path: Path) -> str:

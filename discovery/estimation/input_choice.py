@@ -66,10 +66,12 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
     best = min(cost, key=lambda n: cost[n])
     first = next(iter(cost))
     needed = max(_GAIN * cost[best] / samples, _LEFT * (cost[best] - samples))
-    if cost[first] - cost[best] < needed:
-        best = first
+    kept = best != first and cost[first] - cost[best] < needed
+    best = first if kept else best
     against = ", ".join(f"{_WORDS[n]} {(c / cost[best]) ** 0.5:.4g}" for n, c in cost.items() if n != best)
-    flag = Flag("input_chosen", numbers={"words": _WORDS[best], "against": against, "interpolation": best})
+    flag = Flag(
+        "input_chosen", numbers={"words": _WORDS[best], "against": against, "interpolation": best, "kept": kept}
+    )
     train = (replace(e, recording=replace(e.recording, flags=(*e.recording.flags, flag))) for e in dataset.train)
     return _with(replace(dataset, train=tuple(train)), best)
 

@@ -21,7 +21,7 @@ class InverseDynamics(OneCoordinate):
     then known as well as the recording tells it, however little the inertia shows beside it. Nothing is integrated but
     the memory of effects, and there is no initial state (Gautier, Janot and Vandanjon, IEEE Transactions on Control
     Systems Technology 21 (2013) 428, the inverse dynamic identification model). A late instrument would be a motion
-    that is early: those effects are not offered here, nor an offset of the force beside `constant_force`.
+    that is early: those effects are not offered here, nor an offset or drift of the force beside `constant_force`.
     """
 
     name = "inverse_dynamics"
@@ -29,7 +29,7 @@ class InverseDynamics(OneCoordinate):
     reads = "force"
     input_moves = True
     prescribed = True
-    provides = frozenset({"sensor_delay", "time_base_error", "position_scale", "angle_offset"})
+    provides = frozenset({"sensor_delay", "time_base_error", "position_scale", "angle_offset", "zero_drift"})
 
     m = Parameter(
         "s^2 q^-1", "inertia: force per acceleration", (1e-6, 1e6), LogNormal(1.0, 3.0), default=1.0, starts=(1.0,)

@@ -23,6 +23,7 @@ from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.holdout_part import fitted_count
+from discovery.recordings.own_parts import own_parts
 from discovery.recordings.recording import Recording, read_recording
 from discovery.recordings.search_part import with_flag
 from discovery.recordings.shared_samples import shared_samples
@@ -145,7 +146,12 @@ def load_dataset(
         raise InputError(
             f"{rig_path}: there is nothing to fit. Give --train FILE, or a train list under [records] in the rig file."
         )
-    found = {role: [_read(part, rig) for part in listed] for role, listed in parts.items()}
+    read = {
+        role: [taken for part in listed for taken in own_parts(part, rig, lambda its: _read(its, rig))]
+        for role, listed in parts.items()
+    }
+    parts = {role: [part for part, _ in listed] for role, listed in read.items()}
+    found = {role: [recording for _, recording in listed] for role, listed in read.items()}
     _refuse_twins(found)
     _distinguish(found, parts)
     found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})

@@ -8,165 +8,11 @@ from string import Formatter
 from typing import Any
 
 from discovery.declarations.units import quoted
+from discovery.recordings.flag_words import CODES, IMPOSSIBLE, MISREAD, NOISE, OVERSTATED, UNDERSTATED
 
-__all__ = ["IMPOSSIBLE", "MISREAD", "OVERSTATED", "UNDERSTATED", "Flag", "impossible", "misread", "misstated"]
+__all__ = ["IMPOSSIBLE", "MISREAD", "OVERSTATED", "UNDERSTATED", "Flag", "doubted", "impossible", "misstated"]
 
-UNDERSTATED, OVERSTATED, MISREAD = "noise_understated", "noise_overstated", "columns_misread"
-#: Severity of a flag that refutes what the rig file declares.
-IMPOSSIBLE = "impossible"
 _FAR = 2.0  # ratio of a stated noise to a smaller one that hides what is sought
-_BENT = 0.9  # rms deflection of a rod [rad]
-
-_STATED = (
-    " from sample to sample, but the rig file states a noise of {stated:unit}, which is used (with --estimate-noise, "
-    "the scatter is). "
-)
-_NOISE = {
-    UNDERSTATED: _STATED + "If that is too small, the rest of the noise looks like something missing.",
-    OVERSTATED: _STATED
-    + "If that is too large, small effects stay unseen; if the readings were smoothed, take raw ones.",
-}
-#: Severity and words of each code. ``{x:unit}`` is a value in the unit of its column, with three digits or
-#: ``{x:unit4}``; ``{n:one|several}`` is a count with its word.
-_CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
-    "rate_unknown": (
-        "note",
-        "The sampling rate is not known: times count samples, and rates and frequencies are per sample.",
-    ),
-    "encoding_guessed": (
-        "note",
-        "The file is not UTF-8: its text is read as {encoding}. Numbers do not depend on it; where a name or a unit "
-        "looks wrong, export the file as UTF-8.",
-    ),
-    "samples_missing": (
-        "note",
-        "{missing:sample is|samples are} missing in {gaps:gap|gaps} of the times; the longest lasts {longest:.4g} s. "
-        "The motion is computed through them, an input is interpolated.",
-    ),
-    "times_irregular": (
-        "note",
-        "The time stamps {kind}: their steps lie between {shortest:.4g} and {longest:.4g} s. They are taken as they "
-        "are.",
-    ),
-    "times_scaled": (
-        "doubt",
-        "The samples are {step:.4g} s apart. If the times are in {right}, they are {times} by a thousand: correct the "
-        "unit or the rate in the rig file.",
-    ),
-    MISREAD: ("doubt", lambda n: _misread(n)),
-    "cells_empty": (
-        "left_out",
-        lambda n: (
-            "{column!r} has {count:empty cell|empty cells} in {rows} rows, "
-            + ("up to {longest} in a row, from" if n["longest"] > 1 else "the first at")
-            + " {start:.4g} s: gaps, which are not compared."
-        ),
-    ),
-    "swings_few": (
-        "doubt",
-        "{column!r} holds about {swings:.2g} swings ({duration:.3g} s): few to tell damping and weak forces apart. "
-        "Better record ten.",
-    ),
-    "swing_cut": (
-        "doubt",
-        "{column!r} holds about {swings:.1g} of a swing ({duration:.3g} s): frequency, damping and the form of the "
-        "force are hardly told apart. If it swings at all, record several swings, better ten: without a hold-out, the "
-        "last third judges.",
-    ),
-    "readings_coarse": (
-        "note",
-        "{column!r} reads in steps of {step:unit4}: its noise is taken as at least {rounding:unit}, the standard "
-        "deviation of rounding.",
-    ),
-    "readings_stuck": (
-        "left_out",
-        lambda n: (
-            "{column!r} is stuck "
-            + ("for" if n["stretches"] == 1 else "in {stretches} stretches, {total} samples in all, the longest of")
-            + " {length} samples from {start:.4g} s, while the system moves. They are left out."
-        ),
-    ),
-    "readings_clipped": (
-        "left_out",
-        lambda n: (
-            "{column!r} saturates at "
-            + " and ".join(f"{{limits[{k}]:unit4}}" for k in range(len(n["limits"])))
-            + ": {count} clipped samples are left out. Widen the instrument's range."
-        ),
-    ),
-    "spikes": (
-        "note",
-        "{column!r} has {count:spike|spikes}, far from where the readings beside them would put them, the first at "
-        "{start:.4g} s. They are kept.",
-    ),
-    "mean_creeps": (
-        "doubt",
-        "The mean of {column!r} creeps by {creep:unit} over the record: a drifting instrument, or a rest position that "
-        "moves.",
-    ),
-    UNDERSTATED: ("doubt", "{column!r} scatters by {scatter:unit}" + _NOISE[UNDERSTATED]),
-    OVERSTATED: ("doubt", "{column!r} scatters by {scatter:unit}" + _NOISE[OVERSTATED]),
-    "angle_spikes": (
-        "left_out",
-        lambda n: (
-            "{count:spike|spikes}, first at sample {first} (counted from 0), more than {jump:unit} from the readings "
-            "before and after, which agree: no pendulum does that. "
-            + ("It is" if n["count"] == 1 else "They are")
-            + " left out."
-        ),
-    ),
-    "angle_turned": (
-        "left_out",
-        "{count:reading|readings}, first at sample {first} (counted from 0) with {value:unit6}, more than a turn from "
-        "those before and after: no pendulum does that. Left out.",
-    ),
-    "turns_joined": (
-        "note",
-        "The angle jumps by full turns in {count:place|places}, first at sample {first}, counted from 0: the turns are "
-        "joined.",
-    ),
-    "angle_unit": (
-        IMPOSSIBLE,
-        "The period grows with the amplitude as that of a pendulum whose angle is in {right}: by {slower:.2g} % up to "
-        "{amplitude:unit}, where it would grow by {due:.2g} % if the unit were as the rig file has it. Is the unit of "
-        'the output right? For {right}, set unit = "{right}". If it is, declare the law that bends the period, such as '
-        "cubic_stiffness, in [model].",
-    ),
-    "fall_rate": (
-        IMPOSSIBLE,
-        lambda n: (
-            "The fall begins with {found:.3g} m/s^2 where gravity is {gravity:.4g} m/s^2, "
-            + (
-                "and drag never makes a fall faster"
-                if n["found"] > n["gravity"]
-                else "and drag is small as long as it is slow"
-            )
-            + ". Are the units of height and time right, and gravity?"
-            + ("" if n["found"] > n["gravity"] else " Where the body floats in part, state gravity_m_s2 less buoyancy.")
-            + (' Heights in {right} would fit: set unit = "{right}" for the output.' if n["right"] else "")
-        ),
-    ),
-    "stamps_err": (
-        "note",
-        "Readings scatter more where they move fast, as if their time stamps erred by {jitter:.2g} s (of a step of "
-        "{step:.3g} s): slope times that is added to their noise. State it, time = {{ ..., jitter = ... }}, if known.",
-    ),
-    "averaged": (
-        "note",
-        "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
-        "motion that stands out of the noise needs more.",
-    ),
-    "searched_in_part": (
-        "note",
-        "effects are searched on the first {searched} of {count} readings; the models before and after are fitted to "
-        "all of them.",
-    ),
-    "input_chosen": (
-        "note",
-        "the input between its samples was taken as {words}; error of the declared model with another, in units of "
-        'this one\'s: {against}. Set interpolation = "{interpolation}" in the rig file to keep it so.',
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -197,12 +43,12 @@ class Flag:
         ``note``: good to know; ``left_out``: readings became gaps; ``doubt``: the results may be wrong; ``impossible``:
         the declared system cannot move as the readings do.
         """
-        return _CODES[self.code][0]
+        return CODES[self.code][0]
 
     @property
     def sentence(self) -> str:
         """The flag in words, for people."""
-        words = _CODES[self.code][1]
+        words = CODES[self.code][1]
         return _worded(words if isinstance(words, str) else words(self.numbers), self)
 
     def __str__(self) -> str:
@@ -232,28 +78,21 @@ def _worded(template: str, flag: Flag) -> str:
     return _Words(flag.unit).format(template, column=flag.column, **flag.numbers)
 
 
-def _misread(numbers: Mapping[str, Any]) -> str:
-    more = ", more than a rod bends in use" if numbers["bend"] > _BENT else ""
-    likely = " With {likely} it would lie {left:.2g} rad beside it on average, not {aside:.2g}."
-    return (
-        f"The tip lies {{bend:.2g}} rad beside the motor's direction (rms){more}.{likely if numbers['likely'] else ''} "
-        "Are its columns exchanged, is one of opposite sign, or is an angle in another unit than its column's name "
-        "says?"
-    )
-
-
 def impossible(flags: Iterable[Flag]) -> bool:
     """Return whether a flag refutes what the rig file declares: the file is in doubt before any model is."""
     return any(flag.severity == IMPOSSIBLE for flag in flags)
 
 
-def misread(flags: Mapping[str, Iterable[Flag]]) -> list[str]:
-    """Return a sentence for each mistake in columns or units that flags, by recording, tell of, with its numbers."""
+def doubted(flags: Mapping[str, Iterable[Flag]]) -> list[str]:
+    """Return a sentence for each doubt that flags, by recording, tell of, with the numbers of the first recording.
+
+    A stated noise is none of them: `misstated` has it.
+    """
 
     def fault(flag: Flag) -> object | None:
-        if flag.code == MISREAD:
-            return flag.code, flag.numbers["likely"]
-        return (flag.code, flag.numbers["right"]) if flag.severity == IMPOSSIBLE else None
+        if flag.severity not in ("doubt", IMPOSSIBLE) or flag.code in NOISE:
+            return None
+        return flag.code, flag.numbers.get("likely"), flag.numbers.get("right")
 
     found = _alike(flags, fault)
     return [
@@ -266,10 +105,7 @@ def misstated(flags: Mapping[str, Iterable[Flag]]) -> list[str]:
     """Return a sentence for each stated noise that flags, by recording, contradict, with all their columns."""
 
     def fault(flag: Flag) -> tuple[str, str, float] | None:
-        if (
-            flag.code not in _NOISE
-            or flag.numbers["scatter"] <= flag.numbers["stated"] < _FAR * flag.numbers["scatter"]
-        ):
+        if flag.code not in NOISE or flag.numbers["scatter"] <= flag.numbers["stated"] < _FAR * flag.numbers["scatter"]:
             return None
         return flag.code, flag.unit, flag.numbers["stated"]
 
@@ -282,7 +118,7 @@ def misstated(flags: Mapping[str, Iterable[Flag]]) -> list[str]:
         least, most = quoted(sizes[0], first.unit), quoted(sizes[-1], first.unit)
         span = most if least == most else f"{least.split(' ')[0]} to {most}"
         verb = "scatters" if len(entries) == 1 else "scatter"
-        sentences.append(f"{names}: {labels} {verb} by {span}{_worded(_NOISE[first.code], first)}")
+        sentences.append(f"{names}: {labels} {verb} by {span}{_worded(NOISE[first.code], first)}")
     return sentences
 
 

@@ -19,7 +19,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _JITTER = 0.05  # of a step
 _GAP = 1.5  # steps
-_RARE = 0.1  # share of the steps
+_RARE, _MOST = 0.1, 0.9  # share of the steps
+_BURSTS = 2.0  # mean over median step
 _SLOW, _FAST = 1.0, 1e-6  # steps of mechanical recordings [s]
 _COARSE = 0.3  # of the noise
 _BENT = 0.9  # rms deflection of a rod [rad]
@@ -49,12 +50,15 @@ def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
     flags = []
     gaps = steps > _GAP * step
     regular = np.abs(steps[~gaps] - step) < _JITTER * step
-    if 0 < gaps.mean() < _RARE and regular.mean() > 0.9:
+    # Many rows are lost, too, where every step is a whole number of steps of one clock.
+    lost = np.abs(steps / step - np.round(steps / step)) < _JITTER
+    few = gaps.mean() < _RARE or (lost.mean() > _MOST and steps.mean() < _BURSTS * step)
+    if gaps.any() and few and regular.mean() > _MOST:
         missing = int(np.round(steps[gaps] / step - 1.0).sum())
         sizes = {"missing": missing, "gaps": int(gaps.sum()), "longest": float(steps.max())}
         flags.append(Flag("samples_missing", numbers=sizes))
     elif np.quantile(np.abs(steps - step), 0.95) > _JITTER * step:
-        kind = "come in bursts" if steps.mean() > 2.0 * step else "jitter"
+        kind = "come in bursts" if steps.mean() > _BURSTS * step else "jitter"
         between = {"shortest": float(steps.min()), "longest": float(steps.max())}
         flags.append(Flag("times_irregular", numbers={"kind": kind, **between}))
     if not _FAST < step < _SLOW:
@@ -207,9 +211,9 @@ def clean_output(
     if flat.limits:
         tell("readings_clipped", limits=[float(limit) for limit in flat.limits], count=int(flat.clipped.sum()))
     kept = values if not flat.stretches and not flat.limits else np.where(flat.stuck | flat.clipped, np.nan, values)
-    found = spikes(kept, noise)
+    found = spikes(time, kept, noise)
     if found.size:
         tell("spikes", count=int(found.size), start=float(time[found[0]]))
-    if returns and (creep := drift(time, kept, given)):
+    if returns and (creep := drift(time, kept, noise, given)):
         tell("mean_creeps", creep=float(creep))
     return kept, flags

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from discovery.recordings.time_jitter import left_by_cubics
+
 __all__ = ["FlatRuns", "drift", "flat_runs", "spikes"]
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,10 +25,14 @@ _EDGE = 2  # samples that tell the speed at the edge, at least
 _SEEN = 5.0  # quanta or noise sds that they must cover
 _JUMP = 3.0  # largest changes of the step just before
 _SPIKE = 12.0  # robust sds
+_OF_EVEN = np.sqrt(70.0) / 6.0  # sd of what misses the cubic through evenly spaced neighbours [noise sds]
+_WIDE = 2.0  # times the usual span of neighbours
 _NEIGHBOURHOOD = 25  # samples on either side of a spike that tell what is usual
 _PERIODS = 4.0  # over which a mean is taken
 _CREEP = 0.05  # of the signal's sd
 _CERTAIN = 3.0  # standard errors
+_STILL = 2.0  # noise sds about a straight line over a period
+_RESTS = 3  # periods
 
 
 @dataclass(frozen=True)
@@ -129,14 +135,17 @@ def _interrupts(values: FloatArray, start: int, length: int, error: float, abrup
     return False
 
 
-def spikes(values: FloatArray, error: float) -> npt.NDArray[np.int64]:
+def spikes(time: FloatArray, values: FloatArray, error: float) -> npt.NDArray[np.int64]:
     """Find single readings far from where their neighbours put them.
 
     A cubic through two neighbours on either side predicts a reading. A spike misses its prediction by far more than is
-    usual around it, and pulls the predictions beside it two thirds as far to the other side.
+    usual around it, and pulls the predictions beside it two thirds as far to the other side. Neighbours that lie across
+    a gap of the times predict nothing.
 
     Parameters
     ----------
+    time : array, shape (n,)
+        Times [s], increasing.
     values : array, shape (n,)
         Readings; NaN are gaps.
     error : float
@@ -150,7 +159,8 @@ def spikes(values: FloatArray, error: float) -> npt.NDArray[np.int64]:
     if values.size < 4 * _NEIGHBOURHOOD:
         return np.empty(0, np.int64)
     miss = np.zeros(values.size)
-    miss[2:-2] = values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
+    wide = time[4:] - time[:-4] > _WIDE * np.median(time[4:] - time[:-4])
+    miss[2:-2] = np.where(wide, 0.0, _OF_EVEN * left_by_cubics(time, values)[0])
     size = np.abs(np.nan_to_num(miss))
     around = np.lib.stride_tricks.sliding_window_view(
         np.pad(size, _NEIGHBOURHOOD, mode="reflect"), 2 * _NEIGHBOURHOOD + 1
@@ -163,10 +173,11 @@ def spikes(values: FloatArray, error: float) -> npt.NDArray[np.int64]:
     return candidates[(np.abs(here) > _SPIKE * usual) & opposite & large]
 
 
-def drift(time: FloatArray, values: FloatArray, given: FloatArray | None = None) -> float:
+def drift(time: FloatArray, values: FloatArray, error: float, given: FloatArray | None = None) -> float:
     """Give by how much the mean about which a signal swings creeps over the record.
 
-    The slow part of a motion has a trend too, by chance or because its input has one. Such a trend is no creeping.
+    The slow part of a motion has a trend too, by chance or because its input has one. Such a trend is no creeping, nor
+    is that of a free body which dry friction stops off its middle: where it stands still in the end, that part tells.
 
     Parameters
     ----------
@@ -174,15 +185,17 @@ def drift(time: FloatArray, values: FloatArray, given: FloatArray | None = None)
         Times [s], about equally spaced.
     values : array, shape (n,)
         Readings; NaN are skipped.
+    error : float
+        Standard deviation of a reading.
     given : array, shape (n,), optional
         The input, which a slow motion follows.
 
     Returns
     -------
     float
-        The change over the whole record of a straight line through means over four periods, in the unit of `values`; 0
-        if it is below a twentieth of the signal's standard deviation, or below three of its own standard errors, or the
-        record is shorter than four such windows.
+        The change over the whole record of a straight line through means over four periods, or through the readings at
+        the end that stand still, in the unit of `values`; 0 if it is below a twentieth of the signal's standard
+        deviation, or below three of its own standard errors, or the record is shorter than four such windows.
     """
     good = np.isfinite(values)
     x = np.interp(time, time[good], values[good])
@@ -192,11 +205,28 @@ def drift(time: FloatArray, values: FloatArray, given: FloatArray | None = None)
     width = round(_PERIODS * x.size / peak)
     if 4 * width > x.size:
         return 0.0
-    window = np.hanning(width + 2)[1:-1]  # no side lobes that the swing could pass through
-    slow = [np.convolve(signal, window / window.sum(), mode="valid") for signal in (x, given) if signal is not None]
-    change, error = _trend(slow[0], slow[1:])
-    change, error = (size * (x.size - 1) / (slow[0].size - 1) for size in (change, error))  # over the whole record
-    return change if abs(change) > max(_CREEP * float(np.std(x)), _CERTAIN * error) else 0.0
+    rest = _stands_still(x, x.size // peak, error) if given is None else 0
+    if rest:
+        span, (change, doubt) = rest, _trend(x[-rest:], [])
+        doubt = max(doubt, error * np.sqrt(12.0 / rest))
+    else:
+        window = np.hanning(width + 2)[1:-1]  # no side lobes that the swing could pass through
+        slow = [np.convolve(signal, window / window.sum(), mode="valid") for signal in (x, given) if signal is not None]
+        span, (change, doubt) = slow[0].size, _trend(slow[0], slow[1:])
+    whole = (x.size - 1) / (span - 1)  # of the record
+    return whole * change if abs(whole * change) > max(_CREEP * float(np.std(x)), _CERTAIN * whole * doubt) else 0.0
+
+
+def _stands_still(values: FloatArray, period: int, error: float) -> int:
+    """Return for how many samples at the end nothing but noise is seen, whole periods, at least `_RESTS` of them."""
+    count = values.size // period if period > 3 else 0
+    parts = values[values.size - count * period :].reshape(count, max(period, 1))[::-1]
+    line = np.linspace(-1.0, 1.0, max(period, 2))
+    lines = np.column_stack([np.ones_like(line), line])
+    left = (part - lines @ np.linalg.lstsq(lines, part, rcond=None)[0] for part in parts)
+    moves = [float(np.std(own)) > _STILL * error for own in left]
+    still = moves.index(True) if True in moves else count
+    return still * period if still >= _RESTS else 0
 
 
 def _trend(values: FloatArray, beside: list[FloatArray]) -> tuple[float, float]:

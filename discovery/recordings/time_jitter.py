@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["estimate_jitter", "scatter", "stamp_deviation"]
+__all__ = ["estimate_jitter", "left_by_cubics", "scatter", "stamp_deviation"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def _of_channel(time: FloatArray, channel: FloatArray, noise: float) -> float:
     good = np.isfinite(channel)
     if good.sum() < _FEWEST:
         return 0.0
-    error, speed = _left_by_cubics(time[good], channel[good])
+    error, speed = left_by_cubics(time[good], channel[good])
     order, part = np.argsort(np.abs(speed)), int(_SHARE * speed.size)
     slow, fast = order[:part], order[-part:]
     base = max(_variance(error[slow]), noise**2)
@@ -89,8 +89,19 @@ def _of_channel(time: FloatArray, channel: FloatArray, noise: float) -> float:
     return float(np.sqrt(excess / np.median(speed[fast] ** 2)))
 
 
-def _left_by_cubics(time: FloatArray, channel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return by how much each reading misses the cubic through two neighbours a side, as one reading; and the slope."""
+def left_by_cubics(time: FloatArray, channel: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return by how much readings miss the cubic through two neighbours on either side, and the slopes there.
+
+    Parameters
+    ----------
+    time, channel : array, shape (n,)
+        Times [s], increasing, and readings; what misses next to a gap is NaN.
+
+    Returns
+    -------
+    miss, slope : array, shape (n - 4,)
+        From the third reading to the last but two; a miss has the standard deviation of one reading.
+    """
     at = np.stack([time[:-4], time[1:-3], time[3:-1], time[4:]]) - time[2:-2]
     near = np.stack([channel[:-4], channel[1:-3], channel[3:-1], channel[4:]])
     weight = np.ones_like(at)

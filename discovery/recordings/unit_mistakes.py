@@ -20,7 +20,7 @@ _JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours tha
 _LOST = 1.5 * _FULL_TURN  # a sensor that counts within a turn jumps by less
 _FEW = 0.1  # share of readings off the others up to which these are the recording
 _RARE = 0.01  # share of such readings up to which they are no motion
-_WHITE = 1.2  # median difference of neighbours over that from the median: 1.4 for white noise, little for a swing
+_WHITE = 1.2  # difference of neighbours over that from the middle: 1.4 for white noise, little for a swing
 _SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
 _LENGTH_MARGIN = 4.0  # ratio of a fitted to a stated length: an extended body swings slower
 _CLOCKS = ("s", "ms", "us")  # units in which times are written
@@ -155,11 +155,18 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
             "for the output in the rig file."
         )
     scatter = float(np.median(np.abs(angle - np.median(angle))))
-    if float(np.median(np.abs(np.diff(angle)))) > _WHITE * scatter:
+    # Of a swing that lasts for a small part of the record, medians see only the noise after it. The rms sees only a few
+    # wild readings.
+    if float(np.median(np.abs(np.diff(angle)))) > _WHITE * scatter and _rms_of_steps(angle) > _WHITE:
         raise InputError(
             f"{where}: nothing swings. The readings scatter by {quoted(1.48 * scatter, unit)}, each independent of the "
             "one before. Record a swing, or sample it more often than twice a period."
         )
+
+
+def _rms_of_steps(values: FloatArray) -> float:
+    """Return the rms difference of neighbours over the standard deviation."""
+    return float(np.sqrt(np.mean(np.diff(values) ** 2)) / max(float(np.std(values)), np.finfo(float).tiny))
 
 
 def _check_pace(where: str, rig: Rig, t: FloatArray, angle: FloatArray) -> None:

@@ -65,6 +65,8 @@ def per_age(bench: Bench, fitted: tuple[FloatArray, FloatArray], motions: Sequen
     delayed = np.repeat(parameters, 2, axis=1)
     delayed[bench.names.index(_delay(bench.simulators[0].kernel.program))] += [difference, -difference]
     older, younger = bench.residuals(delayed, np.repeat(initial, 2, axis=2), motions).T
+    if not np.isfinite([older, younger]).all():
+        return np.zeros((older.size, 1))  # a motion that blows up
     return (older - younger)[:, None] / (2 * difference)
 
 

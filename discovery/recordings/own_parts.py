@@ -1,0 +1,189 @@
+"""The parts of a recording that are motions of their own: from the release on, and between gaps of the input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from discovery.foundation.errors import InputError
+from discovery.recordings.flags import Flag
+from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.recording import Recording
+from discovery.rigs.rig import RecordPart, Rig
+
+__all__ = ["bridged", "own_parts", "release"]
+
+FloatArray = npt.NDArray[np.float64]
+Reader = Callable[[RecordPart], Recording]
+
+_GAP = 1.5  # steps
+_UNKNOWN = 0.05  # of a signal's standard deviation
+_TRIED, _BESIDE = 60, 12  # places where a gap is tried, and samples on either side of it
+_SHORTEST = 100  # readings of a part
+_HELD = 8  # readings that tell where a body is held
+_STILL, _OF_WAY = 5.0, 0.02  # noise sds, and share of the way to rest, within which it stands still
+_FAR = 20.0  # noise sds from rest
+
+
+def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart, Recording]]:
+    """Read rows of a file as the motions that they are.
+
+    A free body that is held away from rest is taken from its release on. Where neither the input nor the output can be
+    interpolated over a gap of the times, the recording ends before the gap and begins again after it.
+
+    Parameters
+    ----------
+    part : RecordPart
+        The rows.
+    rig : Rig
+        The system.
+    read : callable
+        Reads such rows.
+
+    Returns
+    -------
+    list of (RecordPart, Recording)
+        What is fitted, with a flag on the first where it is not all of the rows; one with a doubt where the input has
+        gaps but no good parts.
+
+    Raises
+    ------
+    InputError
+        As reading the rows does.
+    """
+    whole = read(part)
+    edges, make = _edges(whole, rig)
+    if not edges:
+        return [(part, whole)]
+    first = part.samples[0] if part.samples else 0
+    last = part.samples[1] if part.samples else None
+    rows = [first + rig.columns.every * edge for edge in edges]
+    rows[-1] = last if last is not None and edges[-1] == whole.time.size else rows[-1]
+    spans = list(pairwise(rows))
+    found = _read_all(part, spans, whole, edges, read)
+    told = make([list(span) for span in spans], bool(found))
+    if not found:
+        return [(part, replace(whole, flags=(*whole.flags, told)))]
+    (its, begun), *others = found
+    return [(its, replace(begun, flags=(told, *begun.flags))), *others]
+
+
+def _edges(r: Recording, rig: Rig) -> tuple[list[int], Callable[[list[list[int]], bool], Flag]]:
+    """Return where the parts of a recording begin and end, none where it is whole, and what makes the flag."""
+    if r.input is not None:
+        cuts = [] if rig.view is not None else [k + 1 for k in np.flatnonzero(~bridged(r)).tolist()]
+        longest = max((float(r.time[k] - r.time[k - 1]) for k in cuts), default=0.0)
+        numbers = {"gaps": len(cuts), "longest": longest}
+
+        def split(spans: list[list[int]], done: bool) -> Flag:
+            return Flag("split_at_gaps" if done else "input_unknown", numbers={**numbers, "parts": spans})
+
+        return [0, *cuts, r.time.size] if cuts else [], split
+    moves = (rig.traits.returns or rig.traits.has_own_equations) and rig.columns.output.reads != "acceleration"
+    at = release(r.time, r.output[:, 0], float(r.noise[0])) if moves else None
+
+    def held(spans: list[list[int]], done: bool) -> Flag:
+        level = float(np.nanmedian(r.output[:_HELD, 0]))
+        numbers = {"level": level, "until": float(r.time[at or 0]), "part": spans[0]}
+        unit = rig.columns.output.unit
+        return Flag("held" if done else "held_long", rig.columns.output.name, unit, numbers)
+
+    return [] if at is None else [at, r.time.size], held
+
+
+def _read_all(
+    part: RecordPart, spans: list[tuple[int, int]], whole: Recording, edges: list[int], read: Reader
+) -> list[tuple[RecordPart, Recording]]:
+    """Return the parts; none where one is too short, or, of a driven motion, cannot be used by itself."""
+    for a, b in pairwise(edges):
+        if b - a < _SHORTEST or (whole.input is not None and np.ptp(whole.input[a:b]) == 0.0):
+            return []
+    try:
+        return [(its, read(its)) for its in (replace(part, samples=span) for span in spans)]
+    except InputError:
+        if whole.input is None:
+            raise
+        return []
+
+
+def bridged(r: Recording) -> npt.NDArray[np.bool_]:
+    """Return for each step from sample to sample whether input or output can be interpolated over it, shape (n - 1,).
+
+    A gap of the same length is tried at many places where there are samples: how far they lie from the spline through
+    those beside it says what the spline is worth.
+    """
+    assert r.input is not None
+    steps = np.diff(r.time)
+    step = float(np.median(steps))
+    known = np.ones(steps.size, bool)
+    for length in np.unique(np.round(steps[steps > _GAP * step] / step).astype(int)).tolist():
+        signals = [r.input, *r.output.T]
+        if all(_lost(r.time, signal, length, step) for signal in signals):
+            known &= np.round(steps / step) != length
+    return known
+
+
+def _lost(time: FloatArray, values: FloatArray, length: int, step: float) -> bool:
+    """Return whether a gap of so many steps hides what a signal does: it is then off by more than its noise."""
+    missing = length - 1
+    width = missing + 2 * _BESIDE
+    miss: list[FloatArray] = []
+    for start in np.unique(np.linspace(0, time.size - width, _TRIED).astype(int)).tolist() if time.size > width else []:
+        t, x = time[start : start + width], values[start : start + width]
+        good = np.isfinite(x)
+        hidden = np.zeros(width, bool)
+        hidden[_BESIDE : _BESIDE + missing] = True
+        if good.all() and np.diff(t).max() < _GAP * step:
+            miss.append(x[hidden] - CubicSpline(t[~hidden], x[~hidden])(t[hidden]))
+    if not miss:
+        return False
+    noise = estimate_noise(values, time)
+    allowed = (_UNKNOWN * float(np.nanstd(values))) ** 2 + 2.0 * (noise if np.isfinite(noise) else 0.0) ** 2
+    return bool(np.mean(np.square(np.concatenate(miss))) > allowed)
+
+
+def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
+    """Return the sample at which a body is let go that was held away from where it comes to rest; None if it was not.
+
+    A free motion that begins at a turning point stands nearly still there, too, and for as long as its swing says: held
+    is what stands still for longer than a motion could that turns, by half of the time that it then takes for half of
+    the way to rest.
+
+    Parameters
+    ----------
+    time, values : array, shape (n,)
+        Times [s] and readings; NaN are gaps.
+    noise : float
+        Standard deviation of a reading.
+    """
+    good = np.flatnonzero(np.isfinite(values))
+    if good.size < 4 * _HELD:
+        return None
+    t, x = time[good], values[good]
+    level = float(np.median(x[:_HELD]))
+    way = level - float(np.median(x[x.size // 2 :]))
+    still = max(_STILL * noise, _OF_WAY * abs(way))
+    if abs(way) < _FAR * noise:
+        return None
+    gone = (level - x) * np.sign(way)
+    # Two in a row: a single reading may be wild.
+    left = _first(np.abs(gone) > still)
+    half = _first(gone > 0.5 * abs(way))
+    if left is None or half is None or not _HELD <= left < half or gone[left] < 0.0:
+        return None
+    turned = float(np.arccos(1.0 - still / abs(way)))
+    pace = (np.arccos(0.5) - turned) / (t[half] - t[left])
+    if t[left] - t[0] - 2.0 * turned / pace < 0.5 * (t[half] - t[left]):
+        return None
+    return int(good[left])
+
+
+def _first(true: npt.NDArray[np.bool_]) -> int | None:
+    """Return where two in a row are true for the first time."""
+    both = np.flatnonzero(true[:-1] & true[1:])
+    return int(both[0]) if both.size else None

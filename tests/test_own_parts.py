@@ -1,0 +1,91 @@
+"""Recordings that are taken from the release on, and split where the input is not known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.typing import NDArray
+
+from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.recordings.own_parts import bridged, release
+
+FREE = """name = "mass"
+kind = "oscillator"
+[columns]
+time = { name = "t", unit = "s" }
+output = { name = "x", unit = "mm", noise = 0.05 }
+"""
+DRIVEN = FREE.replace("output", 'input = { name = "u", unit = "N" }\noutput')
+T = 0.01 * np.arange(1500)
+
+
+def loaded(folder: Path, rig: str, part: str = "", **columns: NDArray[np.float64]) -> Dataset:
+    (folder / "rig.toml").write_text(rig + f'[records]\ntrain = [{{ file = "a.csv"{part} }}]\n', encoding="utf-8")
+    pd.DataFrame(columns).to_csv(folder / "a.csv", index=False)
+    return load_dataset(folder / "rig.toml")
+
+
+def swing(held: float, noise: float = 0.05) -> NDArray[np.float64]:
+    """Return a decay of 30 mm at 1 Hz [mm] that is let go after `held` seconds."""
+    t = np.maximum(T - held, 0.0)
+    return 30 * np.exp(-0.2 * t) * np.cos(2 * np.pi * t) + noise * np.random.default_rng(1).standard_normal(T.size)
+
+
+def driven(keep: NDArray[np.bool_]) -> dict[str, NDArray[np.float64]]:
+    rng = np.random.default_rng(2)
+    u = sum(np.sin(2 * np.pi * f * T + p) for f, p in zip(rng.uniform(0.5, 3, 9), rng.uniform(0, 6, 9), strict=True))
+    x = 1e3 * np.convolve(u, np.exp(-0.5 * T) * np.sin(2 * np.pi * T))[: T.size] * 1e-4
+    return {"t": T[keep], "u": u[keep], "x": (x + 0.05 * rng.standard_normal(T.size))[keep]}
+
+
+@pytest.mark.parametrize("held", [0.5, 1.5, 5.0])
+def test_a_body_that_is_held_is_taken_from_its_release_on(tmp_path: Path, held: float) -> None:
+    data = loaded(tmp_path, FREE, ", samples = [20, 1490]", t=T, x=swing(held))
+    (experiment,) = data.train
+    assert experiment.recording.time[0] == pytest.approx(held, abs=0.06)
+    (flag,) = [f for f in experiment.recording.flags if f.code == "held"]
+    begun = round(100 * experiment.recording.time[0])
+    assert (flag.severity, flag.numbers["part"]) == ("left_out", [begun, 1490])
+    assert f"samples = [{begun}, 1490]" in flag.sentence
+
+
+def test_what_is_no_hold_stays_whole() -> None:
+    rng = np.random.default_rng(3)
+    turns = [np.cos(2 * np.pi * T + phase) * np.exp(-0.1 * T) for phase in (-0.4, -0.1, 0.0, 0.1, 1.0)]
+    stuck = np.where(T < 3.25, np.cos(2 * np.pi * T), 0.0) + 0.1 * (T > 3)  # it ends off its middle
+    rest = np.where(T < 2.0, 0.0, np.sin(2 * np.pi * (T - 2.0)))  # at rest before it is struck
+    for motion in (*turns, stuck, rest):
+        for noise in (1e-3, 1e-2, 4e-2):
+            assert release(T, motion + noise * rng.standard_normal(T.size), noise) is None
+    assert release(T, swing(10.0), 0.05) == pytest.approx(1000, abs=6)
+
+
+def test_a_gap_that_hides_the_input_splits_the_recording(tmp_path: Path) -> None:
+    data = loaded(tmp_path, DRIVEN, **driven((T < 5.0) | (T > 6.2)))
+    assert [(e.recording.time[0], e.recording.time.size) for e in data.train] == [(0.0, 500), (6.21, 879)]
+    told = [[f for f in e.recording.flags if f.code == "split_at_gaps"] for e in data.train]
+    assert [len(flags) for flags in told] == [1, 0]
+    assert told[0][0].numbers["parts"] == [[0, 500], [500, 1379]]
+    assert "samples = [0, 500] and [500, 1379]" in told[0][0].sentence
+
+
+def test_a_gap_that_hides_little_or_leaves_no_good_parts_does_not(tmp_path: Path) -> None:
+    short = loaded(tmp_path, DRIVEN, **driven((T < 5.0) | (T > 5.05)))
+    assert [e.recording.time.size for e in short.train] == [1494]
+    end = loaded(tmp_path, DRIVEN, **driven((T < 13.0) | (T > 14.2)))
+    (flag,) = [f for f in end.train[0].recording.flags if f.code == "input_unknown"]
+    assert (flag.severity, flag.numbers["parts"]) == ("doubt", [[0, 1300], [1300, 1380]])
+    free = (T < 5.0) | (T > 6.2)
+    assert len(loaded(tmp_path, FREE, t=T[free], x=swing(0.0)[free]).train) == 1
+
+
+def test_an_input_faster_than_the_motion_is_not_split_at_each_lost_sample() -> None:
+    rng = np.random.default_rng(4)
+    u, keep = rng.standard_normal(T.size), rng.random(T.size) > 0.1
+    x = np.convolve(u, 0.01 * np.exp(-0.5 * T) * np.sin(2 * np.pi * T))[: T.size]
+    r = SimpleNamespace(time=T[keep], input=u[keep], output=x[keep, None])
+    assert bridged(r).all()  # type: ignore[arg-type]
