@@ -591,7 +591,7 @@ def test_a_loop_tells_decisions_that_doubt_its_answer() -> None:
     rig = SimpleNamespace(rig=SimpleNamespace(unfilled=()), train=(), holdout=())
     first, second = doubts(scattered(0.0, steps=(astray, good, drawn), complete=False), rig)
     assert first.startswith("the declared model leaves 83 % of the variance: check")
-    assert "check columns, signs and units" in first
+    assert "check columns, signs, units" in first
     assert "(their largest weights have Pareto k = 1.4)" in second
     # What explains all that is left was the main force.
     assert doubts(scattered(0.0, steps=(astray, good)), rig) == []

@@ -103,7 +103,8 @@ def some_values(model: Model) -> dict[str, float]:
 
 
 def with_stiffness(base: str, *effects: str) -> Model:
-    return Model(base, tuple(dict.fromkeys(("linear_stiffness", *effects))))
+    """Return a model with the linear terms of which other laws are shares."""
+    return Model(base, tuple(dict.fromkeys(("linear_stiffness", "viscous_damping", *effects))))
 
 
 def module(source: str, library: str = "numpy", *, compiled: bool = False) -> dict[str, Any]:

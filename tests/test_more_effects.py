@@ -175,7 +175,8 @@ def test_asymmetric_damping_feeds_no_motion_at_its_bounds() -> None:
             base="oscillator", time=np.linspace(0, 6, 6001), start=(-0.4, 0.0),
         )[:, 0]  # fmt: skip
         energy = 0.5 * np.gradient(found, 1e-3) ** 2 + 0.5 * alpha * found**2
-        assert np.diff(energy[1:-1]).max() < 1e-9
+        # Rates by differences, of readings between steps.
+        assert np.diff(energy[1:-1]).max() < 1e-7
         assert energy[-2] < 0.5 * energy[1]
 
 

@@ -30,7 +30,7 @@ def fitted(damping: float, seed: int) -> tuple[Problem, np.ndarray, Linearised]:
     x, apart = minimum.x, np.array([1e-3, 1e-4, 1e-4])
     left = bench.residuals(*problem.expand(x[:, None] + np.hstack([np.diag(apart), -np.diag(apart), np.zeros((3, 1))])))
     columns = np.column_stack([(left[:, :3] - left[:, 3:6]) / (2 * apart), left[:, 6]])
-    belief: Belief = belief_of(problem, x, minimum.at_bound, 0)
+    belief: Belief = belief_of(problem, x, minimum.at_bound, ())
     return problem, x, Linearised([Channel(TIME, columns)], [], belief, 3, UNITS.time, 0.15)
 
 

@@ -50,8 +50,7 @@ __all__ = [
     "effect_name",
 ]
 
-#: What an effect may need: a linear spring between two parts, an angle that nothing ties, a body that falls, or a base
-#: that moves beneath a body.
+#: What an effect may need: a linear spring, an angle that nothing ties, a falling body, or a base that moves.
 SPRING, ROTOR, WEIGHT, SHAKEN = "spring", "rotor", "weight", "shaken"
 #: Names of people in those of effects.
 _PEOPLE = {"coriolis", "coulomb", "stribeck"}
@@ -85,6 +84,10 @@ class Effect(ABC):
     ['f_c']
     >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0, reach=1.0)
     False
+    >>> import numpy as np
+    >>> force = get_effect("periodic_disturbance")
+    >>> force.own().name, force.gathered(force.turned(np.array([0.3, 0.4]), 0.5)[None])[1]
+    ('psi', array([0.]))
     """
 
     kind: ClassVar[str]
@@ -133,8 +136,7 @@ class Effect(ABC):
     def imitates(cls, values: Mapping[str, float], time: float, duration: float, reach: float) -> bool:
         """Return whether, at these values, a law does what others do.
 
-        Given are the natural time of the motion and the duration of the longest recording [s], and the natural
-        coordinate where the effect acts [q].
+        Given are natural time and longest duration [s], and the natural coordinate where the effect acts [q].
         """
         return cls.pliable
 

@@ -139,7 +139,9 @@ class MechanicsContract:
         """What the effect adds to Euler-Lagrange's row is the numerical derivative of its energy or power."""
         _needs_motion(base)
         instance = get_effect(effect)
-        sample = sample_states(base, (*_BESIDE, effect))
+        # What turns the rod or its root is checked by energies alone.
+        conservative = isinstance(instance, Shape | Joint)
+        sample = sample_states(base, (*(_BESIDE[:1] if conservative else _BESIDE), effect))
         absent = without(sample, base, effect)
         if instance.kind == "drive":
             absent = replace(absent, recorded=self._received(base, sample))
