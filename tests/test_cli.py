@@ -559,6 +559,7 @@ def test_a_loop_whose_reader_left_writes_its_page(film: Film, tmp_path: Path) ->
 def scattered(rms: float, **more: Any) -> SimpleNamespace:
     after = {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}
     said = {"complete": True, "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}, "steps": ()}
+    said["named"] = {}
     return SimpleNamespace(**{**said, **more})
 
 
@@ -593,6 +594,10 @@ def test_a_loop_tells_decisions_that_doubt_its_answer() -> None:
     assert first.startswith("the declared model leaves 83 % of the variance: check")
     assert "check columns, signs, units" in first
     assert "(their largest weights have Pareto k = 1.4)" in second
+    # What is beyond doubt stays so.
+    sure, likely = ({"hysteresis": SimpleNamespace(probability=p)} for p in (0.99995, 0.97))
+    assert doubts(scattered(0.0, steps=(drawn,), named=sure), rig) == []
+    assert doubts(scattered(0.0, steps=(drawn,), named=likely), rig) == [second]
     # What explains all that is left was the main force.
     assert doubts(scattered(0.0, steps=(astray, good)), rig) == []
 

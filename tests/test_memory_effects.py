@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from discovery.declarations import symbols as s
+from discovery.declarations.place import at_place
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
@@ -322,6 +323,12 @@ def test_others_are_told_a_step_that_the_classical_method_stands() -> None:
     assert 0.001 < step < 0.01
     assert abs(classical(1.0 / np.ceil(1.0 / step)) - there) < 1e-3
     assert not abs(classical(0.02) - there) < 1e-1
+
+
+def test_at_a_place_the_state_of_the_place_forgets() -> None:
+    law = at_place(get_effect("friction_through_play"), "joint")
+    assert law.relaxation().keys() == law.states().keys()
+    assert {x.name for x in law.relaxation()[next(iter(law.states()))].free_symbols} >= {"w_d_joint"}
 
 
 @pytest.mark.parametrize("effect", ["hysteresis", "friction_through_play"])

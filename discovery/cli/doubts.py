@@ -29,11 +29,13 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     held = [e.recording for e in dataset.holdout or dataset.train]
     # A model error is said, and a stated noise that is too small says the same.
     known = not result.complete or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
+    named = [found.probability for found in result.named.values()]
+    decisions = [s for s in result.steps if doubts_answer(s.code, complete=result.complete, named=named)]
     return [
         *_unfilled(dataset),
         *doubted(flags),
         *misstated(flags),
-        *map(decision_sentence, (s.summary() for s in result.steps if doubts_answer(s.code, complete=result.complete))),
+        *(decision_sentence(step.summary()) for step in decisions),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
         *([] if known else _scattered(result, held)),
     ]

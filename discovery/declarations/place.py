@@ -69,6 +69,7 @@ def at_place(effect: Effect, place: str) -> Effect:
         states = {z: sp.Symbol(f"{z.name}_{place}", real=True) for z in effect.states()}
         meant |= states
         words["states"] = lambda self: {states[z]: told(slope) for z, slope in effect.states().items()}
+        words["relaxation"] = lambda self: {states[z]: told(rate) for z, rate in effect.relaxation().items()}
     found = type(f"{kind.__name__}At{place.title()}", (kind,), words)
     for p in kind.parameters():
         # The attribute keeps its name, for the law of the effect; users see that of the place.

@@ -6,7 +6,7 @@ The console, the page, the table of a campaign and the comparison of runs all sa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from discovery.declarations.effect import effect_name
@@ -158,9 +158,10 @@ def effect_sentence(effect: Record) -> str:
     return f"{words}; an unknown force, smooth in position and rate, explains {more} more in its place"
 
 
-def doubts_answer(code: str, *, complete: bool) -> bool:
-    """Return whether a decision doubts the answer: a fit that went astray only where the final model is incomplete."""
-    return code == "laplace" or (code == "astray" and not complete)
+def doubts_answer(code: str, *, complete: bool, named: Sequence[float | None]) -> bool:
+    """Return whether a decision doubts an answer, complete or not, with these probabilities of the effects named."""
+    sure = bool(named) and all(p is not None and p > 0.9999 for p in named)
+    return (code == "laplace" and not sure) or (code == "astray" and not complete)
 
 
 def decision_sentence(step: Record) -> str:

@@ -114,6 +114,7 @@ def fate(run: Run, effects: Sequence[str]) -> str:
 def steps(run: Run) -> list[dict[str, Any]]:
     """Return the decisions of the search: head, outcome, what the effects are, the reason, whether it is a doubt."""
     found = []
+    complete, named = run.loop["complete"], [e.get("probability") for e in run.loop["effects"]]
     for step in run.loop["steps"]:
         head, yes, no = _WORDS[step["action"]]
         effects = [effect_name(e) for e in step["effects"]]
@@ -125,7 +126,7 @@ def steps(run: Run) -> list[dict[str, Any]]:
                 "outcome": yes if step["accepted"] else no,
                 "title": "; ".join(t for t, name in zip(titles, effects, strict=False) if t != name),
                 "reason": decision_sentence(step),
-                "doubt": doubts_answer(step["code"], complete=run.loop["complete"]),
+                "doubt": doubts_answer(step["code"], complete=complete, named=named),
             }
         )
     return found
