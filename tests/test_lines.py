@@ -165,6 +165,9 @@ def test_an_accelerometer_reads_the_second_derivative(effect: str) -> None:
     drive, start = Swing(), (0.4, -0.3)
     model = Model("accelerometer", tuple(dict.fromkeys((*LINEAR, effect))))
     values = some_values(model)
+    if "z_t" in values:
+        # At the width of its prior a zero drifts too little to be seen in so short a time.
+        values["z_t"] = 2e-3
     found = simulate("accelerometer", model.effects, values, drive, start)
     sensor = get_effect(effect)
     moving = model.without([effect]) if isinstance(sensor, Sensor) else model
@@ -192,7 +195,7 @@ def test_an_accelerometer_reads_the_second_derivative(effect: str) -> None:
         bare = simulate(
             "accelerometer", LINEAR, {n: values[n] for n in Model("accelerometer", LINEAR).parameters}, drive, start
         )
-        assert np.abs(bare - found).max() > 50 * tolerance
+        assert np.abs(bare - found).max() > 100 * tolerance
 
 
 # A force.

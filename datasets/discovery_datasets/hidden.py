@@ -136,7 +136,7 @@ def draw_hidden(name: str, scene: Scene, rng: Generator) -> Hidden:
         "amplitude_dependent_damping": (
             lambda s: quick.AmplitudeDependentDamping(0.02 * s * mass * scene.frequency), 60
         ),
-        "asymmetric_viscous_damping": (lambda s: quick.AsymmetricViscousDamping(0.5 * sign * s * r.disc_friction), 2),
+        "asymmetric_viscous_damping": (lambda s: quick.AsymmetricViscousDamping(0.3 * sign * s * r.disc_friction), 3),
         "material_nonlinearity": (lambda s: quick.MaterialNonlinearity(0.05 * s * sign * r.length**2), 4),
         "quadratic_stiffness": (lambda s: quick.QuadraticStiffness(0.03 * s * sign * r.length), 6),
         "stiffness_drift": (lambda s: plain.StiffnessDrift(2e-3 * sign * s / scene.duration), 60),

@@ -117,7 +117,7 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool
 
 def _say_rows(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the rows of a posterior, what belongs to a recording after what belongs to the system."""
-    from discovery.plots.starts import is_start
+    from discovery.foundation.start_names import is_start
 
     of_recordings = [row for row in rows if is_start(row["name"])]
     for row in (*(row for row in rows if row not in of_recordings), *of_recordings):

@@ -8,6 +8,7 @@ from discovery.equations.known_names import check_declared
 from discovery.equations.model import Model
 from discovery.estimation.start_values import own_parameters
 from discovery.foundation.arguments import check_names, check_number, check_pair, expect
+from discovery.foundation.start_names import start_name
 from discovery.recordings.chosen import Recordings, training_of
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.one_system import check_model
@@ -44,7 +45,7 @@ def check_start(
     expect(start, Mapping, "start", 'Name the parameters, as in start={"alpha": 400.0}.')
     states = [name for e in experiments for name in e.initial_names]
     own = own_parameters(model.effects, tuple(model.parameters))
-    states += [f"{n}_0_init[{e.recording.name}]" for e in experiments for n in own]
+    states += [start_name(n, e.recording.name) for e in experiments for n in own]
     check_names((n for n in start if n not in states), model.parameters, "The model", "parameter")
     return {name: check_number(value, f"start[{name!r}]") for name, value in start.items()}
 

@@ -129,10 +129,10 @@ class Bench:
 
     def classical_step(self, parameters: FloatArray, initial: FloatArray) -> float:
         """Return the shortest step that the classical method needs where the simulators' may be longer [s]."""
-        motions = self.motions(parameters, initial)
-        own = zip(self.simulators, motions, strict=True)
-        steps = [classical_step(s.kernel.program, s.grid, motion, parameters[:, 0]) for s, motion in own]
-        return min(self.shortest, *steps)
+        if not self.simulators[0].kernel.program.relaxation:
+            return self.shortest
+        moved = zip(self.simulators, self.motions(parameters, initial), strict=True)
+        return min(self.shortest, *(classical_step(s.kernel.program, s.grid, m, parameters[:, 0]) for s, m in moved))
 
     def moves_alike(self, parameters: FloatArray) -> NDArray[np.bool_]:
         """Return which parameter sets (p, k) move as the first one does: they differ in what is read at most."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from discovery.declarations.registry import get_effect
+from discovery.foundation.start_names import start_name
 
 if TYPE_CHECKING:
     from discovery.equations.model import Model
@@ -92,7 +93,7 @@ def start_values(
             continue
         for row, parameter in enumerate((model.parameters.get(n) for n in own), 2):
             if parameter is not None:
-                unit, name = units.scale(parameter), f"{parameter.name}_0_init[{e.recording.name}]"
+                unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
                 starts = tuple(s * unit for s in parameter.starts)
                 width = parameter.prior.width * unit
                 found.append(StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=parameter.value_unit))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -17,6 +16,7 @@ from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.foundation.arguments import as_words, check_keys, check_names, expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.start_names import is_start
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["FittedModel", "fitted_model", "given_numbers"]
 
 FloatArray = NDArray[np.float64]
-
-#: Initial states, as a fit names them beside its parameters.
-_INITIAL = re.compile(r"\w+_0_init\[.*\]", re.DOTALL)
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,7 +92,7 @@ class FittedModel:
         expect(self.values, Mapping, "values", 'Name the parameters, as in {"alpha": 400.0}.')
         check_names(self.values, self.model.parameters, "The model", "parameter")
         fitted = as_words(self.fitted, "fitted", "Name the parameters that were fitted.")
-        check_names((n for n in fitted if not _INITIAL.fullmatch(n)), self.model.parameters, "The model", "parameter")
+        check_names((n for n in fitted if not is_start(n)), self.model.parameters, "The model", "parameter")
         if np.shape(self.covariance) not in {(len(fitted), len(fitted))}:
             raise InputError(
                 f"The covariance has the shape {np.shape(self.covariance)}, and {len(fitted)} numbers are fitted; give "
@@ -245,7 +242,7 @@ def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str,
     """
     if values is not None:
         expect(values, Mapping, "values", 'Name the parameters, as in {"alpha": 400.0}.')
-    given = {n: _plain(n, v) for n, v in (values or {}).items() if not _INITIAL.fullmatch(str(n))}
+    given = {n: _plain(n, v) for n, v in (values or {}).items() if not is_start(str(n))}
     check_names(given, model.parameters, "The model", "parameter")
     bad = [n for n, v in given.items() if not math.isfinite(v)]
     if bad:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from discovery.foundation.html_table import html_table
+from discovery.foundation.start_names import is_start
 from discovery.plots.axes import axes_below
-from discovery.plots.starts import is_start, starts_table
+from discovery.plots.starts import starts_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Any
+
+from discovery.foundation.start_names import start_of, start_word
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     import pandas as pd
 
-__all__ = ["is_start", "starts_table"]
-
-_START = re.compile(r"(\w+)_0_init\[(.*)\]", re.DOTALL)
-_WORDS = {"delta": "deflection", "rate": "rate"}
-
-
-def is_start(name: str) -> bool:
-    """Say whether a fitted or sampled number is the initial state of a recording."""
-    return _START.fullmatch(name) is not None
+__all__ = ["starts_table"]
 
 
 def starts_table(told: Iterable[tuple[str, Mapping[str, Any]]], value: str) -> pd.DataFrame:
@@ -35,9 +28,9 @@ def starts_table(told: Iterable[tuple[str, Mapping[str, Any]]], value: str) -> p
 
     rows: dict[str, dict[str, Any]] = {}
     for name, entry in told:
-        if found := _START.fullmatch(name):
-            what = _WORDS.get(found[1], found[1])
-            rows.setdefault(found[2], {}).update(
+        if found := start_of(name):
+            what = start_word(found[0])
+            rows.setdefault(found[1], {}).update(
                 {what: entry[value], f"{what}_sd": entry["sd"], f"{what}_unit": entry["unit"]}
             )
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("recording")

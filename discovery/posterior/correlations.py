@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.foundation.start_names import is_start
 from discovery.posterior.parameter_roles import shared
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Correlations:
 
 def quantities(posterior: Sample) -> tuple[str, ...]:
     """Return the names of the sampled quantities but for the initial states."""
-    return tuple(n for n in posterior.names if "_0_init[" not in n)
+    return tuple(n for n in posterior.names if not is_start(n))
 
 
 def correlations(posterior: Sample) -> Correlations:

@@ -13,6 +13,7 @@ from scipy import stats
 from scipy.special import log_ndtr
 
 from discovery.foundation.errors import InputError
+from discovery.foundation.start_names import start_of
 from discovery.posterior.instrument import noise_names
 from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
 from discovery.posterior.noise.quantised import Quantised
@@ -117,7 +118,7 @@ def _check_fitted(posterior: Sample, experiment: Experiment) -> None:
     name = experiment.recording.name
     if posterior.model.mechanics.prescribed or experiment.initial_names[0] in posterior.names:
         return
-    known = [n.partition("[")[2][:-1] for n in posterior.names if n.startswith("delta_0_init[")]
+    known = [found[1] for found in map(start_of, posterior.names) if found and found[0] == "delta"]
     raise InputError(f"The recording {name!r} was not fitted: the posterior is of {', '.join(known)}. Give those.")
 
 

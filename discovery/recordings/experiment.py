@@ -13,6 +13,7 @@ from discovery.declarations.parameters import Parameter
 from discovery.declarations.systems import System
 from discovery.declarations.units import in_coordinate, si_symbol
 from discovery.foundation.arguments import check_whole
+from discovery.foundation.start_names import start_name
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
 from discovery.recordings.recording import Recording
@@ -63,7 +64,7 @@ class Experiment:
     @property
     def initial_names(self) -> tuple[str, str]:
         """Names of the deflection and the rate at its first sample, as a fit has them beside its parameters."""
-        return f"delta_0_init[{self.recording.name}]", f"rate_0_init[{self.recording.name}]"
+        return start_name("delta", self.recording.name), start_name("rate", self.recording.name)
 
     def first(self, count: int) -> Experiment:
         """Return the experiment of the first so many samples, at least one, all of them fitted."""

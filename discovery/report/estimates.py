@@ -8,6 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.foundation.start_names import start_of, start_word
 from discovery.mechanics import get_base
 from discovery.report.numbers import MISSING, in_newtons, interval, rounded, significant, uncertain, unit_text
 from discovery.report.paper import paper_numbers
@@ -31,8 +32,6 @@ __all__ = [
 
 #: Columns of a summary that tell how well the mean and the quantiles are known from the draws.
 _DIAGNOSTICS = ("r_hat", "ess", "mcse", "ess_tail")
-#: What the numbers of an initial state are.
-_STATES = {"delta_0_init": "deflection", "rate_0_init": "rate"}
 _ORDER = ("alpha", "beta", "beta/alpha", "gamma")
 #: Columns of the final model on a narrow screen: values before words.
 _NARROW = (0, 3, 2, 4, 1, 5)
@@ -146,10 +145,8 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
 
 def start_words(name: str) -> str:
     """Return an initial state in words."""
-    what, _, recording = name.partition("[")
-    if not what.endswith("_init"):
-        return name
-    return f"{_STATES.get(what, what.removesuffix('_0_init'))} at the start of {recording.rstrip(']')}"
+    found = start_of(name)
+    return f"{start_word(found[0])} at the start of {found[1]}" if found else name
 
 
 def nuisance_table(run: Run) -> Table | None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.systems import System
 from discovery.foundation.errors import InputError
+from discovery.foundation.start_names import is_start
 from discovery.mechanics import get_base
 from discovery.mechanics.base import Base
 from discovery.mechanics.systems import know_system
@@ -214,8 +215,7 @@ class Run:
     @cached_property
     def quantities_sampled(self) -> tuple[Mapping[str, Any], ...]:
         """Rows of the posterior's summary but for the initial states."""
-        rows = (self.results.get("posterior") or {}).get("rows", ())
-        return tuple(r for r in rows if "_0_init[" not in r["name"])
+        return tuple(r for r in (self.results.get("posterior") or {}).get("rows", ()) if not is_start(r["name"]))
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:

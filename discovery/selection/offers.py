@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.registry import get_effect
 from discovery.estimation.race import SLOW, near_the_best
 from discovery.foundation.workers import at_once
 from discovery.screening.attribution import Candidate, screen
@@ -122,6 +121,6 @@ class Offers:
         bench = larger.refit.problem.bench
         rng = np.random.default_rng([self.context.settings.seed, len(larger.added)])
         noise = surrogates(larger.refit.minimum.residual[: bench.n_rows], bench, rng)
-        own = {p.name for e in larger.added if e not in smaller.added for p in get_effect(e).parameters()}
-        inherited = [i for i, n in enumerate(larger.refit.problem.names) if n.partition("_0_init[")[0] not in own]
+        known = {*smaller.refit.problem.names}
+        inherited = [i for i, n in enumerate(larger.refit.problem.names) if n in known]
         return chance_gains(self.scored(smaller), larger.refit.minimum.jacobian[:, inherited], noise)

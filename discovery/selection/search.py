@@ -261,13 +261,13 @@ class Search:
     def _exchange(self, effect: str, smaller: Contender) -> None:
         """Let another effect, accepted by itself, take the place of a member where the evidence gains as much."""
         offered = _plain(self.offers.beside(smaller)) if self.neighbours.affords(smaller) else []
-        for contender in [c for c in offered[:_TRIED] if self._judged(c, smaller)[1] == "accepted"][:1]:
-            gain, settings = contender.joint - self.best.joint, self.context.settings
-            if frozenset(contender.added) != frozenset(self.best.added) and gain > settings.nats:
-                told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
-                pair = effect, contender.added[-1]
-                self.decisions.append(Decision("exchange", pair, True, "accepted", {"odds": gain}, told))
-                self.best = contender
+        found = next((c for c in offered[:_TRIED] if self._judged(c, smaller)[1] == "accepted"), self.best)
+        gain, settings = found.joint - self.best.joint, self.context.settings
+        if frozenset(found.added) != frozenset(self.best.added) and gain > settings.nats:
+            told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
+            pair = effect, found.added[-1]
+            self.decisions.append(Decision("exchange", pair, True, "accepted", {"odds": gain}, told))
+            self.best = found
 
 
 def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:

@@ -17,10 +17,10 @@ from collections.abc import Mapping, Sequence
 
 from discovery.simulation.kernel.straight_line import received
 
-__all__ = ["KEPT", "in_rows", "renamed"]
+__all__ = ["in_rows", "renamed"]
 
 #: Where each number of a state lies between the stages of a step: the label of its row.
-KEPT = {"y": "Y", "z": "S", "f": "F", "k": "K", "between": "A", "rate": "J", "g": "G", "u": "U", "v": "V"}
+_KEPT = {"y": "Y", "z": "S", "f": "F", "k": "K", "between": "A", "rate": "J", "g": "G", "u": "U", "v": "V"}
 
 _FIRST = "first = 1.0 + x * (0.5 + x * (1 / 6 + x / 24))"
 #: What comes before each call of the slopes, from state z, slope k and rate at the start of the step to z at its end.
@@ -76,8 +76,8 @@ def renamed(stage: int, names: Mapping[str, str], own: str) -> list[str]:
 
 
 def in_rows(stage: int, rows: Mapping[str, int]) -> list[str]:
-    """Return the lines of a stage, 1 to 4, with loads before and stores after them; `rows` are by label, see `KEPT`."""
+    """Return the lines of a stage, 1 to 4, with loads before and stores after them; `rows` are by label."""
     lines = _lines(stage)
-    loads = [f"{name} = w[{rows[KEPT[name]]} + i]" for name in received(lines) if name in KEPT]
+    loads = [f"{name} = w[{rows[_KEPT[name]]} + i]" for name in received(lines) if name in _KEPT]
     assigned: Sequence[str] = list(dict.fromkeys(line.split(" = ")[0] for line in lines))
-    return loads + lines + [f"w[{rows[KEPT[name]]} + i] = {name}" for name in assigned if name in KEPT]
+    return loads + lines + [f"w[{rows[_KEPT[name]]} + i] = {name}" for name in assigned if name in _KEPT]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from discovery.simulation.kernel.forgetting import KEPT, in_rows
+from discovery.simulation.kernel.forgetting import in_rows
 from discovery.simulation.kernel.text import filled
 
 __all__ = ["staged_step"]
@@ -54,5 +54,4 @@ def staged_step(
         lambda found: swept(found[1], [line.strip() for line in found[2].splitlines()], False),
         text,
     )
-    own = {label: rows[label] for label in KEPT.values()}
-    return re.sub(r"( +)@FORGETTING (\d)@\n", lambda found: swept(found[1], in_rows(int(found[2]), own), True), text)
+    return re.sub(r"( +)@FORGETTING (\d)@\n", lambda found: swept(found[1], in_rows(int(found[2]), rows), True), text)

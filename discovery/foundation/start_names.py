@@ -1,0 +1,37 @@
+"""Names of the numbers that a fit has of every recording: ``delta_0_init[RECORDING]``, ``rate_0_init[RECORDING]``."""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["is_start", "start_name", "start_of", "start_word"]
+
+_START = re.compile(r"(\w+)_0_init\[(.*)\]", re.DOTALL)
+_WORDS = {"delta": "deflection", "rate": "rate"}
+
+
+def start_name(quantity: str, recording: str) -> str:
+    """Return the name of what a recording begins with: "delta", "rate", or a parameter that is its own."""
+    return f"{quantity}_0_init[{recording}]"
+
+
+def start_of(name: str) -> tuple[str, str] | None:
+    """Return quantity and recording of such a name; None of another one.
+
+    Examples
+    --------
+    >>> start_of(start_name("rate", "high")), start_of("alpha")
+    (('rate', 'high'), None)
+    """
+    found = _START.fullmatch(name)
+    return (found[1], found[2]) if found else None
+
+
+def is_start(name: str) -> bool:
+    """Return whether a fitted or sampled number belongs to the start of a recording."""
+    return _START.fullmatch(name) is not None
+
+
+def start_word(quantity: str) -> str:
+    """Return what users call the quantity of such a name."""
+    return _WORDS.get(quantity, quantity)
