@@ -38,6 +38,8 @@ def error(seed: int, index: int) -> dict[str, float]:
     from discovery.estimation.fit import fit
     from discovery.estimation.predict import predict
     from discovery.recordings.dataset import load_dataset
+    from discovery.recordings.experiment import make_experiment
+    from discovery.recordings.recording import read_recording
 
     draw = draw_case([seed, index])
     rig = rounded(draw.scene.rig)
@@ -49,11 +51,13 @@ def error(seed: int, index: int) -> dict[str, float]:
             motion = readings(rig, manoeuvre, draw.time)
             noisy = record(motion, rng=rng, position_noise=NOISE, angle_noise=ANGLE_NOISE)
             write_csv(noisy, folder / f"{name}.csv")
-        dataset = load_dataset(folder / "rig.toml", [folder / "train.csv"], [folder / "holdout.csv"], keep_third=False)
+        dataset = load_dataset(folder / "rig.toml", [folder / "train.csv"], keep_third=False)
         experiment = dataset.train[0]
         model = declared_model(experiment).on_base("elastica_4")
         found = fit(model, [experiment], gaussian=rig_uncertainty(experiment), tolerance=2e-5)
-        predicted = predict(found, dataset.holdout[0])[0]
+        # At every reading: recordings of a data set may be averages.
+        every = make_experiment(read_recording(folder / "holdout.csv", dataset.rig), dataset.rig)
+        predicted = predict(found, every)[0]
     distance = np.hypot(*(predicted - np.column_stack([motion.tip.real, motion.tip.imag])).T)
     return {
         "case": index,

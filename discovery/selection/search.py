@@ -57,23 +57,18 @@ class Search:
         (self.best,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.unknown: Unknown | None = None
         self._unapproximated: dict[Contender, Contender] = {}
-        self._begin()
+        self.root, self.neighbours = self.best, Neighbours(context, self.offers, self.best)
 
     def run(self) -> None:
         """Search until nothing more is accepted, or what is left is noise."""
         part = self.context.settings.budget.dear_mechanics
         if self.best.is_far and self.unapproximated().evidence.error < part * self.best.evidence.error:
             self._change_mechanics()
-            self._begin()
         self._grow()
         self._simplify()
         self._integrate()
         self._prune()
         self._ask_the_unknown()
-
-    def _begin(self) -> None:
-        self.root = self.best
-        self.neighbours = Neighbours(self.context, self.offers, self.root)
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
@@ -84,15 +79,14 @@ class Search:
             if (before := self.best).key in been:
                 # Sets that give way to each other in turn: the likeliest of them stands.
                 self.best = max((c for c in been.values() if len(c.added) == len(before.added)), key=lambda c: c.joint)
-                return self._exhausted()
+                break
             been[before.key] = before
-            if not self._forward():
-                return self._exhausted()
-            self._backward(before)
-        self.decisions.append(Decision("stop", (), True, "budget", self.neighbours.work(self.best)))
-
-    def _exhausted(self) -> None:
-        """End the search where nothing more is accepted."""
+            if self._forward():
+                self._backward(before)
+            elif self.best is before and not self._change_mechanics():
+                break
+        else:
+            return self.decisions.append(Decision("stop", (), True, "budget", self.neighbours.work(self.best)))
         self.decisions.append(Decision("stop", (), True, "exhausted"))
         self._change_mechanics()
 
@@ -154,12 +148,17 @@ class Search:
             self._unapproximated[self.best] = next(likely, self.best)
         return self._unapproximated[self.best]
 
-    def _change_mechanics(self) -> None:
+    def _change_mechanics(self) -> bool:
         """Go over to the mechanics that those of the set approximate where the evidence asks for it."""
         other = self.unapproximated()
-        if (gain := other.joint - self.best.joint) > self.context.settings.nats:
-            self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
-            self.best = other
+        if not (gain := other.joint - self.best.joint) > self.context.settings.nats:
+            return False
+        root = on_mechanics(self.root, other.model.base, self.context) if self.best.added else other
+        if root is None:
+            return False
+        self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
+        self.best, self.root, self.neighbours = other, root, Neighbours(self.context, self.offers, root)
+        return True
 
     def _is_complete(self) -> bool:
         """Return whether what is left is noise and no candidate promises more than chance would."""
@@ -188,6 +187,9 @@ class Search:
         pliable = [c for c in offered if c not in plain]
         if self._take(plain):
             return True
+        # What the mechanics approximate may hide an effect, or look like one of the flexible ones.
+        if self.best.added and self._change_mechanics():
+            return False
         room = len(self.best.added) + 2 <= self.context.settings.budget.most_effects
         if not room or self._leaves_noise():
             return self._take(pliable)
@@ -236,8 +238,7 @@ class Search:
     def _judged(self, larger: Contender, smaller: Contender) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing."""
         settings, judged = self.context.settings, self.context.judge.holds
-        odds = odds_of(larger, smaller, self.root, settings)
-        code = odds.code(settings, -np.inf, judged=judged)
+        code = (odds := odds_of(larger, smaller, self.root, settings)).code(settings, -np.inf, judged=judged)
         # Chance removes no more than all that is left.
         if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
             code = odds.code(settings, self._chance(smaller, larger), judged=judged)
@@ -265,8 +266,8 @@ class Search:
         gain, settings = found.joint - self.best.joint, self.context.settings
         if frozenset(found.added) != frozenset(self.best.added) and gain > settings.nats:
             told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
-            pair = effect, found.added[-1]
-            self.decisions.append(Decision("exchange", pair, True, "accepted", {"odds": gain}, told))
+            new = found.added[-1]
+            self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
             self.best = found
 
 
