@@ -125,3 +125,27 @@ def test_only_a_fit_that_may_be_wrong_is_tried_again(
     monkeypatch.setattr(module, "led", lambda *_: (tried.append(True), ({}, 0.5))[1])
     assert first_fit(train, units) is ended
     assert bool(tried) == (stopped == "p")
+
+
+def test_what_a_declared_law_holds_by_convention_is_free(tmp_path: Path) -> None:
+    frequencies, time, creep = (2.0, 3.1, 4.3, 0.7), np.arange(1200) / 60, 6e-4
+    u = sines(frequencies, 0.5)
+    (experiment,) = recorded(
+        tmp_path,
+        time,
+        u(time),
+        lambda t, q, v: u(t) - 0.1 * v - 9.0 * q - 0.1 * v / np.hypot(v, creep),
+        words={
+            "KIND": "oscillator",
+            "INPUT": "V",
+            "OUTPUT": "m",
+            "[columns]": '[model]\neffects = ["viscous_damping", "linear_stiffness", "coulomb_friction"]\n[columns]',
+        },
+        noise=1e-6,
+    )
+    units = natural_units([experiment])
+    found = first_fit([experiment], units)
+    law = found.model.parameters["v_c"]
+    assert abs(creep - law.default * units.scale(law)) > 0.5 * creep
+    assert found.values["v_c"] == pytest.approx(creep, rel=0.1)
+    assert found.values["f_c"] == pytest.approx(0.1, rel=0.01)

@@ -274,3 +274,13 @@ def test_a_fit_on_other_units_of_the_output_gives_the_same_odds() -> None:
         found.append((search.best.added, search.best.joint - search.root.joint))
     assert len({added for added, _ in found}) == 1
     assert [gain for _, gain in found] == pytest.approx([found[0][1]] * 2, rel=1e-3)
+
+
+def test_a_declared_law_does_not_take_the_place_of_one_that_contains_it() -> None:
+    shared = context(f_c=0.02)
+    model = Model("oscillator", (*DECLARED, "coulomb_friction"))
+    search = Search(shared.fit(model, {"g": 1.0, "xi": 0.08, "alpha": 9.0, "f_c": 0.02}, {}), shared)
+    (larger,) = (c for c in search.offers.beside(search.root) if c.added == ("stribeck_friction",))
+    search.best = larger
+    search._simplify()
+    assert search.best is larger

@@ -14,7 +14,7 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.problem import NaturalUnits, conventions
 from discovery.estimation.residual import explains
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
@@ -55,9 +55,24 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
         again = _led_fit(model, experiments, units, gaussian)
         if again is None:
             raise
-        return again
+        return _freed(again, experiments)
     again = _led_fit(model, experiments, units, gaussian) if _is_doubtful(found) else None
-    return again if again is not None and again.chi2 < _BETTER * found.chi2 else found
+    return _freed(again if again is not None and again.chi2 < _BETTER * found.chi2 else found, experiments)
+
+
+def _freed(found: Fit, experiments: Sequence[Experiment]) -> Fit:
+    """Return a fit with what its laws hold by convention free: held, another law would seem to be missing."""
+    problem, model = found.problem, found.model
+    laws = conventions(model.effects, problem.units)
+    held = {n: known for n, known in laws.items() if n not in problem.free and n not in model.known}
+    if not held:
+        return found
+    gaussian = {**problem.gaussian, **held}
+    try:
+        again = fit(model, experiments, units=problem.units, gaussian=gaussian, start=found.values)
+    except ComputationError:
+        return found
+    return again if again.chi2 < found.chi2 else found
 
 
 def _is_doubtful(found: Fit) -> bool:

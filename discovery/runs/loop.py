@@ -165,6 +165,8 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)
     first = _declared(before, context)
+    if first.chi2 < before.chi2:
+        before, first = finished(first, context)
     contradiction = contradiction_of(after, search, context, complete=complete)
     manoeuvres = separations(search, found, context)
     if whole is not context:

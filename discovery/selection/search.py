@@ -106,7 +106,7 @@ class Search:
     def _within(self, effect: str) -> list[Contender]:
         """Return the sets with a law that a member contains, from where that was fitted."""
         rest = tuple(e for e in self.best.added if e != effect)
-        laws = sorted(get_effect(effect).reduces_to - {*rest})
+        laws = sorted(get_effect(effect).reduces_to - {*self.best.model.effects})
         return contenders(self.context, [((*rest, e), contained(self.best.refit, effect, e)) for e in laws])
 
     def _integrate(self) -> None:
