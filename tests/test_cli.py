@@ -35,6 +35,7 @@ from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
 from discovery.declarations.registry import catalogue
 from discovery.declarations.systems import System
+from discovery.diagnosis.caution import missed
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.recordings.dataset import load_dataset
@@ -559,7 +560,7 @@ def test_a_loop_whose_reader_left_writes_its_page(film: Film, tmp_path: Path) ->
 def scattered(rms: float, **more: Any) -> SimpleNamespace:
     after = {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}
     said = {"complete": True, "recordings": (), "errors": {"unit": "m", "after": after}, "stand_ins": {}, "steps": ()}
-    said["named"] = {}
+    said |= {"named": {}, "cautions": []}
     return SimpleNamespace(**{**said, **more})
 
 
@@ -570,11 +571,16 @@ def test_readings_that_scatter_more_than_their_noise_doubt_a_verdict_that_leaves
             rig=SimpleNamespace(unfilled=()), train=(), holdout=(SimpleNamespace(recording=recording),)
         )
 
+    after = {"train": {"rms": 1.0}, "holdout": {"rms": 9.0}, "holdout_outside": {"rms": 9.0}}
+    beyond = {"after": after, "noise_floor": 1.0, "unit": "m"}
     # Of two channels with a noise of 1 each, the distance of a reading is root two.
     assert doubts(scattered(1.49 * np.sqrt(2)), held(1.0, 1.0)) == []
     (doubt,) = doubts(scattered(1.51 * np.sqrt(2)), held(1.0, 1.0))
     assert doubt.startswith("held-out readings lie 2.14 m (rms) from the model, 1.5 times their stated noise of 1.41 m")
     assert doubts(scattered(9.0, complete=False), held(1.0)) == []
+    # What is missed beyond the range of training is not noise on average, and is said in other words.
+    (doubt,) = doubts(scattered(9.0, cautions=[missed(beyond, left=0.0, held=0.0, least=1.0)]), held(1.0))
+    assert doubt.startswith("the model explains the training recordings to their noise and misses the held-out ones")
     assert doubts(scattered(float("nan")), held(1.0)) == []
     # The first says it already.
     small = noise_flags("y", "m", 0.01 * np.arange(400), np.random.default_rng(1).normal(0, 1, 400), 0.3)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from benchmarks.systems import laws, machines
 from benchmarks.systems.record import record
@@ -72,6 +73,48 @@ def test_of_a_rate_that_is_read_one_number_is_the_start(tmp_path: Path) -> None:
     assert np.isfinite(found.told("delta_0_init[a]")["sd"])
     assert log_posterior(found).names.count("delta_0_init[a]") == 1
     assert len(log_posterior(found).names) == len(log_posterior(found).units)
+
+
+GYRO = """
+name = "pendulum"
+
+[system]
+coordinates = { swing = "rad" }
+kinetic = "inertia*dot(swing)^2/2"
+potential = "-weight*cos(swing)"
+dissipation = "loss*dot(swing)^2/2"
+output = "dot(swing)"
+places = { pivot = "swing" }
+
+[system.constants]
+inertia = { value = 0.02, unit = "kg m^2" }
+weight = { guess = 0.25, unit = "N m" }
+loss = { guess = 1e-3, unit = "N m s" }
+
+[columns]
+time = { name = "t", unit = "s" }
+output = { name = "gyro", unit = "rad / s", noise = 0.01 }
+"""
+
+
+def test_a_pendulum_whose_rate_is_read_may_be_let_go_anywhere(tmp_path: Path) -> None:
+    """What a gyro reads of a release at rest tells the angle by the slope of the rate."""
+    time = np.arange(400) / 50
+
+    def slope(_: float, state: list[float]) -> list[float]:
+        return [state[1], -15.0 * np.sin(state[0]) - 0.1 * state[1]]
+
+    rate = solve_ivp(slope, (0.0, 8.0), [1.0, 0.0], "DOP853", time, rtol=1e-9, atol=1e-10).y[1]
+    read = rate + np.random.default_rng(1).normal(0.0, 0.01, time.size)
+    (tmp_path / "rig.toml").write_text(GYRO, encoding="utf-8")
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, read]), "%.9g", ",", header="t,gyro", comments="")
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"], keep_third=False)
+    found = fit(declared_model(data), data)
+    assert found.reduced_chi2 < 1.2
+    assert found.values["weight"] == pytest.approx(0.3, abs=4 * found.sd["weight"])
+    # At the guess 0.25 N m / 0.02 kg m^2 = 12.5 s^-2 turn the angle into a slope.
+    assert found.values["rate_0_init[a]"] == pytest.approx(-12.5, rel=0.01)
+    assert found.told("rate_0_init[a]")["unit"] == "rad/s s^-1"
 
 
 def test_play_asks_for_a_spring_and_cogging_for_a_rotor() -> None:

@@ -149,3 +149,19 @@ def test_what_a_declared_law_holds_by_convention_is_free(tmp_path: Path) -> None
     assert abs(creep - law.default * units.scale(law)) > 0.5 * creep
     assert found.values["v_c"] == pytest.approx(creep, rel=0.1)
     assert found.values["f_c"] == pytest.approx(0.1, rel=0.01)
+
+
+def test_a_damper_may_hold_more_than_inertia_does(tmp_path: Path) -> None:
+    """A motion far slower than an overdamped system itself: its damping is many times the frequency of the motion."""
+    time = np.arange(1500) / 100
+    push = sines((1.3, 2.1, 0.7, 3.1), 0.3)
+
+    def force(t: float, q: float, rate: float) -> float:
+        return 2.0 * push(t) - 60.0 * rate - 100.0 * q
+
+    words = {"KIND": "oscillator", "INPUT": "N", "OUTPUT": "m"}
+    train = recorded(tmp_path, time, push(time), force, words=words, noise=2e-5)
+    found = first_fit(train, natural_units(train))
+    assert found.minimum.bound(found.problem.names) == []
+    assert found.values["xi"] == pytest.approx(60.0, rel=0.1)
+    assert found.values["xi"] > 20.0 / natural_units(train).time

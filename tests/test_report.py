@@ -208,9 +208,12 @@ def test_what_is_named_beside_a_model_error_is_named(tmp_path: Path) -> None:
         "saw falls from 2.98 to 0.473 mm (noise floor 0.424 mm). What is left is a model error of 0.0800 mm, 8 % of "
         "that before; it depends on deflection and rate."
     )
+    edge = {"value": 0.3, "unit": "s", "guessed": False}
+    results["loop"]["cautions"] = [{"code": "effect_edge", "about": "tau", "effect": "sensor_delay", "numbers": edge}]
     write_json(tmp_path / "results.json", results)
     page = build_report(tmp_path).read_text(encoding="utf-8")
     assert '<p class="verdict partly_explained">' in page
+    assert "A doubt. Sensor delay ends at the edge of what it may be, " in _Reader(page).text
     assert ".verdict.partly_explained {" in page
     text = _Reader(page).text
     assert "Odds of 400 to 1, probability 0.97." in text

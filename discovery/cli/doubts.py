@@ -15,20 +15,22 @@ if TYPE_CHECKING:
 
 __all__ = ["doubts"]
 
-#: Times the noise floor, single readings beside a model that leaves noise on average.
-_SCATTERED = 1.5
-
 
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
     from discovery.recordings.flags import UNDERSTATED, doubted, misstated
+    from discovery.report.caution_sentences import caution_sentence
     from discovery.report.follow_up_sentences import stand_in_sentence
     from discovery.report.sentences import decision_sentence, doubts_answer
 
     flags = {recording.name: recording.flags for recording in result.recordings}
     held = [e.recording for e in dataset.holdout or dataset.train]
-    # A model error is said, and a stated noise that is too small says the same.
-    known = not result.complete or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
+    # A model error is said, and so is a hold-out that is missed; a stated noise that is too small says the same.
+    known = (
+        not result.complete
+        or any(caution.code == "missed" for caution in result.cautions)
+        or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
+    )
     named = [found.probability for found in result.named.values()]
     decisions = [s for s in result.steps if doubts_answer(s.code, complete=result.complete, named=named)]
     return [
@@ -37,6 +39,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
         *misstated(flags),
         *(decision_sentence(step.summary()) for step in decisions),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
+        *(caution_sentence(caution.summary()) for caution in result.cautions),
         *([] if known else _scattered(result, held)),
     ]
 
@@ -56,12 +59,14 @@ def _scattered(result: LoopResult, held: Sequence[Recording]) -> list[str]:
     """Tell where averages of what is left are noise, but single readings lie farther off than their noise."""
     import numpy as np
 
+    from discovery.diagnosis.caution import SCATTERED
+
     after = result.errors["after"]
     # Beyond the trained range a model may err; what decides lies inside where anything does.
     rms = after.get("holdout_inside", after["holdout"])["rms"]
     # The error is a distance over all channels, and recordings may differ in their noise.
     floor = max((float(np.sqrt(np.sum(np.square(recording.noise)))) for recording in held), default=np.inf)
-    if not rms > _SCATTERED * floor:
+    if not rms > SCATTERED * floor:
         return []
     unit = result.errors["unit"]
     source = "estimated" if any(recording.noise_estimated for recording in held) else "stated"

@@ -249,25 +249,31 @@ class DeclaredBase(Base):
 
     @property
     def starts(self) -> int:
-        """One number where a rate is read."""
-        return 1 if self.order == 1 else 2
+        """Two numbers, but one where a rate is read that no spring and no gravity changes."""
+        return 1 if self.order == 1 and not self._return else 2
 
     def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return coordinates and rates as a static force at the output would lead them, read as a deflection.
 
-        Where rates are read the first number is one, and where accelerations are, both are of the output's position.
+        Where rates are read the numbers are one and its slope: coordinates begin where what pulls them back, linear
+        and at the guesses, makes it alone. Where accelerations are, both are of the output's position.
         """
-        way = self._shape[:, None]
-        d, v = np.asarray(deflection)[None], np.asarray(rate)[None]
+        way, d, v = self._shape[:, None], np.asarray(deflection)[None], np.asarray(rate)[None]
         if self.order == 1:
-            return 0.0 * way * d, way * d
+            return way * v * (-1.0 / self._return if self._return else 0.0), way * d
         return way * d, way * v
+
+    @cached_property
+    def _return(self) -> float:
+        """Slope of what is read per displacement along `_shape` that ends it [s^-2]; zero where nothing pulls back."""
+        way, stiffness = self._shape, self.stiffness()
+        pull, most = way @ stiffness @ way, np.abs(way) @ np.abs(stiffness) @ np.abs(way)
+        return float(pull / (way @ self.inertia @ way)) if abs(pull) > 1e3 * _LOOSE * most else 0.0
 
     @cached_property
     def _shape(self) -> NDArray:
         """Displacement of the coordinates per unit of what is read, as the springs let a slow force do it."""
-        n = type(self).n_coordinates
-        moving = coordinates_of(n)[self.order]
+        moving = coordinates_of(n := type(self).n_coordinates)[self.order]
         way = self._numbers(sp.Matrix([[sp.diff(self.equations.output, a).subs(dict.fromkeys(moving, 0))
                                         for a in moving]]))[0]  # fmt: skip
         if not way.any():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from discovery.report.caution_sentences import caution_sentence
 from discovery.report.estimates import symbol_of
 from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence, stand_in_sentence
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
@@ -15,12 +16,14 @@ from discovery.report.words import effect_name, listed, page_prose, values_text
 
 __all__ = [
     "advice",
+    "cautions",
     "contradictions",
     "contradictions_table",
     "input_of",
     "moves_table",
     "reconciliations_table",
     "separation_table",
+    "told",
     "undecided",
 ]
 
@@ -51,6 +54,22 @@ def undecided(run: Run) -> list[str]:
 def contradictions(run: Run) -> list[str]:
     """Return every contradiction as a sentence."""
     return contradiction_sentences(run.loop.get("contradiction"))
+
+
+def cautions(run: Run) -> list[str]:
+    """Return why the answer may not be believed, as the fit itself shows, a sentence each."""
+    found = map(caution_sentence, run.loop.get("cautions", ()))
+    return [words if words.endswith("?") else f"{words}." for words in found]
+
+
+def told(run: Run) -> dict[str, list[str]]:
+    """Return the sentences of the page on what questions the answer."""
+    return {
+        "undecided": undecided(run),
+        "advice": advice(run),
+        "contradictions": contradictions(run),
+        "cautions": cautions(run),
+    }
 
 
 def reconciliations_table(run: Run) -> Table | None:

@@ -293,8 +293,6 @@ def _loop_part(run: Run) -> dict[str, Any]:
     return {
         "paper": published(run).get("source", ""),
         "steps": story.steps(run),
-        "undecided": ambiguity.undecided(run),
-        "advice": ambiguity.advice(run),
-        "contradictions": ambiguity.contradictions(run),
+        **ambiguity.told(run),
         "unexplained": latent.sentences(run),
     }

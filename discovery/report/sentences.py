@@ -199,8 +199,10 @@ def _held_out(numbers: Record) -> str:
 
 
 def _chance(numbers: Record) -> str:
-    gain = f"it removes a chi-square of {plain(numbers['gain'])}"
-    return f"{gain}, no more than the best of the catalogue would by chance from errors like those left"
+    if (gain := numbers["gain"]) < 0:
+        return f"it adds a chi-square of {plain(-gain)}, and fits better only under a model error that moves slowly"
+    removed = f"it removes a chi-square of {plain(gain)}"
+    return f"{removed}, no more than the best of the catalogue would by chance from errors like those left"
 
 
 def _size(numbers: Record) -> str:
@@ -220,9 +222,8 @@ def _laplace(numbers: Record) -> str:
 
 
 def _astray(numbers: Record) -> str:
-    left = plain(100 * numbers.get("left", math.nan), 2)
     remedy = "check columns, signs, units, and that [model] holds the main force"
-    return f"the declared model leaves {left} % of the variance: {remedy}"
+    return f"the declared model leaves {plain(100 * numbers.get('left', math.nan), 2)} % of the variance: {remedy}"
 
 
 def _complete(numbers: Record) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
+from discovery.diagnosis.caution import Caution, at_edges, missed
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
@@ -129,6 +130,13 @@ class LoopResult(LoopViews):
         found = {effect: stand_in(self.after, effect) for effect in self.added}
         return {effect: other for effect, other in found.items() if other is not None}
 
+    @property
+    def cautions(self) -> list[Caution]:
+        """Why the answer may not be believed, as the fit itself shows."""
+        error = self.model_error
+        miss = missed(self.errors, left=error.after, held=error.held, least=error.least)
+        return [*at_edges(self.after, self.added), *([miss] if miss else [])]
+
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
         bench = self.after.problem.bench
@@ -155,6 +163,7 @@ class LoopResult(LoopViews):
             "errors": dict(self.errors),
             "model_error": self.model_error.summary(),
             "complete": self.complete,
+            "cautions": [c.summary() for c in self.cautions],
             **({"lead": self.lead.summary()} if self.lead else {}),
             **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),

@@ -1,0 +1,89 @@
+"""What a fit cannot be believed for, as records: values at the edge of what they may be, hold-outs missed.
+
+Sentences are made from them in one place, `discovery.report.caution_sentences`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.estimation.fit import Fit
+
+__all__ = ["SCATTERED", "Caution", "at_edges", "missed"]
+
+#: Times the noise, readings that lie farther off than a model that leaves noise would let them.
+SCATTERED = 1.5
+#: Part of its range within which a value lies at an edge.
+_EDGE = 1e-3
+
+
+@dataclass(frozen=True)
+class Caution:
+    """One reason not to believe an answer.
+
+    Parameters
+    ----------
+    code : str
+        "declared_edge", "effect_edge" (a value at the edge of its range) or "missed" (the hold-out).
+    about : str
+        The parameter; empty where it is about the whole answer.
+    effect : str
+        The effect that was added with the parameter; empty otherwise.
+    numbers : mapping
+        Of an edge `value` and `unit`, and `guessed`, whether a guess of the rig file sets it; of a miss `rms`, `unit`,
+        `ratio` (over the noise) and `beyond`, whether all of it moves farther than training.
+    """
+
+    code: str
+    about: str = ""
+    effect: str = ""
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return asdict(self)
+
+
+def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
+    """Return the amplitudes of a fit at an edge that is no zero: their range ends there, not physics.
+
+    What the rig states, or a law holds by convention, is left out, and so are shapes.
+    """
+    problem = fitted.problem
+    owner = {p.name: e for e in added if e in catalogue() for p in get_effect(e).parameters()}
+    found = []
+    for name, value, low, high in zip(problem.free, fitted.minimum.x, *problem.bounds, strict=False):
+        parameter = problem.model.parameters[name]
+        near = _EDGE * (high - low)
+        # Of a range on one side of zero the end that is nearer to it is where the quantity is absent.
+        at_edge = (high > 0 and value >= high - near) or (low < 0 and value <= low + near)
+        if name in problem.gaussian or parameter.shape or not np.isfinite(near) or not at_edge:
+            continue
+        numbers = {"value": float(value), "unit": fitted.told(name)["unit"], "guessed": parameter.physical}
+        found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
+    return found
+
+
+def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:
+    """Return that a model leaves noise in training and misses what is held out; None where it does not.
+
+    Parameters
+    ----------
+    errors : mapping
+        Of loop.json.
+    left, held, least : float
+        Model error in training and held out, and that which counts as none [unit of the output].
+    """
+    after, floor = errors["after"], errors["noise_floor"]
+    # Beyond the trained range a model may err; what decides lies inside where anything does.
+    beyond = "holdout_outside" in after and "holdout_inside" not in after
+    rms = after.get("holdout_inside", after["holdout"])["rms"]
+    off = rms > SCATTERED * max(floor, after["train"]["rms"])
+    if not (left <= least and off and (beyond or held > least)):
+        return None
+    return Caution("missed", numbers={"rms": rms, "unit": errors["unit"], "ratio": rms / floor, "beyond": beyond})

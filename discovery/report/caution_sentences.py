@@ -1,0 +1,56 @@
+"""The sentences on why an answer may not be believed, made from the `cautions` of loop.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from discovery.declarations.effect import effect_name
+from discovery.foundation.estimate_text import figures
+
+__all__ = ["caution_sentence"]
+
+Record = Mapping[str, Any]
+
+
+def caution_sentence(found: Record) -> str:
+    """Return what speaks against an answer, and what to do."""
+    return _SENTENCES[found["code"]](found)
+
+
+def _value(found: Record) -> str:
+    unit = found["numbers"]["unit"]
+    return f"{found['about']} = {figures(found['numbers']['value'])} {'' if unit == '1' else unit}".rstrip()
+
+
+def _declared(found: Record) -> str:
+    head = f"{_value(found)} of the declared model ends at its bound"
+    if found["numbers"]["guessed"]:
+        return (
+            f"{head}, far from its guess in the rig file: check that guess, and units and signs of what the rig file "
+            "states"
+        )
+    return (
+        f"{head}, which follows from the recorded motion and not from physics, so that added effects may make up for "
+        "it: check the units of time, input and output, or record faster motions"
+    )
+
+
+def _effect(found: Record) -> str:
+    return (
+        f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
+        "check the constants that the rig file states, units and signs"
+    )
+
+
+def _missed(found: Record) -> str:
+    numbers = found["numbers"]
+    other = "the motion reach where training did not" if numbers["beyond"] else "training tell too little of the law"
+    return (
+        f"the model explains the training recordings to their noise and misses the held-out ones by "
+        f"{figures(numbers['rms'])} {numbers['unit']} (rms), {figures(numbers['ratio'], 2)} times their noise: has the "
+        f"rig or its payload changed, or does {other}?"
+    )
+
+
+_SENTENCES = {"declared_edge": _declared, "effect_edge": _effect, "missed": _missed}

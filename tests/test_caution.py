@@ -1,0 +1,83 @@
+"""What speaks against an answer: values at the edge of their range, a hold-out that is missed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import driven_oscillator as bench
+import numpy as np
+import pytest
+
+from discovery.diagnosis.caution import Caution, at_edges, missed
+from discovery.equations.model import Model
+from discovery.estimation.fit import Fit, fit
+from discovery.report.caution_sentences import caution_sentence
+from discovery.report.sentences import decision_sentence
+
+
+@pytest.fixture(scope="module")
+def scaled() -> Fit:
+    """An oscillator, declared, and a scale of its instrument, added."""
+    noise = bench.NOISE * np.random.default_rng(1).standard_normal(bench.TIME.size)
+    return fit(Model("oscillator", (*bench.EFFECTS, "position_scale"), {"g": bench.GAIN}), [bench.experiment(noise)])
+
+
+def moved(fitted: Fit, name: str, share: float) -> list[Caution]:
+    """Return the cautions where a parameter lies so far between its bounds."""
+    x, k = fitted.minimum.x.copy(), fitted.problem.names.index(name)
+    low, high = (bound[k] for bound in fitted.problem.bounds)
+    x[k] = low + share * (high - low)
+    return at_edges(replace(fitted, minimum=replace(fitted.minimum, x=x)), ("position_scale",))
+
+
+def test_a_value_at_an_edge_that_is_no_zero_is_doubted(scaled: Fit) -> None:
+    assert at_edges(scaled, ("position_scale",)) == []
+    # Without damping an oscillator is an oscillator.
+    assert moved(scaled, "xi", 0.0) == []
+    (declared,) = moved(scaled, "xi", 1.0)
+    assert (declared.code, declared.about, declared.effect) == ("declared_edge", "xi", "")
+    assert declared.numbers["unit"] == "s^-1"
+    assert "xi = " in caution_sentence(declared.summary())
+    assert "s^-1 of the declared model ends at its bound, which follows from the" in caution_sentence(
+        declared.summary()
+    )
+    # A fit that nears its bound along a direction that no reading tells does not touch it.
+    for share, sign in ((1e-6, "-"), (1 - 1e-6, "")):
+        (effect,) = moved(scaled, "s", share)
+        assert (effect.code, effect.effect) == ("effect_edge", "position_scale")
+        words = caution_sentence(effect.summary())
+        assert words.startswith(f"position scale ends at the edge of what it may be, s = {sign}0.3: before you believe")
+    assert moved(scaled, "s", 0.9) == []
+
+
+def told(hold: float, *, train: float = 1.0, where: str = "outside") -> dict[str, Any]:
+    after = {"train": {"rms": train}, "holdout": {"rms": hold}, f"holdout_{where}": {"rms": hold}}
+    return {"after": after, "noise_floor": 1.0, "unit": "m"}
+
+
+def test_a_hold_out_that_is_missed_is_told() -> None:
+    found = missed(told(20.0), left=0.1, held=0.1, least=0.3)
+    assert found is not None
+    assert caution_sentence(found.summary()).endswith(
+        "misses the held-out ones by 20 m (rms), 20 times their noise: has the rig or its payload changed, or does the "
+        "motion reach where training did not?"
+    )
+    inside = missed(told(20.0, where="inside"), left=0.1, held=5.0, least=0.3)
+    assert inside is not None
+    assert caution_sentence(inside.summary()).endswith("changed, or does training tell too little of the law?")
+    # Averages are noise inside the range of training: readings scatter, and another doubt says so.
+    assert missed(told(20.0, where="inside"), left=0.1, held=0.1, least=0.3) is None
+    # Noise that is stated too small shows in training as well, and a model that errs there explains nothing yet.
+    assert missed(told(20.0, train=18.0), left=0.1, held=0.1, least=0.3) is None
+    assert missed(told(20.0), left=1.0, held=5.0, least=0.3) is None
+    assert missed(told(1.4), left=0.1, held=0.1, least=0.3) is None
+
+
+@pytest.mark.parametrize(
+    ("gain", "words"), [(-17346.0, "adds a chi-square of 17"), (12.0, "removes a chi-square of 12")]
+)
+def test_a_chi_square_is_removed_or_added(gain: float, words: str) -> None:
+    step = {"action": "add", "effects": ["play"], "accepted": False, "code": "chance", "numbers": {"gain": gain}}
+    assert decision_sentence(step).startswith(f"it {words}")
+    assert "-" not in decision_sentence(step).replace("chi-square", "")
