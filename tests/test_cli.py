@@ -865,7 +865,7 @@ TRIED = {
     "pendulum": ({"gravity_torque", "input_dead_zone"}, {"play", "constant_force"}),
     "base_excited": ({"linear_stiffness", "second_mode"}, {"input_dead_zone", "cogging"}),
     "drive": ({"friction_through_play", "cogging", "input_saturation"}, {"play", "buoyancy"}),
-    "system": ({"cogging", "play", "sensor_delay"}, {"linear_stiffness", "second_mode", "buoyancy"}),
+    "system": ({"cogging", "play", "sensor_delay", "linear_stiffness"}, {"second_mode", "buoyancy"}),
     "falling_body": ({"buoyancy", "quadratic_drag"}, {"coulomb_friction", "gravity_torque", "constant_force"}),
 }
 

@@ -133,6 +133,26 @@ def test_play_asks_for_a_spring_and_cogging_for_a_rotor() -> None:
     assert not {"play", "cogging"} & set(candidates(Model("oscillator", ("linear_stiffness",))))
 
 
+def test_a_linear_spring_is_sought_where_none_is_declared() -> None:
+    """Beside one that is declared it is its twin; gravity is none, and what turns freely may be tied by a cable."""
+    offered = {
+        name: {e for e in candidates(Model(system_base(system).name, ())) if e.startswith("linear_stiffness")}
+        for name, system in ready_made().items()
+    }
+    assert offered["furuta_pendulum"] == {"linear_stiffness_at_axis", "linear_stiffness_at_pivot"}
+    assert offered["two_mass_drive"] == {"linear_stiffness_at_motor", "linear_stiffness_at_load"}
+    assert offered["quarter_car"] == set()
+
+
+def test_a_linear_spring_at_a_place_pulls_back() -> None:
+    base = system_base(ready_made()["dc_motor"]).name
+    program = build_program(base, ("linear_stiffness_at_shaft",))
+    values = {"inertia": 2e-4, "loss": 0.0, "torque_constant": 0.0, "resistance": 1.0, "alpha_shaft": 3e-3}
+    state = [0.5, 0.0]
+    slopes = numpy_derivative(program)(0.0, (0.0, 0.0, 0.0), state, [values[p] for p in program.parameters])
+    assert slopes[1] == pytest.approx(-3e-3 * 0.5 / 2e-4)
+
+
 def test_a_drive_is_doubted_where_the_input_is_a_force() -> None:
     """What moves as recorded passes no amplifier, and neither does what is not driven at all."""
     of_drives = {"input_dead_zone", "input_saturation"}

@@ -52,8 +52,9 @@ def at_place(effect: Effect, place: str) -> Effect:
     forced = amplitudes(effect)
     meant = {s.rho: sp.Integer(1)}
     meant |= {sp.Symbol(n, real=True): symbol / weight if n in forced else symbol for n, symbol in own.items()}
-    meant |= {c: local(c, place) for c in (*s.POSITION_CHANNELS, *s.RATE_CHANNELS, s.alpha)}
-    meant.setdefault(s.xi, local(s.xi, place))
+    meant |= {c: local(c, place) for c in (*s.POSITION_CHANNELS, *s.RATE_CHANNELS)}
+    for declared in (s.alpha, s.xi):
+        meant.setdefault(declared, local(declared, place))
     on = getattr(effect, "on", None)
     if on is not None:
         words["on"] = local(on, place)

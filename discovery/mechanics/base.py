@@ -103,11 +103,12 @@ class Place:
     sprung: bool = False
 
     def suits(self, effect: Effect) -> bool:
-        """Return whether an effect has a meaning here; one of a spring needs a spring, which is declared itself."""
+        """Return whether an effect has a meaning here; a linear spring has none beside a declared one."""
+        spring = effect.id() == "linear_stiffness"
         angle = self.unit in ("rad", "1") or not effect.angular
-        held = self.tied or not effect.anchored
+        held = self.tied or not effect.anchored or spring
         there = {"": True, SPRING: self.sprung, ROTOR: not self.tied}.get(effect.needs, False)
-        return angle and held and there and effect.id() != "linear_stiffness"
+        return angle and held and there and not (spring and self.tied and self.sprung)
 
     def unit_of(self, parameter: Parameter) -> str:
         """Return the SI unit of the values of a parameter of an effect at this place."""

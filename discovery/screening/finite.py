@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from discovery.declarations.registry import get_effect
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
+from discovery.screening.along import starts_along
 from discovery.screening.attribution import grid_of
 
 __all__ = ["MOST_SHAPES", "FarStart", "declared_starts", "finite_starts"]
@@ -35,7 +36,7 @@ _KEPT = 2
 
 
 def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[FarStart]:
-    """Return starts of refits with the stiffness `alpha` that goes with each.
+    """Return starts of refits with what goes with each: all that is fitted for laws of many shapes, else `alpha`.
 
     Parameters
     ----------
@@ -47,18 +48,25 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
     Returns
     -------
     list of FarStart
-        At most two for each effect, the best sizes by chi-square.
+        At most two for each effect of few shapes, the best sizes by chi-square; of others see `along`.
     """
+    system = problem.model.mechanics.system
+    own = [get_effect(name) for name in names if get_effect(name).kind in _KINDS]
+    grids = {effect.id(): grid_of(effect, system, problem.units) for effect in own}
+    many = [name for name, grid in grids.items() if len(grid) > 2 * MOST_SHAPES]
+    few = {name: grid for name, grid in grids.items() if name not in many}
+    return [*_beside_stiffness(minimum, problem, few), *starts_along(minimum, problem, many)]
+
+
+def _beside_stiffness(
+    minimum: Minimum, problem: Problem, grids: Mapping[str, Sequence[Mapping[str, float]]]
+) -> list[FarStart]:
+    """Return the best sizes of effects, each with the stiffness that goes with it."""
     if "alpha" not in problem.free:
         return []
     system = problem.model.mechanics.system
     alphas = minimum.x[problem.names.index("alpha")] * _FACTORS
-    points: list[_Point] = []
-    for name in names:
-        effect = get_effect(name)
-        grid = grid_of(effect, system, problem.units)
-        if effect.kind in _KINDS and len(grid) <= 2 * MOST_SHAPES:
-            points += [(name, values) for values in grid]
+    points: list[_Point] = [(name, values) for name, grid in grids.items() for values in grid]
     if not points:
         return []
     best = alphas[_costs(problem, minimum, points, np.tile(alphas, (len(points), 1))).argmin(axis=1)]

@@ -1,0 +1,54 @@
+"""The shape of a law that holds on to a body, read along its recorded motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.systems import laws, machines
+from benchmarks.systems.record import record
+from discovery.estimation.bench import Bench
+from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
+from discovery.estimation.least_squares import Minimum
+from discovery.estimation.problem import Problem
+from discovery.recordings.dataset import load_dataset
+from discovery.screening.attribution import screen
+from discovery.screening.finite import finite_starts
+from discovery.screening.refits import refit
+
+TEETH = 12
+
+
+def without_teeth(directory: Path, rig: str, effect: str) -> tuple[Problem, Minimum]:
+    """Return the fit of a motor without the teeth that its rotor has, on simulators that know them."""
+    (directory / "rig.toml").write_text(rig, encoding="utf-8")
+    record(machines.motor(), "shaft", laws.cogging(0.02, TEETH), directory / "a.csv", 4)
+    data = load_dataset(directory / "rig.toml", [directory / "a.csv"], keep_third=False)
+    found = fit(declared_model(data), data)
+    bare = found.problem
+    bench = Bench(bare.bench.base, (*bare.bench.effects, effect), bare.bench.experiments, bare.bench.step)
+    return replace(bare, bench=bench), found.minimum
+
+
+def test_teeth_that_a_linear_response_does_not_count_are_counted_along_the_motion(tmp_path: Path) -> None:
+    problem, minimum = without_teeth(tmp_path, machines.motor().rig, "cogging_at_shaft")
+    (scored,) = screen(problem.model, minimum, problem, ["cogging_at_shaft"])
+    (linear,) = refit(problem.model, minimum, problem, [scored])
+    starts = finite_starts(minimum, problem, ["cogging_at_shaft", "coulomb_friction_at_shaft"])
+    assert {name for name, _, _ in starts} == {"cogging_at_shaft"}
+    assert starts[0][1][-1] == TEETH
+    (found,) = refit(problem.model, minimum, problem, [scored], finite=starts)
+    assert found.values["N_c_shaft"] == pytest.approx(TEETH, abs=0.05)
+    assert found.chi2 < 1.2 * problem.bench.n_data < 0.1 * linear.chi2
+
+
+def test_nothing_is_read_along_a_motion_that_is_not_recorded(tmp_path: Path) -> None:
+    """A reading of something else than the coordinate or its rate tells no force there."""
+    rig = machines.motor().rig.replace('output = "dot(phi)"', 'output = "sin(phi)"').replace("rad / s", "1")
+    problem, minimum = without_teeth(tmp_path, rig, "cogging_at_shaft")
+    assert np.isfinite(minimum.cost)
+    assert finite_starts(minimum, problem, ["cogging_at_shaft"]) == []
