@@ -30,6 +30,7 @@ from discovery.recordings.flags import impossible
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.search_part import searched_part
 from discovery.runs.course import Course
+from discovery.runs.declared_effects import sought
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
 from discovery.runs.model_error_report import ModelErrorReport
@@ -148,7 +149,7 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     """Return what the loop finds on the recordings of a context, its two models fitted to the whole of them."""
     train = context.train
     context.progress("refitting the declared model")
-    before = first_fit(train, context.units)
+    before = sought(first_fit(train, context.units), context)
     search = Search(_start(before, context), context)
     if (left := variance_left(before.problem, before.chi2)) > _MOST:
         search.decisions.append(Decision("declare", (), False, "astray", {"left": left}))
