@@ -61,6 +61,7 @@ def drafted(path: Path, **more: object) -> dict:
         ("motor_torque_Nm", "cause", "N m"),
         ("x / mm", "motion", "mm"),
         ("cart_x_m", "moved", "m"),
+        ("road (mm)", "moved", "mm"),
         ("height_m", "height", "m"),
         ("angular_velocity_rad_s", "speed", "rad/s"),
         ("omega (rad/s)", "speed", "rad/s"),
