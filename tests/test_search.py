@@ -12,11 +12,13 @@ from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.estimation.holdout import HoldOut
+from discovery.screening.refits import finish
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import finished
 from discovery.selection.odds import Odds, odds_of
+from discovery.selection.offers import Offers
 from discovery.selection.search import Search
 from discovery.selection.settings import Budget, LoopSettings
 from discovery.selection.verdict import is_complete, named, strongest_lead, verdict_of
@@ -284,3 +286,15 @@ def test_a_declared_law_does_not_take_the_place_of_one_that_contains_it() -> Non
     search.best = larger
     search._simplify()
     assert search.best is larger
+
+
+def test_a_set_is_refitted_from_the_declared_guesses_where_its_fit_went_astray() -> None:
+    shared = context(beta=1.0)
+    root = begun(shared).root
+    (found,) = (c.refit for c in Offers(shared).beside(root) if c.added == ("cubic_stiffness",))
+    x = found.minimum.x.copy()
+    x[found.problem.names.index("alpha")] = 400.0
+    lost = dataclasses.replace(found, minimum=dataclasses.replace(found.minimum, x=x))
+    (stuck,), (afresh,) = (finish(root.refit.problem, root.refit.minimum, [lost], afresh=a) for a in (False, True))
+    assert afresh.chi2 == pytest.approx(found.chi2, rel=1e-3)
+    assert stuck.chi2 > 10 * found.chi2

@@ -16,17 +16,7 @@ from discovery.estimation.race import SLOW, Race, near_the_best
 from discovery.screening.attribution import Candidate, Start
 from discovery.screening.finite import FarStart
 
-__all__ = [
-    "Refit",
-    "best_of",
-    "finish",
-    "held_fixed",
-    "refit",
-    "refit_pairs",
-    "relaxed",
-    "settle",
-    "settled",
-]
+__all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle", "settled"]
 
 FloatArray = NDArray[np.float64]
 #: Effects, their free values, sensitivities (zeros: unknown), what goes with them unless it is compensated, and the
@@ -231,7 +221,7 @@ def _raced(
     )
 
 
-def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[Refit]:
+def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh: bool = False) -> list[Refit]:
     """Refit with what the rig knows free again: a missing effect may have pushed it off what the rig states.
 
     Parameters
@@ -240,6 +230,8 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
         The fit so far, with what the rig knows free.
     quick : sequence of Refit
         Refits with it held.
+    afresh : bool
+        Begin from the declared guesses as well: without its effects a fit may have gone far astray.
 
     Returns
     -------
@@ -260,6 +252,9 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit]) -> list[R
         for known in starts:
             problems.append(extended)
             vectors.append(extended.start({**r.values, **known}))
+        if afresh:
+            problems.append(extended)
+            vectors.append(extended.start({n: v for n, v in r.values.items() if n not in problem.free}))
     return settled(problems, vectors)
 
 

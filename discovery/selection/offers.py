@@ -74,7 +74,7 @@ class Offers:
             quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
             leading = [quick[i] for i in near[: self.context.settings.budget.finished] if np.isfinite(quick[i].chi2)]
-            return [*finish(node.refit.problem, node.refit.minimum, leading), *quick]
+            return [*finish(node.refit.problem, node.refit.minimum, leading, afresh=node.is_far), *quick]
 
         def growing() -> list[Refit]:
             return grown(node.refit.minimum, node.refit.problem, names)
