@@ -59,11 +59,9 @@ def _scattered(result: LoopResult, held: Sequence[Recording]) -> list[str]:
     """Tell where averages of what is left are noise, but single readings lie farther off than their noise."""
     import numpy as np
 
-    from discovery.diagnosis.caution import SCATTERED
+    from discovery.diagnosis.caution import SCATTERED, judged_rms
 
-    after = result.errors["after"]
-    # Beyond the trained range a model may err; what decides lies inside where anything does.
-    rms = after.get("holdout_inside", after["holdout"])["rms"]
+    rms = judged_rms(result.errors)
     # The error is a distance over all channels, and recordings may differ in their noise.
     floor = max((float(np.sqrt(np.sum(np.square(recording.noise)))) for recording in held), default=np.inf)
     if not rms > SCATTERED * floor:

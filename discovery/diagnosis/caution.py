@@ -14,7 +14,7 @@ import numpy as np
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
 
-__all__ = ["SCATTERED", "Caution", "at_edges", "missed"]
+__all__ = ["SCATTERED", "Caution", "at_edges", "judged_rms", "missed"]
 
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
@@ -69,6 +69,15 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
     return found
 
 
+def judged_rms(errors: Mapping[str, Any]) -> float:
+    """Return the held-out error of the final model that judges it, from the errors of loop.json.
+
+    Beyond the trained range a model may err; what decides lies inside where anything does.
+    """
+    after = errors["after"]
+    return float(after.get("holdout_inside", after["holdout"])["rms"])
+
+
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:
     """Return that a model leaves noise in training and misses what is held out; None where it does not.
 
@@ -79,10 +88,8 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
     left, held, least : float
         Model error in training and held out, and that which counts as none [unit of the output].
     """
-    after, floor = errors["after"], errors["noise_floor"]
-    # Beyond the trained range a model may err; what decides lies inside where anything does.
+    after, floor, rms = errors["after"], errors["noise_floor"], judged_rms(errors)
     beyond = "holdout_outside" in after and "holdout_inside" not in after
-    rms = after.get("holdout_inside", after["holdout"])["rms"]
     off = rms > SCATTERED * max(floor, after["train"]["rms"])
     if not (left <= least and off and (beyond or held > least)):
         return None

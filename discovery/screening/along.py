@@ -19,7 +19,6 @@ from discovery.equations.program import build_program
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.recordings.experiment import Experiment
-from discovery.screening.attribution import grid_of
 from discovery.simulation.kernel.compile import numpy_derivative
 
 __all__ = ["starts_along"]
@@ -35,7 +34,7 @@ _STEP = 1e-4
 
 
 def starts_along(
-    minimum: Minimum, problem: Problem, names: Sequence[str]
+    minimum: Minimum, problem: Problem, grids: Mapping[str, Sequence[Mapping[str, float]]]
 ) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
     """Return starts of refits at the shapes that explain best which force the recorded motion lacks.
 
@@ -43,8 +42,8 @@ def starts_along(
     ----------
     minimum, problem : Minimum, Problem
         The fit so far.
-    names : sequence of str
-        Candidate effects.
+    grids : mapping of str to sequence of mappings
+        The shapes of each candidate effect.
 
     Returns
     -------
@@ -52,15 +51,14 @@ def starts_along(
         Effect, its values, and those of all else that is fitted; none where the reading is not that of the only
         coordinate or of its rate.
     """
-    order = _read(problem) if names else None
+    order = _read(problem) if grids else None
     if order is None:
         return []
     found: list[tuple[str, FloatArray, Mapping[str, float]]] = []
-    for name, window in product(names, _WINDOWS):
+    for (name, grid), window in product(grids.items(), _WINDOWS):
         lack = _Lack(problem, name, order, window)
         if not lack.motions:
             continue
-        grid = grid_of(get_effect(name), problem.model.mechanics.system, problem.units)
         for vector in lack.best(dict(zip(problem.names, minimum.x, strict=True)), grid):
             added = [p.name for p in get_effect(name).fitted(problem.model.mechanics.system)]
             others = {n: v for n, v in vector.items() if n not in added}

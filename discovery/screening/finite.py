@@ -53,7 +53,7 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
     system = problem.model.mechanics.system
     own = [get_effect(name) for name in names if get_effect(name).kind in _KINDS]
     grids = {effect.id(): grid_of(effect, system, problem.units) for effect in own}
-    many = [name for name, grid in grids.items() if len(grid) > 2 * MOST_SHAPES]
+    many = {name: grid for name, grid in grids.items() if len(grid) > 2 * MOST_SHAPES}
     few = {name: grid for name, grid in grids.items() if name not in many}
     return [*_beside_stiffness(minimum, problem, few), *starts_along(minimum, problem, many)]
 
