@@ -20,7 +20,8 @@ from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit
-from discovery.estimation.problem import known_values, natural_units
+from discovery.estimation.natural_units import natural_units
+from discovery.estimation.problem import known_values
 from discovery.estimation.step import choose_step
 from discovery.recordings.dataset import Dataset, load_dataset
 from discovery.runs.loop import close_loop

@@ -6,7 +6,7 @@ import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording

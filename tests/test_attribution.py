@@ -14,7 +14,8 @@ from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording

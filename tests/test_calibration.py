@@ -24,7 +24,7 @@ from benchmarks.calibration.replicate import (
 from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
 from discovery.equations.model import Model
 from discovery.estimation.importance import importance_sample
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import LogPosterior, log_posterior
 from discovery.posterior.noise import noise_of

@@ -27,7 +27,8 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
-from discovery.estimation.problem import known_values, natural_units
+from discovery.estimation.natural_units import natural_units
+from discovery.estimation.problem import known_values
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
 from discovery.report.follow_up_sentences import contradiction_sentences

@@ -15,7 +15,7 @@ from discovery.estimation import first_fit as module
 from discovery.estimation.declared import declared_model
 from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import fit
-from discovery.estimation.problem import natural_units
+from discovery.estimation.natural_units import natural_units
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.experiment import Experiment
 

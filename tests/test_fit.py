@@ -16,7 +16,8 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import SHIFT, Fit, fit, refined
 from discovery.estimation.least_squares import levenberg_marquardt, minimise
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.estimation.guess import scan
-from discovery.estimation.problem import natural_units
+from discovery.estimation.natural_units import natural_units
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording

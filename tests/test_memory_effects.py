@@ -23,7 +23,7 @@ from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.fit import fit
-from discovery.estimation.problem import natural_units
+from discovery.estimation.natural_units import natural_units
 from discovery.export import to_numpy
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset

@@ -11,8 +11,9 @@ from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.predict import equilibrium, held_out, predict
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.problem import Problem
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment

@@ -18,7 +18,8 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.least_squares import Minimum
-from discovery.estimation.problem import Problem, known_values, natural_units
+from discovery.estimation.natural_units import natural_units
+from discovery.estimation.problem import Problem, known_values
 from discovery.estimation.step_control import cheapest, more_accurate, solver_errors
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.experiment import Experiment

@@ -12,7 +12,8 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.laplace import Mode
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel, ModelError, innovations
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.estimation.sampled_evidence import sampled
 
 TIME = np.linspace(0.0, 6.0, 61)

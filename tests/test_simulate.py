@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.step import choose_step
 from discovery.foundation.errors import ComputationError, SimulationFailure
 from discovery.mechanics import get_base

@@ -13,7 +13,8 @@ from discovery.estimation import unequal_steps
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit, refined
 from discovery.estimation.holdout import HoldOut
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
 from discovery.estimation.unequal_steps import unequal_bench
 from discovery.recordings.drive import Drive

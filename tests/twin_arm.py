@@ -14,7 +14,8 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.declared import rig_uncertainty
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.problem import known_values, natural_units
+from discovery.estimation.natural_units import natural_units
+from discovery.estimation.problem import known_values
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Quantity, Rig

@@ -21,7 +21,8 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
 from discovery.estimation.importance import LARGEST_K, Weighted, importance_sample
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN, noise_of

@@ -9,7 +9,7 @@ from discovery_datasets.manoeuvres import trapezoid
 
 from benchmarks.calibration.replicate import Study
 from discovery.equations.model import Model
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.step import choose_step
 from discovery.posterior.noise import GAUSSIAN
 from discovery.recordings.experiment import make_experiment

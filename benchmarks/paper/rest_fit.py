@@ -151,7 +151,7 @@ def fit_from_rest(
 
 
 def _step(model: Model, stand: Stand, start: Mapping[str, float]) -> float:
-    from discovery.estimation.problem import natural_units
+    from discovery.estimation.natural_units import natural_units
 
     still = {f"{n}[{stand.experiment.recording.name}]": 0.0 for n in ("delta_0_init", "rate_0_init")}
     units = natural_units([stand.experiment])

@@ -173,7 +173,7 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool, as_json
 @options("train", "out", "seed", "quiet", "json")
 def residual(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> None:
     """Examine what the declared model leaves."""
-    from discovery.estimation.problem import natural_units
+    from discovery.estimation.natural_units import natural_units
     from discovery.estimation.residual import examine
     from discovery.results.provenance import provenance, write_json
     from discovery.runs import stages

@@ -72,10 +72,12 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
 def judged_rms(errors: Mapping[str, Any]) -> float:
     """Return the held-out error of the final model that judges it, from the errors of loop.json.
 
-    Beyond the trained range a model may err; what decides lies inside where anything does.
+    Beyond the trained range a model may err, and after its motion a body only rests; what decides lies inside where
+    anything does, and moves.
     """
     after = errors["after"]
-    return float(after.get("holdout_inside", after["holdout"])["rms"])
+    group = next(g for g in ("holdout_moving", "holdout_inside", "holdout") if g in after)
+    return float(after[group]["rms"])
 
 
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:

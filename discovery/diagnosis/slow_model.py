@@ -22,7 +22,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.mechanics import get_base
 from discovery.simulation.kernel.compile import numpy_derivative
 

@@ -13,9 +13,9 @@ class CoulombFriction(Dissipation):
     .. math:: D = f_c \left(\sqrt{v_t^2 + v_c^2} - v_c\right)
 
     The force is :math:`f_c v_t / \sqrt{v_t^2 + v_c^2}`: sliding friction, made smooth within the creep speed v_c.
-    A body that sticks away from its rest creeps, by up to v_c times how long it is held. Where the bound of v_c makes
-    that more than the noise, `stribeck_friction` creeps less and is named in its place: end the recording where the
-    body sticks.
+    A body that sticks away from its rest creeps, by up to v_c times how long it is held. Of a free motion the rest
+    behind it is not fitted; where a driven one sticks for long, by more than the noise, `stribeck_friction` creeps
+    less and may be named in its place.
     """
 
     cite = "Coulomb (1785); regularised as in Armstrong-Helouvry et al., Automatica 30 (1994) 1083"

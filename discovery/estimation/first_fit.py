@@ -14,7 +14,8 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.problem import NaturalUnits, conventions
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import conventions
 from discovery.estimation.residual import explains
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment

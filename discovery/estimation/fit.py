@@ -17,8 +17,9 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
 from discovery.estimation.guess import restoring, scan, staged_start
 from discovery.estimation.least_squares import Minimum
+from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.physical import physical_parameters, physical_rows
-from discovery.estimation.problem import NaturalUnits, Problem, natural_units
+from discovery.estimation.problem import Problem
 from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
@@ -286,8 +287,7 @@ def refined(found: Fit) -> Fit:
     best = found
     for _ in range(_REFINEMENTS):
         shift, old = best.solver_shift, best.problem
-        finer = tightened(old.bench, shift, SHIFT)
-        if finer is None:
+        if (finer := tightened(old.bench, shift, SHIFT)) is None:
             break
         problem = Problem(old.model, finer, old.units, old.gaussian)
         (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR)

@@ -10,7 +10,8 @@ import numpy as np
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["restoring", "scan", "staged_start"]

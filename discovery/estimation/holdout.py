@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.predict import held_out
-from discovery.estimation.problem import NaturalUnits
 from discovery.estimation.residual import errors
 from discovery.estimation.step import choose_step
 from discovery.foundation.errors import ComputationError
@@ -40,7 +41,9 @@ class HoldOut:
         self.continued = not separate
         reach = largest_deflection(train)
         self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]
-        self._benches: dict[tuple[str, tuple[str, ...], float, tuple[str, ...]], Bench] = {}
+        inside = [i for i, within in enumerate(self.inside) if within] or range(len(separate))
+        self._deciding = {i: separate[i].fitted_part for i in inside}
+        self._benches: dict[tuple[str, tuple[str, ...], float, tuple[tuple[str, int], ...]], Bench] = {}
         self._shares: dict[tuple[str, tuple[str, ...], float], float] = {}
         self._wild: set[object] = set()
 
@@ -60,7 +63,7 @@ class HoldOut:
     @property
     def motion(self) -> float:
         """The largest scatter of a stretch of what is held out [noise sds]: how much it can tell."""
-        first = [e.fitted_samples or 0 for e in self.experiments]
+        first = [e.fitted_samples or 0 if self.continued else 0 for e in self.experiments]
         moved = [motion_over_noise(e.recording, n) for e, n in zip(self.experiments, first, strict=True)]
         return max(moved, default=0.0)
 
@@ -81,7 +84,7 @@ class HoldOut:
         Their steps are those that these recordings need by the first of the models that moves through them.
         """
         step = self._share(bench, models) * bench.shortest
-        key = (bench.base, bench.effects, step, tuple(e.recording.name for e in experiments))
+        key = (bench.base, bench.effects, step, tuple((e.recording.name, e.recording.time.size) for e in experiments))
         if key not in self._benches:
             self._benches[key] = Bench(bench.base, bench.effects, experiments, step)
         return self._benches[key]
@@ -131,20 +134,26 @@ class HoldOut:
         return found
 
     def deciding(self) -> list[Experiment]:
-        """Return the separate recordings that decide: those inside the trained deflection, or all where none is."""
-        inside = [e for e, flag in zip(self.separate, self.inside, strict=True) if flag]
-        return inside or list(self.separate)
+        """Return the separate recordings that decide, as far as they move.
+
+        They are those inside the trained deflection, or all where none is.
+        """
+        return list(self._deciding.values())
 
     def held(self, fit: Fit, on_train: list[FloatArray]) -> list[FloatArray]:
         """Return a fit's predictions of the held-out recordings, from those of the training recordings."""
         return self.predictions(fit.problem.bench, [(fit.model, fit.values, on_train)])[0]
 
     def errors(self, predictions: Sequence[FloatArray]) -> dict[str, dict[str, float]]:
-        """Return errors over all held-out recordings, and apart inside and outside the trained deflection."""
+        """Return errors over all held-out recordings, and apart inside and outside the trained deflection.
+
+        Where a free motion comes to rest, they are told apart for what decides, as far as it moves.
+        """
         outputs = self.outputs()
 
-        def pooled(which: list[int]) -> dict[str, float]:
-            return errors(np.concatenate([predictions[i] for i in which]), np.concatenate([outputs[i] for i in which]))
+        def pooled(which: Iterable[int], ends: Mapping[int, int] = MappingProxyType({})) -> dict[str, float]:
+            pairs = [(predictions[i][: ends.get(i)], outputs[i][: ends.get(i)]) for i in which]
+            return errors(*(np.concatenate(each) for each in zip(*pairs, strict=True)))
 
         everything = list(range(len(self.experiments)))
         result = {"holdout": pooled(everything)}
@@ -155,4 +164,7 @@ class HoldOut:
                 result["holdout_inside"] = pooled(inside)
             if outside:
                 result["holdout_outside"] = pooled(outside)
+        moving = {i: e.recording.time.size for i, e in self._deciding.items()}
+        if any(n < len(outputs[i]) for i, n in moving.items()):
+            result["holdout_moving"] = pooled(moving, moving)
         return result

@@ -18,7 +18,8 @@ from discovery.equations.program import Program, build_program
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import principal_spread
 from discovery.estimation.fit import Fit
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
 from discovery.estimation.step import choose_step
 from discovery.foundation.arguments import check_pair, expect

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.foundation.workers import at_once
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import THREADS

@@ -11,7 +11,7 @@ from discovery.foundation.start_names import start_name
 
 if TYPE_CHECKING:
     from discovery.equations.model import Model
-    from discovery.estimation.problem import NaturalUnits
+    from discovery.estimation.natural_units import NaturalUnits
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["StartValue", "own_parameters", "start_values"]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from discovery.equations.model import Model
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.solver_error import Probe
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment

@@ -12,7 +12,8 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.solver_error import Probe
 from discovery.estimation.step import choose_step
 from discovery.foundation.workers import at_once

@@ -17,8 +17,12 @@ if TYPE_CHECKING:
 
 __all__ = ["LoopViews"]
 
-#: What is held out, told apart by the motion that was trained.
-_PARTS = {"holdout_inside": "held out, inside the trained range", "holdout_outside": "held out, beyond it"}
+#: What is held out, told apart by the motion that was trained, and by whether it moves at all.
+_PARTS = {
+    "holdout_inside": "held out, inside the trained range",
+    "holdout_outside": "held out, beyond it",
+    "holdout_moving": "held out, while it moves",
+}
 _WORDS = {"train": "training", "holdout": "held out", **_PARTS}
 _COLOURS = {"before": "tab:orange", "after": "tab:green"}
 

@@ -19,7 +19,8 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.guess import restoring, scan
 from discovery.estimation.least_squares import levenberg_marquardt, minimise
-from discovery.estimation.problem import Problem, natural_units
+from discovery.estimation.natural_units import natural_units
+from discovery.estimation.problem import Problem
 from discovery.posterior.noise import Noise
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.equations.model import Model
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.plots.posteriors import PosteriorViews
 from discovery.posterior.noise import is_independent, words_of
 

@@ -23,6 +23,7 @@ from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.holdout_part import fitted_count
+from discovery.recordings.moving_part import moving_count, moving_part
 from discovery.recordings.own_parts import own_parts
 from discovery.recordings.recording import Recording, read_recording
 from discovery.recordings.search_part import with_flag
@@ -155,11 +156,13 @@ def load_dataset(
     _refuse_twins(found)
     _distinguish(found, parts)
     found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})
+    # Of one that judges the start alone is fitted, to the motion; its errors are told of all of it.
+    found["train"] = [moving_part(r) for r in found["train"]]
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,
         with_flag([make_experiment(r, rig, fitted_samples=fitted_count(r) if alone else None) for r in found["train"]]),
-        with_flag([make_experiment(r, rig) for r in found["holdout"]]),
+        with_flag([make_experiment(r, rig, fitted_samples=moving_count(r)) for r in found["holdout"]]),
         tuple(make_experiment(r, rig) for r in found["test"]),
     )
     for role, experiment in (*dataset.everything, *(("test", e) for e in dataset.test)):

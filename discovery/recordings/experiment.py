@@ -39,7 +39,8 @@ class Experiment:
     rig : Rig
         The system.
     fitted_samples : int or None
-        Only so many samples, from the first, are fitted; the rest is held out. None: all.
+        Only so many samples, from the first, are fitted; the rest is held out. None: all. Of a recording that is held
+        out as a whole its start alone is fitted, to these.
     pace : Pace or None
         Where the steps of its simulations are shorter than elsewhere. None: nowhere.
     """

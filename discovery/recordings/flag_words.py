@@ -181,6 +181,11 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
         "motion that stands out of the noise needs more.",
     ),
+    "at_rest": (
+        "note",
+        "the motion has ended before the recording has: its first {kept} of {count} readings are used, up to "
+        "{last:.4g} s of {end:.4g} s.",
+    ),
     "searched_in_part": (
         "note",
         "effects are searched on the first {searched} of {count} readings; the models before and after are fitted to "

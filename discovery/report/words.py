@@ -133,8 +133,11 @@ def effect_title(effect_id: str) -> str:
 
 
 def held_group(errors: Mapping[str, Any]) -> str:
-    """Return the recordings that judge: held out inside the trained deflection, else all held out, else training."""
-    for group in ("holdout_inside", "holdout", "train"):
+    """Return the recordings that judge: held out inside the trained deflection, else all held out, else training.
+
+    Of free motions that come to rest it is what moves.
+    """
+    for group in ("holdout_moving", "holdout_inside", "holdout", "train"):
         if (errors["after"].get(group) or {}).get("rms") is not None:
             return group
     return "train"
@@ -148,16 +151,18 @@ def error_groups(run: Run) -> dict[str, str]:
     errors = run.loop["errors"]["before"]
     reach = "deflection" if run.system.has_rod else "range"
     inside, outside = f"inside the trained {reach}", f"beyond the trained {reach}"
+    moving = {"holdout_moving": "held out, while it moves"} if "holdout_moving" in errors else {}
     if {"holdout_inside", "holdout_outside"} <= errors.keys():
         return {
             "train": "training",
             "holdout": "held out, all",
             "holdout_inside": f"held out, {inside}",
             "holdout_outside": f"held out, {outside}",
+            **moving,
         }
     where = next((f", {w}" for g, w in (("holdout_inside", inside), ("holdout_outside", outside)) if g in errors), "")
     held = errors.get("holdout") or {}
-    return {"train": "training", **({"holdout": f"held out{where}"} if held.get("rms") is not None else {})}
+    return {"train": "training", **({"holdout": f"held out{where}"} if held.get("rms") is not None else {}), **moving}
 
 
 def error_scale(run: Run) -> Scale:
@@ -192,9 +197,11 @@ def _errors_in_words(run: Run) -> tuple[str, str, str]:
     group = held_group(errors)
     before, after = (significant(errors[k][group]["rms"] * scale.factor) for k in ("before", "after"))
     floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}".rstrip()
-    seen = {"holdout_inside": "on a recording that no fit saw", "holdout": "on data that no fit saw"}.get(
-        group, "in training"
-    )
+    seen = {
+        "holdout_moving": "on motion that no fit saw",
+        "holdout_inside": "on a recording that no fit saw",
+        "holdout": "on data that no fit saw",
+    }.get(group, "in training")
     better = errors["after"][group]["rms"] < errors["before"][group]["rms"]
     change = f"the rms error {seen} {'falls' if better else 'goes'} from {before} to {after} {scale.symbol}".rstrip()
     left = f"{after} {scale.symbol}".rstrip()

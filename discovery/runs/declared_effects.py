@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from discovery.declarations.registry import get_effect
@@ -11,7 +13,14 @@ from discovery.screening.finite import finite_starts
 from discovery.screening.refits import Refit, finish, held_fixed, refit, relaxed
 from discovery.selection.context import Context
 
-__all__ = ["sought"]
+__all__ = ["in_its_units", "sought"]
+
+
+def in_its_units(found: Fit, context: Context, whole: Context) -> tuple[Fit, Context, Context]:
+    """Return the first fit and the contexts of a search in units that know the size of the recorded force by it."""
+    units = found.problem.units.pushed(found.values.get(found.model.mechanics.gain, 0.0))
+    fit, known = replace(found, problem=replace(found.problem, units=units)), replace(context, units=units)
+    return fit, known, known if whole is context else replace(whole, units=units)
 
 
 def sought(found: Fit, context: Context) -> Fit:

@@ -12,7 +12,7 @@ import numpy as np
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.first_fit import led
-from discovery.estimation.problem import NaturalUnits, natural_units
+from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.export import linearise
 from discovery.foundation.errors import ComputationError, InputError, SimulationFailure
 from discovery.mechanics.systems import system_base

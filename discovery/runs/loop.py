@@ -16,7 +16,7 @@ from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
-from discovery.estimation.problem import natural_units
+from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine, variance_left
 from discovery.estimation.solver_error import error_unit
 from discovery.estimation.whole import fitted_to_all
@@ -30,7 +30,7 @@ from discovery.recordings.flags import impossible
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.search_part import searched_part
 from discovery.runs.course import Course
-from discovery.runs.declared_effects import sought
+from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult
 from discovery.runs.model_error_report import ModelErrorReport
@@ -147,13 +147,13 @@ def _rounding(experiments: Sequence[Experiment]) -> float:
 
 def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     """Return what the loop finds on the recordings of a context, its two models fitted to the whole of them."""
-    train = context.train
     context.progress("refitting the declared model")
-    before = sought(first_fit(train, context.units), context)
+    before, context, whole = in_its_units(first_fit(context.train, context.units), context, whole)
+    before = sought(before, context)
     search = Search(_start(before, context), context)
     if (left := variance_left(before.problem, before.chi2)) > _MOST:
         search.decisions.append(Decision("declare", (), False, "astray", {"left": left}))
-    doubted = impossible(flag for e in (*train, *context.judge.separate) for flag in e.recording.flags)
+    doubted = impossible(flag for e in (*context.train, *context.judge.separate) for flag in e.recording.flags)
     if doubted:
         # What explains readings in another unit is none of the system's effects.
         search.decisions.append(Decision("stop", (), True, "impossible"))

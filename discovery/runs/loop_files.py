@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from discovery.diagnosis.missing_force import MissingForce
 from discovery.estimation.fit import Fit
+from discovery.estimation.natural_units import natural_units
 from discovery.estimation.predict import predict
-from discovery.estimation.problem import natural_units
 from discovery.estimation.residual import errors
 from discovery.export import FittedModel
 from discovery.foundation.errors import ComputationError

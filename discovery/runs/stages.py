@@ -16,7 +16,7 @@ from discovery.estimation.declared import declared_model
 from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
-from discovery.estimation.problem import natural_units
+from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
 from discovery.foundation.errors import ComputationError

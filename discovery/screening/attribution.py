@@ -20,7 +20,8 @@ from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.least_squares import Minimum
-from discovery.estimation.problem import NaturalUnits, Problem
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import Problem
 from discovery.foundation.workers import single_algebra
 from discovery.screening.bounded_gain import bounded_gains
 from discovery.screening.responses import Grid, Responses, plan, respond

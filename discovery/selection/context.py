@@ -15,7 +15,8 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
-from discovery.estimation.problem import NaturalUnits, conventions
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import conventions
 from discovery.estimation.step_control import affordable_bench
 from discovery.estimation.unequal_steps import unequal_bench
 from discovery.foundation.progress import Tell

@@ -12,7 +12,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.problem import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.mechanics import get_base
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
