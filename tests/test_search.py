@@ -278,16 +278,6 @@ def test_a_fit_on_other_units_of_the_output_gives_the_same_odds() -> None:
     assert [gain for _, gain in found] == pytest.approx([found[0][1]] * 2, rel=1e-3)
 
 
-def test_a_declared_law_does_not_take_the_place_of_one_that_contains_it() -> None:
-    shared = context(f_c=0.02)
-    model = Model("oscillator", (*DECLARED, "coulomb_friction"))
-    search = Search(shared.fit(model, {"g": 1.0, "xi": 0.08, "alpha": 9.0, "f_c": 0.02}, {}), shared)
-    (larger,) = (c for c in search.offers.beside(search.root) if c.added == ("stribeck_friction",))
-    search.best = larger
-    search._simplify()
-    assert search.best is larger
-
-
 def test_a_set_is_refitted_from_the_declared_guesses_where_its_fit_went_astray() -> None:
     shared = context(beta=1.0)
     root = begun(shared).root

@@ -91,13 +91,14 @@ class Search:
         self._change_mechanics()
 
     def _simplify(self) -> None:
-        """Let a law take the place of one that contains it where the difference is not accepted."""
+        """Let a law take the place of one that contains it where the difference is not accepted, and it is itself."""
         for effect in self.best.added:
             near = get_effect(effect).reduces_to
             others = [*self._within(effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
-                if code != "accepted":
+                rest = self.neighbours.without(self.best, effect)
+                if code != "accepted" and self._judged(simpler, rest)[1] == "accepted":
                     (new,) = near.intersection(simpler.added)
                     self.decisions.append(Decision("exchange", (effect, new), True, code, _numbers(odds)))
                     self.best = simpler
@@ -123,8 +124,7 @@ class Search:
         """Take out, the least missed first, what is no larger than what the model error would do in its direction."""
         while self.best.added:
             judged = {e: self._judged(self.best, self.neighbours.without(self.best, e)) for e in self.best.added}
-            weak = [e for e, (_, code) in judged.items() if code != "accepted"]
-            if not weak:
+            if not (weak := [e for e, (_, code) in judged.items() if code != "accepted"]):
                 return
             effect = max(weak, key=lambda e: self.neighbours.without(self.best, e).joint)
             self.decisions.append(Decision("remove", (effect,), True, judged[effect][1], _numbers(judged[effect][0])))
@@ -266,9 +266,8 @@ class Search:
         gain, settings = found.joint - self.best.joint, self.context.settings
         if frozenset(found.added) != frozenset(self.best.added) and gain > settings.nats:
             told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
-            new = found.added[-1]
-            self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
-            self.best = found
+            both, self.best = (effect, found.added[-1]), found
+            self.decisions.append(Decision("exchange", both, True, "accepted", {"odds": gain}, told))
 
 
 def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
