@@ -156,18 +156,23 @@ def load_dataset(
     _refuse_twins(found)
     _distinguish(found, parts)
     found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})
-    # Of one that judges the start alone is fitted, to the motion; its errors are told of all of it.
-    found["train"] = [moving_part(r) for r in found["train"]]
     alone = keep_third and not found["holdout"]
     dataset = Dataset(
         rig,
-        with_flag([make_experiment(r, rig, fitted_samples=fitted_count(r) if alone else None) for r in found["train"]]),
+        with_flag([_fitted(r, rig, alone=alone) for r in found["train"]]),
+        # The start of one that judges is fitted to its motion; its errors are told of all of it.
         with_flag([make_experiment(r, rig, fitted_samples=moving_count(r)) for r in found["holdout"]]),
         tuple(make_experiment(r, rig) for r in found["test"]),
     )
     for role, experiment in (*dataset.everything, *(("test", e) for e in dataset.test)):
         _refuse_unusable(role, experiment)
     return dataset
+
+
+def _fitted(recording: Recording, rig: Rig, *, alone: bool) -> Experiment:
+    """Return the experiment of a recording that is fitted, up to where it rests; in part where it stands alone."""
+    moving = moving_part(recording)
+    return make_experiment(moving, rig, fitted_samples=fitted_count(moving) if alone else None)
 
 
 def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Recording]]:

@@ -19,6 +19,7 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.estimation.race import near_the_best
+from discovery.estimation.residual import variance_left
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import screen
 from discovery.screening.finite import finite_starts
@@ -32,11 +33,13 @@ _SWINGS, _SWINGS_OF_A_SYSTEM, _SWINGS_OF_AN_ARM = (5.0,), (2.5, 5.0), (0.5, 1.5)
 #: An arm moves where its deflection exceeds this share of the largest.
 _MOVES = 0.1
 _ITERATIONS = 15
+#: A fit that leaves so much of the variance of the readings went astray.
+_ASTRAY = 0.1
 #: So many of the best candidates of the first part are followed.
 _FOLLOWED = 6
 
 
-def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refit]:
+def grown(minimum: Minimum, problem: Problem, names: Sequence[str], *, first: bool = True) -> list[Refit]:
     """Refit the model with each candidate added on the first swings, then on twice as much again and again.
 
     Parameters
@@ -45,16 +48,20 @@ def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refi
         The fit so far.
     names : sequence of str
         Candidate effects.
+    first : bool
+        No effect was added yet.
 
     Returns
     -------
     list of Refit
-        On the whole recordings, the best candidates of the first swings; none where an input holds the phase of an
-        oscillator whose start was read off the recording, or where the recordings are short.
+        On the whole recordings, the best candidates of the first swings; none where the recordings are short. Where
+        effects were added, or an input holds the phase of an oscillator whose start was read off the recording, none
+        but for a fit that went astray: a wrong model bends a resonance the wrong way, and is on another branch of it.
     """
     bench = problem.bench
     arm, declared = problem.model.mechanics.system.has_rod, bench.experiments[0].rig.traits.has_own_equations
-    if not (arm or declared) and any(e.drive is not None for e in bench.experiments):
+    held = not (arm or declared) and any(e.drive is not None for e in bench.experiments)
+    if (held or not first) and variance_left(problem, 2 * minimum.cost) < _ASTRAY:
         return []
     period = 2 * np.pi * problem.units.time
     lengths = _SWINGS_OF_AN_ARM if arm else _SWINGS_OF_A_SYSTEM if declared else _SWINGS
@@ -107,4 +114,6 @@ def _beginning(problem: Problem, share: float) -> Problem:
     counts = [max(16, int(share * e.recording.time[e.fitted].size)) for e in bench.experiments]
     experiments = [e.first(n) for e, n in zip(bench.experiments, counts, strict=True)]
     part = Bench(bench.base, bench.effects, experiments, bench.step)
-    return Problem(problem.model, part, problem.units, problem.gaussian)
+    # Not what an effect held by convention that was taken out again.
+    gaussian = {n: g for n, g in problem.gaussian.items() if n in problem.free}
+    return Problem(problem.model, part, problem.units, gaussian)

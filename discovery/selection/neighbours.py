@@ -48,16 +48,16 @@ class Neighbours:
             known = self.offers.known(rest, found.model.base)
             made = contenders(self.context, [(rest, relaxed(found.refit, [effect]))]) if rest else [self.root]
             self._smaller[key] = max([*made, *known], key=lambda c: c.joint)
-        return self._beside(found, self._smaller[key])
+        return self.beside(found, self._smaller[key])
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first."""
         smaller, own = self.without(found, effect), frozenset(found.added)
         offered = self.offers.beside(smaller) if self.affords(smaller) else []
         others = [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
-        return sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
+        return sorted((self.beside(found, c) for c in others), key=lambda c: -c.joint)
 
-    def _beside(self, found: Contender, other: Contender) -> Contender:
+    def beside(self, found: Contender, other: Contender) -> Contender:
         """Return a set as it is compared with the one found: integrated as that is, unless it is far behind."""
         near = other.joint > found.joint - _NEAR * self.context.settings.nats
         return self.sampled(other) if near and found.sampled is not None else other

@@ -77,10 +77,10 @@ class Offers:
             return [*finish(node.refit.problem, node.refit.minimum, leading, afresh=node.is_far), *quick]
 
         def growing() -> list[Refit]:
-            return grown(node.refit.minimum, node.refit.problem, names)
+            return grown(node.refit.minimum, node.refit.problem, names, first=not node.added)
 
         # The first effect may be a ripple whose frequency the whole recording hides.
-        ways = at_once([whole] if node.added else [whole, growing], threads=THREADS)
+        ways = at_once([whole, growing], threads=THREADS)
         # Only those with everything free are weighed.
         known = node.refit.problem.gaussian
         free = best_of(r for found in ways for r in found if r.problem.gaussian == known)
@@ -105,8 +105,7 @@ class Offers:
         quick = refit_pairs(problem.model, minimum, problem, likely)
         near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: self.context.settings.budget.pairs // 2]
         full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
-        sets = [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
-        return contenders(self.context, sets)
+        return contenders(self.context, [((*node.added, *r.problem.model.effects[-2:]), r) for r in full])
 
     def chance(self, smaller: Contender, larger: Contender) -> FloatArray:
         """Return the chi-square that noise alone would let the best candidate beside a set remove, sorted.

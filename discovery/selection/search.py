@@ -65,9 +65,9 @@ class Search:
         if self.best.is_far and self.unapproximated().evidence.error < part * self.best.evidence.error:
             self._change_mechanics()
         self._grow()
-        self._simplify()
-        self._integrate()
-        self._prune()
+        # What is taken out may have hidden that a simpler law serves.
+        for step in (self._simplify, self._integrate, self._prune, self._simplify, self._prune):
+            step()
         self._ask_the_unknown()
 
     def _grow(self) -> None:
@@ -108,7 +108,8 @@ class Search:
         """Return the sets with a law that a member contains, from where that was fitted."""
         rest = tuple(e for e in self.best.added if e != effect)
         laws = sorted(get_effect(effect).reduces_to - {*self.best.model.effects})
-        return contenders(self.context, [((*rest, e), contained(self.best.refit, effect, e)) for e in laws])
+        found = contenders(self.context, [((*rest, e), contained(self.best.refit, effect, e)) for e in laws])
+        return [self.neighbours.beside(self.best, c) for c in found]
 
     def _integrate(self) -> None:
         """Integrate the set found by importance sampling, and from now on all that are compared with it."""
@@ -172,8 +173,7 @@ class Search:
 
     def _leaves_noise(self) -> bool:
         """Return whether the model error of the best set is told from none."""
-        found = self.best.evidence
-        return max(found.error, found.error_held) <= self.context.least_error(self.best.model)
+        return max(self.best.evidence.error, self.best.evidence.error_held) <= self.context.least_error(self.best.model)
 
     def _chance(self, smaller: Contender, larger: Contender) -> float:
         """Return the chi-square that chance removes at most, at the level of the settings."""
