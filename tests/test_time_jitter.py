@@ -58,6 +58,14 @@ def test_stamps_that_err_are_told_from_samples_that_are_not_steady() -> None:
     assert estimate_jitter(STEADY, (swing(STEADY) + 5 * noise)[:, None], given) == 0.0
 
 
+def test_rounded_stamps_are_not_taken_for_stamps_that_err() -> None:
+    _, rng = stamped()
+    rounded = np.round(STEADY + STEP / 3, 7)
+    read = swing(STEADY + JITTER * rng.standard_normal(COUNT)) + NOISE * rng.standard_normal(COUNT)
+    assert stamp_deviation(rounded) > 0
+    assert estimate_jitter(rounded, read[:, None], np.array([NOISE])) == 0.0
+
+
 def test_a_coarse_encoder_is_not_taken_for_stamps_that_err() -> None:
     # Readings in steps stand still where the motion is slow: they seem to have no noise there.
     stamps, _ = stamped()

@@ -20,13 +20,14 @@ __all__ = ["say_doubts", "say_failed", "say_left_out", "say_loop", "say_missing"
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
     from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence
-    from discovery.report.sentences import lead_sentence, model_error_words
+    from discovery.report.model_error_sentences import model_error_words
+    from discovery.report.sentences import lead_sentence
 
     content = result.summary()
     click.echo(f"verdict: {content['verdict']}")
     for effect in content["effects"]:
         click.echo(_effect_line(effect))
-    click.echo(f"model error: {model_error_words(content['model_error'])}")
+    click.echo(f"model error: {model_error_words(content)}")
     if content.get("lead"):
         click.echo(f"lead: {lead_sentence(content['lead'])}")
     for sentence in contradiction_sentences(content.get("contradiction")):

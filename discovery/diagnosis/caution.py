@@ -29,14 +29,17 @@ class Caution:
     Parameters
     ----------
     code : str
-        "declared_edge", "effect_edge" (a value at the edge of its range) or "missed" (the hold-out).
+        "declared_edge", "effect_edge" (a value at the edge of its range), "missed" (the hold-out), and those of
+        `discovery.diagnosis.left_over`: "burst", "like_noise", "not_carried".
     about : str
-        The parameter; empty where it is about the whole answer.
+        The parameter, or the recording of a burst; empty where it is about the whole answer.
     effect : str
         The effect that was added with the parameter; empty otherwise.
     numbers : mapping
         Of an edge `value` and `unit`, and `guessed`, whether a guess of the rig file sets it; of a miss `rms`, `unit`,
-        `ratio` (over the noise) and `beyond`, whether all of it moves farther than training.
+        `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst `start`,
+        `stop` [s] and `share` of what is left; of what is like noise `ratio` and `autocorrelation`; of what is not
+        carried by how many times the error falls in training (`train`) and held out (`held`).
     """
 
     code: str
@@ -69,15 +72,14 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
     return found
 
 
-def judged_rms(errors: Mapping[str, Any]) -> float:
-    """Return the held-out error of the final model that judges it, from the errors of loop.json.
+def judged_rms(errors: Mapping[str, Any], when: str = "after") -> float:
+    """Return the held-out error that judges the final model, or that of the declared one, from the errors of loop.json.
 
     Beyond the trained range a model may err, and after its motion a body only rests; what decides lies inside where
     anything does, and moves.
     """
-    after = errors["after"]
-    group = next(g for g in ("holdout_moving", "holdout_inside", "holdout") if g in after)
-    return float(after[group]["rms"])
+    group = next(g for g in ("holdout_moving", "holdout_inside", "holdout") if g in errors[when])
+    return float(errors[when][group]["rms"])
 
 
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:

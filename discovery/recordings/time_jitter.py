@@ -12,6 +12,7 @@ FloatArray = npt.NDArray[np.float64]
 _FEWEST = 200  # readings, fewer scatter too little to tell their noise from that of their stamps
 _GAP = 1.5  # of the median step
 _SURE = 4.0  # standard deviations
+_ROUNDED = 2e-3  # of the median step
 _SHARE = 1 / 3  # of the readings are compared, the slowest with the fastest ones
 
 
@@ -60,7 +61,8 @@ def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> 
         Standard deviation; zero for steady stamps, and for those that do not seem to err. The median of the channels.
     """
     most = stamp_deviation(time)
-    if most < 1e-6 * float(np.median(np.diff(time))):
+    # Rounded stamps deviate as well, and by far less than would be seen in any reading.
+    if most < _ROUNDED * float(np.median(np.diff(time))):
         return 0.0
     return min(most, float(np.median([_of_channel(time, c, sd) for c, sd in zip(output.T, noise, strict=True)])))
 

@@ -53,4 +53,34 @@ def _missed(found: Record) -> str:
     )
 
 
-_SENTENCES = {"declared_edge": _declared, "effect_edge": _effect, "missed": _missed}
+def _burst(found: Record) -> str:
+    start, stop = (figures(found["numbers"][k], 4) for k in ("start", "stop"))
+    return (
+        f"half of what is left of {found['about']} lies between {start} and {stop} s: was it pushed there, did it hit "
+        "something, or did readings jump?"
+    )
+
+
+def _like_noise(found: Record) -> str:
+    return (
+        f"what is left is {figures(found['numbers']['ratio'], 2)} times the noise, as large held out, and depends on "
+        "no state of the motion: it may be noise of the instrument that has a memory, or is larger than stated"
+    )
+
+
+def _not_carried(found: Record) -> str:
+    train, held = (figures(found["numbers"][k], 2) for k in ("train", "held"))
+    return (
+        f"with what was added the error is {train} times smaller in training, and {held} times held out: it may "
+        "describe these training recordings only"
+    )
+
+
+_SENTENCES = {
+    "declared_edge": _declared,
+    "effect_edge": _effect,
+    "missed": _missed,
+    "burst": _burst,
+    "like_noise": _like_noise,
+    "not_carried": _not_carried,
+}

@@ -7,9 +7,10 @@ from typing import Any
 
 from markupsafe import Markup
 
+from discovery.report.model_error_sentences import share_words
 from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
-from discovery.report.sentences import chances, probability_words, share_words
+from discovery.report.sentences import chances, probability_words
 from discovery.report.story import fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose

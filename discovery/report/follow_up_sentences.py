@@ -14,6 +14,8 @@ __all__ = ["contradiction_sentences", "separation_sentence", "stand_in_sentence"
 Record = Mapping[str, Any]
 #: A value so many standard deviations from its prediction agrees with it.
 _AGREES = 3.0
+#: Predictions that differ by so many noise sds would be told apart, were there no model error.
+_SEEN = 3.0
 
 
 def contradiction_sentences(tested: Record | None) -> list[str]:
@@ -55,10 +57,11 @@ def separation_sentence(found: Record) -> str:
     rivals, designed, most = ", ".join(found["rivals"]), found["designed"], found["limits"]
     if found["decides"]:
         given, then = found["given"]["projected"], designed["projected"]
+        hidden = ", where the model error that is left hides it" if given > _SEEN else ""
         return (
             f"To tell {rivals} apart: {_what_to_do(found)}. With their parameters readjusted, the predictions then "
-            f"differ by {figures(then, 2)} noise sds rms ({figures(given, 2)} on the given recordings), and the right "
-            f"one is expected to win by a chi-square of {figures(designed['chi2'])}, the best of "
+            f"differ by {figures(then, 2)} noise sds rms ({figures(given, 2)} on the given recordings{hidden}), and "
+            f"the right one is expected to win by a chi-square of {figures(designed['chi2'])}, the best of "
             f"{found['evaluations']} manoeuvres tried."
         )
     arm = found["columns"][1] == "motor_angle_rad"

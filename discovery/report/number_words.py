@@ -1,13 +1,19 @@
-"""Numbers in sentences, with the digits that mean something."""
+"""Numbers in sentences, with the digits that mean something, and lists of words."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from discovery.foundation.prefixes import prefix_for
 
-__all__ = ["plain", "sizes"]
+__all__ = ["listed", "plain", "sizes"]
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words as a reader lists them: a, b and c."""
+    words = list(words)
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def plain(value: float | None, digits: int = 3) -> str:

@@ -29,12 +29,13 @@ from discovery.report.failed import failed_context, failed_pictures
 from discovery.report.figures import draw_all
 from discovery.report.latex import latex
 from discovery.report.mathml import block
+from discovery.report.model_error_sentences import model_error_words
 from discovery.report.numbers import interval, significant, uncertain, unit_text
 from discovery.report.references import methods_used, sources_table
 from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
 from discovery.report.scripts import policy, scripts, sheet
-from discovery.report.sentences import effect_sentence, lead_sentence, model_error_words, refutations, verdict_sentence
+from discovery.report.sentences import effect_sentence, lead_sentence, refutations, verdict_sentence
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
 from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, page_prose, sentence
@@ -238,7 +239,7 @@ def _first_screen(run: Run) -> dict[str, Any]:
         "verdict": run.loop["verdict"],
         "because": verdict_sentence(run.told),
         "refutations": refutations(run.loop),
-        "model_error": model_error_words(run.told["model_error"]),
+        "model_error": model_error_words(run.told),
         "lead": lead_sentence(run.loop["lead"]) if run.loop.get("lead") else "",
         "added": added_effects(run),
         "quantities": measures.quantities(run),

@@ -6,12 +6,13 @@ The console, the page, the table of a campaign and the comparison of runs all sa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from discovery.declarations.effect import effect_name
 from discovery.report.failure_sentences import failure_sentence
-from discovery.report.number_words import plain, sizes
+from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
+from discovery.report.number_words import listed, plain, sizes
 
 __all__ = [
     "OUTCOMES",
@@ -21,11 +22,8 @@ __all__ = [
     "effect_sentence",
     "inclusion_words",
     "lead_sentence",
-    "listed",
-    "model_error_words",
     "probability_words",
     "refutations",
-    "share_words",
     "verdict_sentence",
 ]
 
@@ -41,12 +39,6 @@ OUTCOMES = {
 }
 #: Odds beyond which a number would promise more than a model of the noise can keep.
 _MOST = 10_000
-
-
-def listed(words: Iterable[str]) -> str:
-    """Return words as a reader lists them: a, b and c."""
-    words = list(words)
-    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def chances(log_odds: float | None) -> str:
@@ -91,22 +83,6 @@ def inclusion_words(effect: Record) -> str:
     return words
 
 
-def model_error_words(error: Record) -> str:
-    """Return the model error before and after, the part that is left, and what it depends on."""
-    (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
-    words = f"{before} -> {after} {unit}".strip()
-    words += f", {share_words(error)} is left" if share_words(error) else ""
-    return f"{words}{_held(error)}{_depends(error)}; up to {least} {unit}".strip() + " counts as none"
-
-
-def share_words(error: Record) -> str:
-    """Return the part of the model error that is left; empty where there is nothing to compare."""
-    share, before = error["share"], error["before"]
-    if not (share and before) or not all(map(math.isfinite, (share, before))):
-        return ""
-    return f"{plain(100 * share, 2)} %"
-
-
 def verdict_sentence(loop: Record) -> str:
     """Return why the verdict is what it is: the model error that is left, and what it depends on."""
     if loop.get("failure"):
@@ -114,17 +90,18 @@ def verdict_sentence(loop: Record) -> str:
     error = loop["model_error"]
     (before, after, _), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
     if loop["verdict"] == "nothing_missing":
-        return f"the declared model keeps a model error of {after} {unit}, which {_as_none(error)}"
+        return f"the declared model keeps a model error of {after} {unit}, which {as_none(error)}"
     if loop["verdict"] == "explained":
         moves = "falls" if (error["after"] or 0.0) < (error["before"] or math.inf) else "goes"
-        return f"the model error {moves} from {before} to {after} {unit}, which {_as_none(error)}"
+        return f"the model error {moves} from {before} to {after} {unit}, which {as_none(error)}"
     if any(step["code"] == "impossible" for step in loop.get("steps", ())):
         return f"{_REASONS['impossible']({})}, so nothing was searched"
     part = f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else ""
-    part += _held(error)
+    part += held_words(error)
     if loop["verdict"] == "partly_explained":
-        return f"what is left is a model error of {after} {unit}{part}{_depends(error)}"
-    return f"a model error of {after} {unit} is left{part}, and no effect is likely enough to be named{_depends(error)}"
+        return f"what is left is a model error of {after} {unit}{part}{depends_words(error)}"
+    rest = f"and no effect is likely enough to be named{depends_words(error)}"
+    return f"a model error of {after} {unit} is left{part}, {rest}"
 
 
 def refutations(loop: Record) -> list[str]:
@@ -273,27 +250,6 @@ def _mechanics(gain: float | None, *, accepted: bool) -> str:
         return "the motion blows up on the simpler mechanics" if accepted else "the motion blows up on them"
     more = "only " if gain > 0 and not accepted else ""
     return f"the log evidence is {more}{_nats(abs(gain))} {'higher' if gain > 0 else 'lower'} on them"
-
-
-def _as_none(error: Record) -> str:
-    after, least = error["after"], error["least"]
-    if after is None or after > least:
-        return "counts as none"
-    (*_, limit), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
-    return f"counts as none (up to {limit} {unit})"
-
-
-def _held(error: Record) -> str:
-    """Return the model error held out, where that alone is more than none."""
-    after, held, least = error["after"], error.get("held"), error["least"]
-    if after is None or held is None or not after <= least < held:
-        return ""
-    (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
-    return f", and of {size} {unit}".rstrip() + " held out"
-
-
-def _depends(error: Record) -> str:
-    return f"; it depends on {listed(map(effect_name, error['depends_on']))}" if error["depends_on"] else ""
 
 
 def _nats(value: float | None) -> str:

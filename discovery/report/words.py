@@ -12,9 +12,10 @@ from discovery.declarations.effect import effect_name
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
+from discovery.report.number_words import listed
 from discovery.report.numbers import Scale, power_of_ten, scale_for_change, significant, uncertain, unit_text
 from discovery.report.results import Run
-from discovery.report.sentences import lead_sentence, listed, verdict_sentence
+from discovery.report.sentences import lead_sentence, verdict_sentence
 
 __all__ = [
     "FITS",

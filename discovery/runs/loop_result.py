@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, at_edges, missed
 from discovery.diagnosis.contradiction import ContradictionReport
+from discovery.diagnosis.left_over import burst, like_noise, not_carried
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.bench import Bench
@@ -134,8 +135,14 @@ class LoopResult(LoopViews):
     def cautions(self) -> list[Caution]:
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
-        miss = missed(self.errors, left=error.after, held=error.held, least=error.least)
-        return [*at_edges(self.after, self.added), *([miss] if miss else [])]
+        found = [missed(self.errors, left=error.after, held=error.held, least=error.least)]
+        if self.added and self.errors["holdout_kind"] is not None:
+            found.append(not_carried(self.errors))
+        if not self.complete and not self.impossible:
+            noise = float(min(r.noise.min() for r in self.recordings))
+            alike = like_noise(self.residual_after, error.depends_on, left=error.after, held=error.held, noise=noise)
+            found.append(burst(self.after) or alike)
+        return [*at_edges(self.after, self.added), *(c for c in found if c is not None)]
 
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""

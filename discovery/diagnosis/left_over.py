@@ -1,0 +1,95 @@
+"""What a model leaves, as cautions: where in time it lies, and whether it looks like noise of the instrument."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discovery.diagnosis.caution import SCATTERED, Caution, judged_rms
+from discovery.estimation.fit import Fit
+from discovery.estimation.residual import ResidualReport
+
+__all__ = ["burst", "like_noise", "not_carried"]
+
+FloatArray = NDArray[np.float64]
+
+#: Half of what is left of a recording is a burst where it lies within this share of it.
+_SHORT = 0.1
+#: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
+_LITTLE, _LARGE = 3.0, 2.0
+#: An error that falls so many times in training falls as well held out, by this share of its logarithm at least.
+_FALLS, _CARRIED = 1.5, 0.25
+
+
+def burst(fitted: Fit) -> Caution | None:
+    """Return the shortest stretch that holds half of what a fit leaves of a recording; None where that is no short one.
+
+    Parameters
+    ----------
+    fitted : Fit
+        The final model.
+    """
+    bench = fitted.problem.bench
+    left = np.square(fitted.minimum.residual[: bench.n_rows])
+    found = []
+    for e, (rows, used) in zip(bench.experiments, bench.blocks(), strict=True):
+        part = np.where(used, left[rows].reshape(used.shape), 0.0).sum(axis=1)
+        if _LARGE**2 * used.sum() < (whole := float(part.sum())) < math.inf:
+            begin, end = _shortest(e.recording.time[: part.size], part, 0.5 * whole)
+            share = (end - begin) / float(e.recording.time[part.size - 1] - e.recording.time[0])
+            found += [(whole, e.recording.name, begin, end)] if share <= _SHORT else []
+    if not found:
+        return None
+    _, name, begin, end = max(found)
+    return Caution("burst", name, numbers={"start": begin, "stop": end, "share": 0.5})
+
+
+def _shortest(time: FloatArray, part: FloatArray, sought: float) -> tuple[float, float]:
+    """Return the shortest stretch of time that holds so much."""
+    so_far = np.concatenate([[0.0], np.cumsum(part)])
+    # From each sample on to the one that completes it.
+    last = np.searchsorted(so_far, so_far[:-1] + sought) - 1
+    first = np.flatnonzero(last < time.size)
+    best = first[np.argmin(time[last[first]] - time[first])]
+    return float(time[best]), float(time[last[best]])
+
+
+def like_noise(
+    report: ResidualReport, depends_on: Sequence[str], *, left: float, held: float, noise: float
+) -> Caution | None:
+    """Return that what is left may be noise of the instrument; None where it is large or depends on the motion.
+
+    Parameters
+    ----------
+    report : ResidualReport
+        Of the final model in training.
+    depends_on : sequence of str
+        States that explain a part of what is left.
+    left, held, noise : float
+        Model error in training and held out, zero without any, and the smallest noise [unit of the output].
+    """
+    alike = held == 0.0 or left / SCATTERED <= held <= SCATTERED * left
+    if report.rms > _LITTLE or depends_on or not alike:
+        return None
+    return Caution("like_noise", numbers={"ratio": left / noise, "autocorrelation": report.autocorrelation})
+
+
+def not_carried(errors: Mapping[str, Any]) -> Caution | None:
+    """Return that an error falls in training and hardly held out; None where it does.
+
+    Parameters
+    ----------
+    errors : mapping
+        Of loop.json.
+    """
+    pairs = [(errors[when]["train"]["rms"], judged_rms(errors, when)) for when in ("before", "after")]
+    if not all(0 < value < math.inf for pair in pairs for value in pair):
+        return None
+    train, held = (before / after for before, after in zip(*pairs, strict=True))
+    if train < _FALLS or math.log(held) >= _CARRIED * math.log(train):
+        return None
+    return Caution("not_carried", numbers={"train": train, "held": held})

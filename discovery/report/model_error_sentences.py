@@ -1,0 +1,59 @@
+"""The sentences on the error that a model keeps beside the noise, made from the `model_error` of loop.json."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from discovery.declarations.effect import effect_name
+from discovery.report.number_words import listed, plain, sizes
+
+__all__ = ["as_none", "depends_words", "held_words", "model_error_words", "share_words"]
+
+Record = Mapping[str, Any]
+
+
+def model_error_words(loop: Record) -> str:
+    """Return the model error before and after, the part that is left, what it depends on, and what counts as none."""
+    error = loop["model_error"]
+    (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    words = (after if before == after else f"{before} -> {after}") + f" {unit}".rstrip()
+    words += f", {share_words(error)} is left" if before != after and share_words(error) else ""
+    hidden = loop["verdict"] in ("nothing_missing", "explained") and not _is_small(error)
+    limit = "it cannot be told from none" if hidden else f"up to {least} {unit}".strip() + " counts as none"
+    return f"{words}{held_words(error)}{depends_words(error)}; {limit}"
+
+
+def share_words(error: Record) -> str:
+    """Return the part of the model error that is left; empty where there is nothing to compare."""
+    share, before = error["share"], error["before"]
+    if not (share and before) or not all(map(math.isfinite, (share, before))):
+        return ""
+    return f"{plain(100 * share, 2)} %"
+
+
+def as_none(error: Record) -> str:
+    """Return why a model error counts as none: how large one may be, or that it cannot be told from none."""
+    if not _is_small(error):
+        return "cannot be told from none"
+    (*_, limit), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    return f"counts as none (up to {limit} {unit})"
+
+
+def held_words(error: Record) -> str:
+    """Return the model error held out, where that alone is more than none."""
+    after, held, least = error["after"], error.get("held"), error["least"]
+    if after is None or held is None or not after <= least < held:
+        return ""
+    (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
+    return f", and of {size} {unit}".rstrip() + " held out"
+
+
+def depends_words(error: Record) -> str:
+    """Return what a model error depends on; empty where that is nothing."""
+    return f"; it depends on {listed(map(effect_name, error['depends_on']))}" if error["depends_on"] else ""
+
+
+def _is_small(error: Record) -> bool:
+    return error["after"] is not None and error["after"] <= error["least"]

@@ -1,0 +1,105 @@
+"""What a model leaves: where in time it lies, whether it may be noise, and whether what was added holds elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import driven_oscillator as bench
+import numpy as np
+import pytest
+
+from discovery.diagnosis.left_over import burst, like_noise, not_carried
+from discovery.equations.model import Model
+from discovery.estimation.fit import Fit, fit
+from discovery.estimation.residual import examine
+from discovery.report.caution_sentences import caution_sentence
+
+COUNT = bench.TIME.size
+
+
+def fitted(added: np.ndarray) -> Fit:
+    """Return the fit of an oscillator whose readings have something beside their noise."""
+    noise = bench.NOISE * np.random.default_rng(1).standard_normal(COUNT)
+    return fit(Model("oscillator", bench.EFFECTS, {"g": bench.GAIN}), [bench.experiment(noise + added)])
+
+
+def remembered(sd: float, steps: float) -> np.ndarray:
+    """Return noise [noise sds] that is forgotten within so many readings."""
+    rng, kept = np.random.default_rng(2), np.exp(-1 / steps)
+    found = np.zeros(COUNT)
+    for i in range(1, COUNT):
+        found[i] = kept * found[i - 1] + np.sqrt(1 - kept**2) * rng.standard_normal()
+    return sd * bench.NOISE * found
+
+
+def test_a_jump_of_readings_is_told_with_its_place() -> None:
+    place = COUNT // 3
+    jump = np.zeros(COUNT)
+    jump[place : place + COUNT // 50] = 40 * bench.NOISE
+    found = burst(fitted(jump))
+    assert found is not None
+    assert (found.code, found.effect) == ("burst", "")
+    first, last = bench.TIME[place], bench.TIME[place + COUNT // 50]
+    assert first - 0.1 < found.numbers["start"] < found.numbers["stop"] < last + 0.1
+    assert f"half of what is left of {found.about} lies between" in caution_sentence(found.summary())
+
+
+@pytest.mark.parametrize(
+    "added",
+    [np.zeros(COUNT), remembered(1.5, 8.0), 20 * bench.NOISE * np.sin(7.0 * bench.TIME)],
+    ids=["noise", "noise with a memory", "a lasting error"],
+)
+def test_what_lasts_is_no_burst(added: np.ndarray) -> None:
+    assert burst(fitted(added)) is None
+
+
+def left(added: np.ndarray, *, held: float, depends_on: tuple[str, ...] = ()) -> Any:
+    found = fitted(added)
+    report = examine(found.problem.bench.experiments, found.predict(), 2 * np.pi / bench.DRIVE)
+    return like_noise(report, depends_on, left=1.5 * bench.NOISE, held=held * bench.NOISE, noise=bench.NOISE)
+
+
+def test_noise_with_a_memory_is_told_as_what_it_may_be() -> None:
+    found = left(remembered(1.5, 8.0), held=1.4)
+    assert found is not None
+    assert found.numbers["ratio"] == pytest.approx(1.5)
+    assert "may be noise of the instrument that has a memory" in caution_sentence(found.summary())
+    # Unlike held out, or larger than any memory would make it, it is no noise.
+    assert left(remembered(1.5, 8.0), held=4.0) is None
+    assert left(remembered(6.0, 8.0), held=1.4) is None
+
+
+def test_what_depends_on_the_motion_is_no_noise() -> None:
+    assert left(remembered(1.5, 8.0), held=1.4, depends_on=("deflection",)) is None
+
+
+def errors(train: float, held: float, where: str = "holdout") -> dict[str, Any]:
+    """Return errors that fall so many times."""
+    groups = {"train": train, "holdout": held if where == "holdout" else 50.0, where: held}
+    return {"before": {g: {"rms": 1.0} for g in groups}, "after": {g: {"rms": 1 / v} for g, v in groups.items()}}
+
+
+def test_what_falls_in_training_only_is_doubted() -> None:
+    found = not_carried(errors(3.6, 1.06))
+    assert found is not None
+    assert found.numbers == pytest.approx({"train": 3.6, "held": 1.06})
+    assert "3.6 times smaller in training, and 1.1 times held out" in caution_sentence(found.summary())
+    # What decides is the part that lies inside the trained range, and moves.
+    assert not_carried(errors(3.6, 1.06, "holdout_inside")) == found
+    assert not_carried(errors(3.6, 1.06, "holdout_moving")) == found
+    for train, held in ((3.6, 3.0), (1.2, 1.0), (3.6, 1.5)):
+        assert not_carried(errors(train, held)) is None
+    endless = errors(3.6, 1.0)
+    endless["after"]["holdout"] = {"rms": np.inf}
+    assert not_carried(endless) is None
+
+
+def test_a_gap_and_a_part_that_is_held_out_hold_nothing() -> None:
+    jump = np.zeros(COUNT)
+    jump[-COUNT // 40 :] = 40 * bench.NOISE
+    noise = bench.NOISE * np.random.default_rng(1).standard_normal(COUNT)
+    whole = bench.experiment(noise + jump)
+    model = Model("oscillator", bench.EFFECTS, {"g": bench.GAIN})
+    assert burst(fit(model, [whole])) is not None
+    assert burst(fit(model, [replace(whole, fitted_samples=COUNT * 9 // 10)])) is None
