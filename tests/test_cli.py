@@ -862,7 +862,7 @@ def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
 TRIED = {
     "flexible_arm": ({"cubic_stiffness", "base_backlash", "elastica_geometry"}, {"coriolis_coupling", "cogging"}),
     "oscillator": ({"second_mode", "constant_force", "sensor_delay"}, {"play", "buoyancy"}),
-    "pendulum": ({"gravity_torque", "input_dead_zone"}, {"play", "constant_force"}),
+    "pendulum": ({"gravity_torque", "input_dead_zone"}, {"play", "friction_through_play"}),
     "base_excited": ({"linear_stiffness", "second_mode"}, {"input_dead_zone", "cogging"}),
     "drive": ({"friction_through_play", "cogging", "input_saturation"}, {"play", "buoyancy"}),
     "system": ({"cogging", "play", "sensor_delay", "linear_stiffness"}, {"second_mode", "buoyancy"}),

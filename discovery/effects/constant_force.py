@@ -12,7 +12,8 @@ class ConstantForce(Load):
 
     .. math:: P = f_0\, \dot q
 
-    A body on a spring only rests elsewhere (`equilibrium_offset`), one that falls weighs more: there it is not offered.
+    It is offered where nothing ties the body, its force is what is read, or a controller holds it. A body on a spring
+    only rests elsewhere (`equilibrium_offset`), one that falls weighs more: there it is not.
     """
 
     systems = frozenset({OSCILLATOR})

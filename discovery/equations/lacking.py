@@ -33,13 +33,13 @@ def candidates(model: Model, unit: str = "rad", declared: Collection[str] | None
     if base.places():
         return _at_places(model)
     tied = any(get_effect(e).kind == "potential" for e in (model.effects if declared is None else declared))
-    has = base.has - ({ROTOR} if tied else set())
+    has, provided = base.has - ({ROTOR} if tied else set()), base.provides | (base.provides_tied if tied else set())
     return tuple(
         e
         for e, effect in catalogue().items()
         if base.system in effect.systems
         and e not in model.effects
-        and e not in base.provides
+        and e not in provided
         and (base.system.has_rod or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
         and _is_heard(effect, model)

@@ -175,6 +175,8 @@ class Base(ABC):
     n_coordinates: ClassVar[int]
     #: Effects whose physics is already in this base, and which it therefore replaces, or which it cannot show.
     provides: ClassVar[frozenset[str]] = frozenset()
+    #: Effects that do what others do where a spring or gravity ties the coordinate.
+    provides_tied: ClassVar[frozenset[str]] = frozenset()
     #: What effects may need of it, see `discovery.declarations.effect.Effect.needs`.
     has: ClassVar[frozenset[str]] = frozenset()
     #: Typical distance of its tip from that of the structure which it idealises, rms for each axis, in lengths; 0 where

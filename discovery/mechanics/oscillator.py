@@ -13,6 +13,9 @@ class Oscillator(ForceDriven):
 
     name = "oscillator"
     has = frozenset({ROTOR})
+    provides = frozenset({"friction_through_play"})
+    # A spring rests elsewhere under a constant force: that is `equilibrium_offset`.
+    provides_tied = frozenset({"constant_force"})
     in_library = True
 
 
