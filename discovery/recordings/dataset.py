@@ -13,12 +13,10 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from discovery.declarations.units import quoted
 from discovery.foundation.arguments import as_path, as_paths, expect
 from discovery.foundation.errors import InputError
 from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
-from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
@@ -28,6 +26,7 @@ from discovery.recordings.own_parts import own_parts
 from discovery.recordings.recording import Recording, read_recording
 from discovery.recordings.search_part import with_flag
 from discovery.recordings.shared_samples import shared_samples
+from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
 
@@ -164,8 +163,7 @@ def load_dataset(
         with_flag([make_experiment(r, rig, fitted_samples=moving_count(r)) for r in found["holdout"]]),
         tuple(make_experiment(r, rig) for r in found["test"]),
     )
-    for role, experiment in (*dataset.everything, *(("test", e) for e in dataset.test)):
-        _refuse_unusable(role, experiment)
+    refuse_unusable([*dataset.everything, *(("test", e) for e in dataset.test)])
     return dataset
 
 
@@ -198,10 +196,6 @@ def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Reco
     }
 
 
-#: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
-_FEWEST = 30
-
-
 def _refuse_twins(found: dict[str, list[Recording]]) -> None:
     """Refuse the same samples of the same file twice: a hold-out that was fitted judges nothing."""
     seen: dict[tuple[str, str], str] = {}
@@ -231,36 +225,6 @@ def _refuse_twins(found: dict[str, list[Recording]]) -> None:
                         f"would judge a fit that has seen them. Give another recording as {role}, or parts that do "
                         "not overlap."
                     )
-
-
-def _refuse_unusable(role: str, experiment: Experiment) -> None:
-    """Refuse a recording whose fitted or held-out part holds no measurement, or whose input is dead."""
-    r = experiment.recording
-    finite = np.asarray(np.isfinite(r.output).all(axis=1))
-    fitted = np.zeros(r.time.size, bool)
-    fitted[experiment.fitted] = True
-    parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}
-    if role == "train" and not fitted.all():
-        parts["held-out"] = finite[~fitted]
-    fewest = min(_FEWEST, experiment.rig.traits.fewest)
-    for name, part in parts.items():
-        if part.sum() < fewest:
-            raise InputError(
-                f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {fewest} are "
-                "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
-            )
-    given = experiment.rig.columns.input
-    if r.input is not None and given is not None and any(scaled_copy(r.input, c) for c in r.output.T):
-        raise InputError(
-            f"{r.source}: the output is a copy of the input, column {given.name!r}, noise and all: no system does "
-            "that. Write the column of each in [columns] of the rig file, or export the recording again."
-        )
-    if not experiment.system.has_rod and r.input is not None and np.ptp(r.input) == 0:
-        value = f"{r.input[0]:g}" if given is None else quoted(float(r.input[0]), given.unit, 6)
-        raise InputError(
-            f"{r.source}: the input is {value} throughout, so it drives nothing and its gain cannot be found. "
-            "For a free decay, remove the input from [columns] in the rig file."
-        )
 
 
 def _distinguish(found: dict[str, list[Recording]], parts: dict[str, list[RecordPart]]) -> None:
