@@ -31,6 +31,8 @@ __all__ = ["Law", "SlowModel", "values_of"]
 FloatArray = NDArray[np.float64]
 #: Base that follows the slow motion of a base with several coordinates.
 _SLOW = "elastica_1"
+#: Speed within which dry friction is smooth, at least, in natural ones.
+_CREEP = 0.05
 #: A moment, in natural times.
 _MOMENT = 1e-6
 
@@ -90,6 +92,15 @@ def values_of(
     return np.array([known[n] if n in known else declared[n].default * units.scale(declared[n]) for n in names])
 
 
+def _smoothed(effects: Sequence[str], units: NaturalUnits, known: Mapping[str, float]) -> dict[str, float]:
+    """Return the creep speeds of dry friction, so large that a step resolves what they smooth.
+
+    Without a force a chain leads along the fitted run all the same.
+    """
+    creeps = [p for e in effects for p in get_effect(e).parameters() if p.shape and p.fixed and p.unit == "s^-1 q"]
+    return {p.name: max(known[p.name], _CREEP * units.scale(p)) for p in creeps if p.name in known}
+
+
 class SlowModel:
     """The mathematics of a model's slow motion; the external force is its last parameter.
 
@@ -116,7 +127,9 @@ class SlowModel:
         self.program, self.slopes, functions = _mathematics(base, effects)
         self._reading, self._output, self._late = functions
         self.base, self.units = get_base(base), units
-        self.parameters = values_of(self.program.parameters, base, (*effects, ExternalForce.id()), units, known)
+        effects = (*effects, ExternalForce.id())
+        smooth = {**known, **_smoothed(effects, units, known)}
+        self.parameters = values_of(self.program.parameters, base, effects, units, smooth)
 
     def lateness(self, time: FloatArray) -> FloatArray:
         """Return the age of what is reported at times (k,) [s]."""
