@@ -61,6 +61,7 @@ KNOWN_TO_BOTH = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [plain.Disturbance(), *KNOWN_TO_BOTH], ids=lambda e: e.id or "none")
 def test_the_compiled_engine_is_the_reference_twin(effect):
     quick = readings(DAMPED, MOVE, TIME, disturbances=[effect], refine=3.0, **SHORT)

@@ -105,6 +105,7 @@ def test_no_scheduler_at_an_address_is_told(monkeypatch):
         list(spread(drawn, CASES))
 
 
+@pytest.mark.slow
 def test_a_cluster_whose_workers_are_gone_for_good_ends_the_campaign(monkeypatch):
     from distributed import LocalCluster
 

@@ -911,6 +911,7 @@ def test_effects_shows_the_force_that_is_in_no_catalogue(capsys: pytest.CaptureF
     assert "in no catalogue" in call(capsys, "effects", "external_force").out
 
 
+@pytest.mark.slow
 def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recordings, "DURATION", 2.0)
     first, same, other = (tmp_path / f"{n}.csv" for n in ("first", "same", "other"))

@@ -38,6 +38,7 @@ def cases() -> list[object]:
     return [pytest.param(p, id=p.stem, marks=[] if p.stem in QUICK else pytest.mark.slow) for p in GALLERY]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", cases())
 def test_an_example_runs_and_finds_what_was_hidden(script: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plt, "show", lambda: None)

@@ -134,6 +134,7 @@ def test_moves_sample_a_density_unlike_their_proposal():
     assert stats.kstest((points[:, 1] - points[:, 0]) / 0.3, "norm").pvalue > 1e-4
 
 
+@pytest.mark.slow
 def test_pieces_of_blocks_are_the_same_chain(tmp_path, monkeypatch):
     """Chains are kept every few seconds: nothing depends on where, and a run goes on from within a block."""
     whole, pieces, resumed = group_of_four(), group_of_four(), group_of_four()

@@ -179,6 +179,7 @@ def test_every_effect_was_tried() -> None:
     assert {e for _, e in SINGLY} == set(catalogue())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", QUICK_FIRST)
 def test_the_numpy_file_follows_the_kernel_with_all_effects(base: str) -> None:
     model, values, namespace = everything(base)
@@ -253,6 +254,7 @@ def test_what_numba_compiles_is_what_numpy_does_alone(base: str) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_what_is_compiled_is_kept_beside_the_file_and_never_of_another_model(tmp_path: Path) -> None:
     code = (
         "import model; x = model.simulate([0.0, 0.5], 0.0, deflection=0.1); "

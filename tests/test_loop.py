@@ -226,6 +226,7 @@ def test_the_summary_keeps_the_contract(name: str) -> None:
 # Without a hold-out.
 
 
+@pytest.mark.slow
 def test_the_last_third_is_held_out_and_continued() -> None:
     result = by_the_last_third("arm_delay")
     assert result.errors["holdout_kind"] == "last third of each training recording, continued"

@@ -265,6 +265,7 @@ sample(fitted, seed=11, **settings, progress=kill_in_the_next_block, backend_pat
 """
 
 
+@pytest.mark.slow
 def test_killed_process_continues_to_the_same_draws(linear, tmp_path):
     path = tmp_path / "chain.h5"
     code = _KILLED.format(folder=str(Path(__file__).parent), path=str(path))

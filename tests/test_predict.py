@@ -201,6 +201,7 @@ def test_a_prescribed_motion_needs_no_initial_state() -> None:
     assert (sd > 0).all()
 
 
+@pytest.mark.slow
 def test_a_rod_that_leans_on_its_play_rests_where_it_settles() -> None:
     # A bent rod at rest pushes on nothing: with play, too, its tip stays at the angle of the rest.
     effects = (*LINEAR, "equilibrium_offset", "base_backlash")

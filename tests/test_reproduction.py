@@ -71,6 +71,7 @@ def with_output(at: Stand, output: np.ndarray) -> Stand:
 # --- the paper's numbers
 
 
+@pytest.mark.slow
 def test_the_stand_makes_the_papers_manoeuvre(recorded: Stand) -> None:
     assert recorded.experiment.recording.time[[0, -1]] == pytest.approx([0.0, 30.0])
     assert recorded.motion.motor_angle[-1] == pytest.approx(1.0, abs=1e-12)
@@ -130,6 +131,7 @@ def test_the_radius_law_turns_the_radius_alone(recorded: Stand, models: PaperMod
     assert np.hypot(*models.tips["with_radius"].T) == pytest.approx(np.cos(models.gamma * delta))
 
 
+@pytest.mark.slow
 def test_the_exact_arm_needs_the_rig_file_only(recorded: Stand, inside: Stand) -> None:
     held = {"alpha": rig_alpha(recorded.experiment.rig)}
     found = fit_from_rest("elastica", LINEAR, recorded, held)

@@ -230,6 +230,7 @@ def test_every_picture_has_words_units_and_finite_limits(drawn: dict[str, list[P
             assert axes.lines or axes.patches, name
 
 
+@pytest.mark.slow
 def test_every_picture_fits_its_figure(drawn: dict[str, list[Picture]]) -> None:
     for name, picture in _by_name(drawn).items():
         figure = picture.figure

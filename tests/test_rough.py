@@ -207,6 +207,7 @@ def test_a_body_is_what_its_seed_says(system):
     assert body.reach / body.noise < 1e6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", BODIES)
 def test_every_ingredient_of_a_body_acts_and_moves_nothing_at_strength_zero(system):
     body, rng = draw_body(system, (8, 1)), np.random.default_rng(0)

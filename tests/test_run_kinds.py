@@ -99,6 +99,7 @@ def drive(sketch: Callable[[Path], Path], tmp_path_factory: pytest.TempPathFacto
     return folder / "run"
 
 
+@pytest.mark.slow
 def test_an_inverse_view_is_run_whole(drive: Path) -> None:
     results = results_of(drive)
     assert results["loop"]["verdict"] == "nothing_missing"

@@ -190,6 +190,7 @@ def test_the_physically_simplest_comes_first() -> None:
 # The manoeuvre, and that it works.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", QUICK_FIRST)
 def test_the_designed_manoeuvre_separates_what_one_move_could_not(pair: tuple[str, str]) -> None:
     right, wrong = pair
