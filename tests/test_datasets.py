@@ -82,6 +82,7 @@ def test_seeds_are_distinct():
     assert len(seeds) == sum(map(len, CONTENTS.values()))
 
 
+@pytest.mark.slow
 def test_regenerated_recordings_have_the_committed_digits():
     made = make_recording("train_large", set_seed("arm_tilt", "train_large"), disturbances=ARMS["arm_tilt"])
     committed = read("arm_tilt", "train_large")

@@ -296,6 +296,7 @@ def test_a_step_that_is_no_step_is_refused() -> None:
             module(to_numpy(model, some_values(model)))["simulate"]([0.0, 1.0], 0.0, step=step)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_slopes_are_those_of_the_program_over_many_samples(base: str) -> None:
     model, values, namespace = everything(base)

@@ -58,6 +58,7 @@ def programs(draw: st.DrawFn) -> list[tuple[sp.Symbol, sp.Expr]]:
     return found
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(programs(), st.sets(st.sampled_from(["first", "second", "third"])))
 def test_what_is_left_out_changes_no_output(program: list[tuple[sp.Symbol, sp.Expr]], present: set[str]) -> None:

@@ -32,6 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("rig")
 
 
+@pytest.mark.slow
 def test_a_scale_that_the_rig_s_length_covers_is_named_with_that_doubt(folder: Path) -> None:
     result, said = with_length("length_m = 1.001\n", folder)
     assert result.added[-1] == "position_scale"
