@@ -24,6 +24,7 @@ from discovery.estimation.natural_units import natural_units
 from discovery.estimation.problem import known_values
 from discovery.estimation.step import choose_step
 from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.results.judging import held_group
 from discovery.runs.loop import close_loop
 from discovery.screening.attribution import screen
 from discovery.screening.refits import refit
@@ -58,7 +59,7 @@ def closing(label: str, dataset: Dataset, runs: int) -> dict[str, Any]:
         start = time.perf_counter()
         result = close_loop(dataset.train, dataset.holdout)
         seconds.append(time.perf_counter() - start)
-    held = result.errors["after"].get("holdout_inside", result.errors["after"]["holdout"])
+    held = result.errors["after"][held_group(result.errors)]
     return {
         "recordings": label,
         "first_s": seconds[0],

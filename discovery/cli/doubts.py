@@ -25,10 +25,11 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
 
     flags = {recording.name: recording.flags for recording in result.recordings}
     held = [e.recording for e in dataset.holdout or dataset.train]
+    cautions = result.cautions
     # A model error is said, and so is a hold-out that is missed; a stated noise that is too small says the same.
     known = (
         not result.complete
-        or any(caution.code == "missed" for caution in result.cautions)
+        or any(caution.code == "missed" for caution in cautions)
         or any(flag.code == UNDERSTATED for recording in held for flag in recording.flags)
     )
     named = [found.probability for found in result.named.values()]
@@ -39,7 +40,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
         *misstated(flags),
         *(decision_sentence(step.summary()) for step in decisions),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
-        *(caution_sentence(caution.summary()) for caution in result.cautions),
+        *(caution_sentence(caution.summary()) for caution in cautions),
         *([] if known else _scattered(result, held)),
     ]
 
@@ -59,7 +60,8 @@ def _scattered(result: LoopResult, held: Sequence[Recording]) -> list[str]:
     """Tell where averages of what is left are noise, but single readings lie farther off than their noise."""
     import numpy as np
 
-    from discovery.diagnosis.caution import SCATTERED, judged_rms
+    from discovery.diagnosis.caution import SCATTERED
+    from discovery.results.judging import judged_rms
 
     rms = judged_rms(result.errors)
     # The error is a distance over all channels, and recordings may differ in their noise.

@@ -13,8 +13,9 @@ import numpy as np
 
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
+from discovery.results.judging import judged_rms
 
-__all__ = ["SCATTERED", "Caution", "at_edges", "judged_rms", "missed"]
+__all__ = ["SCATTERED", "Caution", "at_edges", "missed"]
 
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
@@ -70,16 +71,6 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
         numbers = {"value": float(value), "unit": fitted.told(name)["unit"], "guessed": parameter.physical}
         found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
     return found
-
-
-def judged_rms(errors: Mapping[str, Any], when: str = "after") -> float:
-    """Return the held-out error that judges the final model, or that of the declared one, from the errors of loop.json.
-
-    Beyond the trained range a model may err, and after its motion a body only rests; what decides lies inside where
-    anything does, and moves.
-    """
-    group = next(g for g in ("holdout_moving", "holdout_inside", "holdout") if g in errors[when])
-    return float(errors[when][group]["rms"])
 
 
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.diagnosis.caution import SCATTERED, Caution, judged_rms
+from discovery.diagnosis.caution import Caution
 from discovery.estimation.fit import Fit
 from discovery.estimation.residual import ResidualReport
+from discovery.results.judging import judged_rms
 
 __all__ = ["burst", "like_noise", "not_carried"]
 
@@ -21,6 +22,8 @@ FloatArray = NDArray[np.float64]
 _SHORT = 0.1
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
 _LITTLE, _LARGE = 3.0, 2.0
+#: Noise is as large held out as in training, within this factor.
+_ALIKE = 1.5
 #: An error that falls so many times in training falls as well held out, by this share of its logarithm at least.
 _FALLS, _CARRIED = 1.5, 0.25
 
@@ -72,7 +75,7 @@ def like_noise(
     left, held, noise : float
         Model error in training and held out, zero without any, and the smallest noise [unit of the output].
     """
-    alike = held == 0.0 or left / SCATTERED <= held <= SCATTERED * left
+    alike = held == 0.0 or left / _ALIKE <= held <= _ALIKE * left
     if report.rms > _LITTLE or depends_on or not alike:
         return None
     return Caution("like_noise", numbers={"ratio": left / noise, "autocorrelation": report.autocorrelation})

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,22 +148,20 @@ class HoldOut:
 
         Where a free motion comes to rest, they are told apart for what decides, as far as it moves.
         """
-        outputs = self.outputs()
+        pairs = list(zip(predictions, self.outputs(), strict=True))
 
-        def pooled(which: Iterable[int], ends: Mapping[int, int] = MappingProxyType({})) -> dict[str, float]:
-            pairs = [(predictions[i][: ends.get(i)], outputs[i][: ends.get(i)]) for i in which]
-            return errors(*(np.concatenate(each) for each in zip(*pairs, strict=True)))
+        def pooled(some: Sequence[tuple[FloatArray, FloatArray]]) -> dict[str, float]:
+            return errors(*(np.concatenate(each) for each in zip(*some, strict=True)))
 
-        everything = list(range(len(self.experiments)))
-        result = {"holdout": pooled(everything)}
+        result = {"holdout": pooled(pairs)}
         if not self.continued:
-            inside = [i for i in everything if self.inside[i]]
-            outside = [i for i in everything if not self.inside[i]]
+            inside = [pair for pair, within in zip(pairs, self.inside, strict=True) if within]
+            outside = [pair for pair, within in zip(pairs, self.inside, strict=True) if not within]
             if inside:
                 result["holdout_inside"] = pooled(inside)
             if outside:
                 result["holdout_outside"] = pooled(outside)
         moving = {i: e.recording.time.size for i, e in self._deciding.items()}
-        if any(n < len(outputs[i]) for i, n in moving.items()):
-            result["holdout_moving"] = pooled(moving, moving)
+        if any(n < len(pairs[i][1]) for i, n in moving.items()):
+            result["holdout_moving"] = pooled([(pairs[i][0][:n], pairs[i][1][:n]) for i, n in moving.items()])
         return result

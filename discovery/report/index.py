@@ -18,7 +18,8 @@ from discovery.report.numbers import scale_for_change, significant
 from discovery.report.page import environment
 from discovery.report.results import read_run
 from discovery.report.sentences import chances
-from discovery.report.words import effect_name, held_group, origin, sentence, values_text
+from discovery.report.words import effect_name, origin, sentence, values_text
+from discovery.results.judging import held_group
 from discovery.results.provenance import read_json
 
 __all__ = ["build_index"]

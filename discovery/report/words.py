@@ -16,6 +16,7 @@ from discovery.report.number_words import listed
 from discovery.report.numbers import Scale, power_of_ten, scale_for_change, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
+from discovery.results.judging import held_group
 
 __all__ = [
     "FITS",
@@ -28,7 +29,6 @@ __all__ = [
     "error_groups",
     "error_scale",
     "headline",
-    "held_group",
     "listed",
     "origin",
     "page_prose",
@@ -131,17 +131,6 @@ def effect_title(effect_id: str) -> str:
     if effect_id in UPGRADES:
         return UPGRADES[effect_id].title()
     return get_effect(effect_id).title() if _listed(effect_id) else effect_name(effect_id)
-
-
-def held_group(errors: Mapping[str, Any]) -> str:
-    """Return the recordings that judge: held out inside the trained deflection, else all held out, else training.
-
-    Of free motions that come to rest it is what moves.
-    """
-    for group in ("holdout_moving", "holdout_inside", "holdout", "train"):
-        if (errors["after"].get(group) or {}).get("rms") is not None:
-            return group
-    return "train"
 
 
 def error_groups(run: Run) -> dict[str, str]:

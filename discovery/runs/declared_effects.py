@@ -1,4 +1,7 @@
-"""Declared effects sought as candidates are: the first fit begins each at one value, and may end in a poor minimum."""
+"""The declared model before a search: in units of the recorded force, its effects sought as candidates are.
+
+The first fit begins each effect at one value, and may end in a poor minimum.
+"""
 
 from __future__ import annotations
 

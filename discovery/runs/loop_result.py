@@ -136,7 +136,7 @@ class LoopResult(LoopViews):
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
         found = [missed(self.errors, left=error.after, held=error.held, least=error.least)]
-        if self.added and self.errors["holdout_kind"] is not None:
+        if self.added:
             found.append(not_carried(self.errors))
         if not self.complete and not self.impossible:
             noise = float(min(r.noise.min() for r in self.recordings))

@@ -1,4 +1,4 @@
-"""A simpler law that a fitted one contains, from where that was fitted."""
+"""Simpler laws that a fitted one contains, from where that was fitted."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.problem import Problem
 from discovery.screening.refits import Refit
 
-__all__ = ["contained"]
+__all__ = ["reduced"]
 
 
-def contained(fitted: Refit, effect: str, simpler: str) -> Refit:
-    """Return a refit with a simpler law in the place of one that contains it.
+def reduced(fitted: Refit, effect: str) -> list[Refit]:
+    """Return refits with each simpler law, that the model does not have yet, in the place of one that contains it.
 
     A refit of the simpler law by itself may have ended in another minimum: a dry friction whose creep speed is not yet
     known leaves a rough path.
@@ -23,17 +23,23 @@ def contained(fitted: Refit, effect: str, simpler: str) -> Refit:
     ----------
     fitted : Refit
         With the larger law.
-    effect, simpler : str
-        The larger law, and one that it contains.
+    effect : str
+        The larger law.
     """
+    laws = sorted(get_effect(effect).reduces_to - {*fitted.problem.model.effects})
+    return [_with(fitted, effect, law) for law in laws]
+
+
+def _with(fitted: Refit, effect: str, simpler: str) -> Refit:
+    """Return the refit with one of them."""
     larger, smaller, problem = get_effect(effect), get_effect(simpler), fitted.problem
     values = fitted.values
     model = problem.model.without([effect]).with_effect(simpler)
     gaussian = {n: known for n, known in problem.gaussian.items() if n in model.parameters}
-    reduced = Problem(model, problem.bench, problem.units, gaussian)
+    own = Problem(model, problem.bench, problem.units, gaussian)
     start = {**values, **_alike(larger, smaller, values)}
-    (minimum,) = fit_problems([reduced], [reduced.start(start)], tolerance=1e-6, rough=True)
-    return Refit(simpler, reduced, minimum)
+    (minimum,) = fit_problems([own], [own.start(start)], tolerance=1e-6, rough=True)
+    return Refit(simpler, own, minimum)
 
 
 def _alike(larger: Effect, smaller: Effect, values: Mapping[str, float]) -> dict[str, float]:

@@ -25,7 +25,7 @@ from discovery.screening.attribution import screen
 from discovery.screening.finite import finite_starts
 from discovery.screening.refits import Refit, refit, settled
 
-__all__ = ["grown"]
+__all__ = ["grown", "grows"]
 
 #: Swings of the first parts: of a free decay, of a declared system, of an arm once it moves. A fast ringing is caught
 #: within the shortest only, a slow loss shows in the longer.
@@ -39,7 +39,26 @@ _ASTRAY = 0.1
 _FOLLOWED = 6
 
 
-def grown(minimum: Minimum, problem: Problem, names: Sequence[str], *, first: bool = True) -> list[Refit]:
+def grows(minimum: Minimum, problem: Problem, *, first: bool) -> bool:
+    """Return whether candidates are worth beginning on the first swings.
+
+    Where effects were added, or an input holds the phase of an oscillator whose start was read off the recording, only
+    beside a fit that went astray: a wrong model bends a resonance the wrong way, and is on another branch of it.
+
+    Parameters
+    ----------
+    minimum, problem : Minimum, Problem
+        The fit so far.
+    first : bool
+        No effect was added yet.
+    """
+    experiments = problem.bench.experiments
+    led = problem.model.mechanics.system.has_rod or experiments[0].rig.traits.has_own_equations
+    held = not led and any(e.drive is not None for e in experiments)
+    return (first and not held) or variance_left(problem, 2 * minimum.cost) >= _ASTRAY
+
+
+def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refit]:
     """Refit the model with each candidate added on the first swings, then on twice as much again and again.
 
     Parameters
@@ -48,21 +67,14 @@ def grown(minimum: Minimum, problem: Problem, names: Sequence[str], *, first: bo
         The fit so far.
     names : sequence of str
         Candidate effects.
-    first : bool
-        No effect was added yet.
 
     Returns
     -------
     list of Refit
-        On the whole recordings, the best candidates of the first swings; none where the recordings are short. Where
-        effects were added, or an input holds the phase of an oscillator whose start was read off the recording, none
-        but for a fit that went astray: a wrong model bends a resonance the wrong way, and is on another branch of it.
+        On the whole recordings, the best candidates of the first swings; none where the recordings are short.
     """
     bench = problem.bench
     arm, declared = problem.model.mechanics.system.has_rod, bench.experiments[0].rig.traits.has_own_equations
-    held = not (arm or declared) and any(e.drive is not None for e in bench.experiments)
-    if (held or not first) and variance_left(problem, 2 * minimum.cost) < _ASTRAY:
-        return []
     period = 2 * np.pi * problem.units.time
     lengths = _SWINGS_OF_AN_ARM if arm else _SWINGS_OF_A_SYSTEM if declared else _SWINGS
     shares = [max(_share(e, n * period, still=arm) for e in bench.experiments) for n in lengths]

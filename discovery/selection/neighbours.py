@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from discovery.screening.contained import reduced
 from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
@@ -20,7 +21,8 @@ class Neighbours:
 
     def __init__(self, context: Context, offers: Offers, root: Contender) -> None:
         self.context, self.offers, self.root = context, offers, root
-        self._smaller: dict[tuple[tuple[frozenset[str], str], float, str], Contender] = {}
+        self._smaller: dict[object, Contender] = {}
+        self._simpler: dict[object, list[Contender]] = {}
         self._sampled: dict[Contender, Contender] = {}
 
     def sampled(self, contender: Contender) -> Contender:
@@ -42,22 +44,28 @@ class Neighbours:
 
     def without(self, found: Contender, effect: str) -> Contender:
         """Return the best set without one of the members of another, refitted."""
-        key = found.key, found.chi2, effect
-        if key not in self._smaller:
+        if (key := (found.key, found.chi2, effect)) not in self._smaller:
             rest = tuple(e for e in found.added if e != effect)
             known = self.offers.known(rest, found.model.base)
             made = contenders(self.context, [(rest, relaxed(found.refit, [effect]))]) if rest else [self.root]
             self._smaller[key] = max([*made, *known], key=lambda c: c.joint)
-        return self.beside(found, self._smaller[key])
+        return self._beside(found, self._smaller[key])
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first."""
         smaller, own = self.without(found, effect), frozenset(found.added)
         offered = self.offers.beside(smaller) if self.affords(smaller) else []
         others = [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
-        return sorted((self.beside(found, c) for c in others), key=lambda c: -c.joint)
+        return sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
 
-    def beside(self, found: Contender, other: Contender) -> Contender:
+    def within(self, found: Contender, effect: str) -> list[Contender]:
+        """Return the sets with a law that a member contains, from where that was fitted."""
+        if (key := (found.key, found.chi2, effect)) not in self._simpler:
+            rest, laws = [e for e in found.added if e != effect], reduced(found.refit, effect)
+            self._simpler[key] = contenders(self.context, [((*rest, r.effect), r) for r in laws])
+        return [self._beside(found, c) for c in self._simpler[key]]
+
+    def _beside(self, found: Contender, other: Contender) -> Contender:
         """Return a set as it is compared with the one found: integrated as that is, unless it is far behind."""
         near = other.joint > found.joint - _NEAR * self.context.settings.nats
         return self.sampled(other) if near and found.sampled is not None else other

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from discovery.estimation.race import SLOW, near_the_best
 from discovery.foundation.workers import at_once
 from discovery.screening.attribution import Candidate, screen
 from discovery.screening.finite import finite_starts
-from discovery.screening.growing import grown
+from discovery.screening.growing import grown, grows
 from discovery.screening.likeness import likely_pairs
 from discovery.screening.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
 from discovery.screening.resolved import resolved
@@ -65,7 +66,7 @@ class Offers:
         scored = self.scored(node)
         beside = f" beside {' and '.join(node.added)}" if node.added else ""
         self.context.progress(f"refitting every candidate{beside}")
-        names = [c.effect for c in scored]
+        names, most = [c.effect for c in scored], self.context.settings.budget.finished
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
 
         def whole() -> list[Refit]:
@@ -73,24 +74,21 @@ class Offers:
             quick = refit(problem.model, minimum, problem, scored, finite=starts)
             quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
-            leading = [quick[i] for i in near[: self.context.settings.budget.finished] if np.isfinite(quick[i].chi2)]
+            leading = [quick[i] for i in near[:most] if np.isfinite(quick[i].chi2)]
             return [*finish(node.refit.problem, node.refit.minimum, leading, afresh=node.is_far), *quick]
 
-        def growing() -> list[Refit]:
-            return grown(node.refit.minimum, node.refit.problem, names, first=not node.added)
-
-        # The first effect may be a ripple whose frequency the whole recording hides.
-        ways = at_once([whole, growing], threads=THREADS)
+        ways: list[Callable[[], list[Refit]]] = [whole]
+        # The whole recording may hide a frequency, or be on another branch. Beside nothing a way has all threads.
+        if grows(node.refit.minimum, node.refit.problem, first=not node.added):
+            ways.append(partial(grown, node.refit.minimum, node.refit.problem, names))
         # Only those with everything free are weighed.
         known = node.refit.problem.gaussian
-        free = best_of(r for found in ways for r in found if r.problem.gaussian == known)
-        leading = free[: self.context.settings.budget.finished]
-        return contenders(self.context, [((*node.added, r.effect), r) for r in leading])
+        free = best_of(r for found in at_once(ways, threads=THREADS) for r in found if r.problem.gaussian == known)
+        return contenders(self.context, [((*node.added, r.effect), r) for r in free[:most]])
 
     def known(self, added: Sequence[str], base: str) -> list[Contender]:
         """Return sets of these effects on a base that were weighed as an extension of another."""
-        key = frozenset(added), base
-        return [c for offered in self._made.values() for c in offered if c.key == key]
+        return [c for offered in self._made.values() for c in offered if c.key == (frozenset(added), base)]
 
     def pairs(self, node: Contender) -> list[Contender]:
         """Return sets with two effects more that would explain the residual to first order, the most likely first."""

@@ -10,7 +10,6 @@ import numpy as np
 from discovery.declarations.registry import get_effect
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
-from discovery.screening.contained import contained
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -94,22 +93,15 @@ class Search:
         """Let a law take the place of one that contains it where the difference is not accepted, and it is itself."""
         for effect in self.best.added:
             near = get_effect(effect).reduces_to
-            others = [*self._within(effect), *self.neighbours.instead_of(self.best, effect)]
+            rest = self.neighbours.without(self.best, effect)
+            others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
-                rest = self.neighbours.without(self.best, effect)
                 if code != "accepted" and self._judged(simpler, rest)[1] == "accepted":
                     (new,) = near.intersection(simpler.added)
                     self.decisions.append(Decision("exchange", (effect, new), True, code, _numbers(odds)))
                     self.best = simpler
                     break
-
-    def _within(self, effect: str) -> list[Contender]:
-        """Return the sets with a law that a member contains, from where that was fitted."""
-        rest = tuple(e for e in self.best.added if e != effect)
-        laws = sorted(get_effect(effect).reduces_to - {*self.best.model.effects})
-        found = contenders(self.context, [((*rest, e), contained(self.best.refit, effect, e)) for e in laws])
-        return [self.neighbours.beside(self.best, c) for c in found]
 
     def _integrate(self) -> None:
         """Integrate the set found by importance sampling, and from now on all that are compared with it."""
@@ -266,8 +258,9 @@ class Search:
         gain, settings = found.joint - self.best.joint, self.context.settings
         if frozenset(found.added) != frozenset(self.best.added) and gain > settings.nats:
             told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
-            both, self.best = (effect, found.added[-1]), found
-            self.decisions.append(Decision("exchange", both, True, "accepted", {"odds": gain}, told))
+            new = found.added[-1]
+            self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
+            self.best = found
 
 
 def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
