@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 #: Relative size of the differences that give derivatives.
 _SMALL = 1e-6
 #: Cuts are at most this many median sampling intervals apart: gaps are bridged by more of them.
-_GAP = 1.5
+_LONGEST = 1.5
 #: Longest step [natural times].
 _STEP = 0.12
 
@@ -109,7 +109,7 @@ class Chain:
         kinks = np.empty(0) if self.experiment.drive is None else np.asarray(self.experiment.drive.kinks, float)
         cuts = np.unique(np.round(np.concatenate([seen, kinks[(kinks > seen[0]) & (kinks < seen[-1])]]), 9))
         gaps = np.diff(cuts)
-        pieces = np.ceil(gaps / (_GAP * np.median(gaps))).astype(int)
+        pieces = np.ceil(gaps / (_LONGEST * np.median(gaps))).astype(int)
         inner = [np.linspace(a, a + g, n, endpoint=False) for a, g, n in zip(cuts[:-1], gaps, pieces, strict=True)]
         return np.round(np.concatenate([*inner, cuts[-1:]]), 9)
 

@@ -25,6 +25,7 @@ from discovery.diagnosis.manoeuvre_design import Move, hub_drive
 from discovery.estimation.fit import Fit
 from discovery.estimation.predict import equilibrium
 from discovery.foundation.errors import ComputationError
+from discovery.foundation.sampling import median_step
 from discovery.recordings.angles import within_half_a_turn
 from discovery.simulation.simulate import Simulator
 
@@ -139,7 +140,7 @@ class Trial:
         drive = self.given.drive
         self.angle = 0.0 if drive is None else float(drive.evaluate(self.given.recording.time[:1])[0, 0])
         self.rivals = [_Rival(f, self.angle) for f in fits]
-        self.gap = float(np.median(np.diff(self.given.recording.time)))
+        self.gap = median_step(self.given.recording.time)
         self.count = round(duration / self.gap) + 1
         # Fewer samples than will be recorded are enough: each stands for several.
         self.time = np.linspace(0.0, duration, min(self.count, _SAMPLES))

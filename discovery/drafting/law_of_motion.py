@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from discovery.foundation.sampling import median_step
+
 __all__ = ["integral_over", "least_squares", "own_period", "rates_of", "telling_part"]
 
 FloatArray = NDArray[np.float64]
@@ -49,7 +51,7 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     good = telling_part(output)
     if good.size < 50:
         return None
-    step = float(np.median(np.diff(time[good])))
+    step = median_step(time[good])
     grid = np.arange(time[good[0]], time[good[-1]] + 0.5 * step, step)
     y = np.interp(grid, time[good], output[good] - np.mean(output[good]))
     half = _half_window(y)

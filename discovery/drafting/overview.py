@@ -12,6 +12,7 @@ from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.law_of_motion import FloatArray, own_period
 from discovery.foundation.arguments import expect
 from discovery.foundation.estimate_text import figures
+from discovery.foundation.sampling import median_step
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.signals.periods import find_periods
@@ -110,7 +111,7 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
 
 
 def _input(time: FloatArray, values: FloatArray) -> dict[str, Any]:
-    step = float(np.median(np.diff(time)))
+    step = median_step(time)
     frequency, power = np.fft.rfftfreq(values.size, step), np.abs(np.fft.rfft(values - values.mean())) ** 2
     share = np.cumsum(power) / max(float(power.sum()), np.finfo(float).tiny)
     periods = find_periods(values - values.mean()) if values.size <= _SOON else None

@@ -15,6 +15,7 @@ from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.names import Meaning, meaning_of
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
+from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
 
 __all__ = ["Signal", "Signals", "angle_unit", "find_signals", "open_table"]
@@ -237,7 +238,7 @@ def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
     if unit is not None and (role == "time") == (si_symbol(unit) == "s"):
         return Signal(name, unit, False, values)
     if role == "time":
-        step = float(np.median(np.diff(values)))
+        step = median_step(values)
         # Nobody samples a motion once a second: whole numbers count milliseconds or microseconds.
         unit = "s" if step < 1.0 else "ms" if step < 500.0 else "us"
     elif role == "output" and _ANGLES & set(re.split(r"[\W_]+", name.lower())):

@@ -9,6 +9,7 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.estimation.resolution import half_step
+from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
@@ -94,7 +95,7 @@ def _idealised(problem: Problem, experiment: Experiment, channel: int, lines: in
     own = base.accuracy * (1.0 if recording.units[channel] == "rad" else units.length)
     if own == 0.0:
         return np.zeros(lines)
-    gap = float(np.median(np.diff(recording.time)))
+    gap = median_step(recording.time)
     frequency = np.pi / gap * np.linspace(0.0, 1.0, lines)
     share = (own / float(recording.noise[channel])) ** 2
     return share * 2 * units.time / gap / (1 + (frequency * units.time) ** 2)

@@ -12,6 +12,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
+from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["restoring", "scan", "staged_start"]
@@ -88,7 +89,7 @@ def scan(
         damping.append(regressed["xi"])
     coarse = min(0.1 * units.time, 0.5 / (centre**0.5 * model.mechanics.highest_frequency({**model.known, **values})))
     if "g" in model.free:
-        coarse = min(coarse, float(np.median(np.diff(experiments[0].recording.time))))
+        coarse = min(coarse, median_step(experiments[0].recording.time))
     problem = Problem(model, Bench(model.base, model.effects, experiments, coarse), units, {})
     start = problem.start(values)
     alphas = centre * _STIFFNESS

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Parameter, natural_scale
 from discovery.declarations.units import dimension
+from discovery.foundation.sampling import median_step
 from discovery.mechanics.systems import system_base
 from discovery.recordings.experiment import Experiment, largest_deflection
 
@@ -126,5 +127,5 @@ def _dominant_of_uneven(time: FloatArray, deflection: FloatArray) -> float:
     from scipy.signal import lombscargle
 
     keep = slice(None, None, max(1, time.size // _UNEVEN))
-    grid = np.linspace(4 * np.pi / (time[-1] - time[0]), 0.5 * np.pi / float(np.median(np.diff(time[keep]))), 4000)
+    grid = np.linspace(4 * np.pi / (time[-1] - time[0]), 0.5 * np.pi / median_step(time[keep]), 4000)
     return float(grid[np.argmax(lombscargle(time[keep], deflection[keep], grid))])

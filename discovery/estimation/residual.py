@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from discovery.estimation.problem import Problem
+from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
 __all__ = [
@@ -170,7 +171,7 @@ def _states(experiment: Experiment, period: float) -> dict[str, FloatArray]:
     d = experiment.deflection
     good = np.isfinite(d)
     filled = np.interp(t, t[good], d[good])
-    width = max(3, int(period / BINS_PER_PERIOD / max(float(np.median(np.diff(t))), 1e-12)) | 1)
+    width = max(3, int(period / BINS_PER_PERIOD / max(median_step(t), 1e-12)) | 1)
     smooth = np.convolve(np.pad(filled, width // 2, mode="edge"), np.ones(width) / width, mode="valid")
     rate = np.gradient(smooth, t)
     scale = period / (2 * np.pi)
@@ -210,7 +211,7 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
 
     first = parts[0]
     clean = np.where(np.isfinite(first), first, 0.0)
-    rate = 1.0 / float(np.median(np.diff(experiments[0].recording.time)))
+    rate = 1.0 / median_step(experiments[0].recording.time)
     frequency, density = welch(clean, rate, nperseg=min(1024, len(clean)), axis=0)
     dependence = []
     states = [_states(e, period) for e in experiments]

@@ -19,6 +19,7 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import explains
+from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["start_of_system"]
@@ -56,7 +57,7 @@ def start_of_system(
     dict of str to float
         Empty where the guesses are the best start there is.
     """
-    step = min([units.time / _STEPS, *(float(np.median(np.diff(e.recording.time))) for e in experiments)])
+    step = min([units.time / _STEPS, *(median_step(e.recording.time) for e in experiments)])
     known = {n: g for n, g in gaussian.items() if n in model.parameters}
     lengths = [e.recording.time[e.fitted].size for e in experiments]
 
@@ -70,7 +71,7 @@ def start_of_system(
     (guessed,) = _followed(whole, [whole.start({})])
     if explains(whole, 2 * guessed.cost, _LEFT):
         return {}
-    samples = _SWINGS * 2 * np.pi * units.time / float(np.median(np.diff(experiments[0].recording.time)))
+    samples = _SWINGS * 2 * np.pi * units.time / median_step(experiments[0].recording.time)
     count, problem = round(samples), begun(round(samples))
     points = _points(problem)
     while True:

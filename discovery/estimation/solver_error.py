@@ -13,6 +13,7 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
+from discovery.foundation.sampling import median_step
 from discovery.foundation.workers import at_once
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import THREADS
@@ -59,7 +60,7 @@ class Probe:
         """Return the longest step that the method stands where the motion is small [s]."""
         alpha = self.values.get("alpha", self.units.time**-2)
         fastest = np.sqrt(abs(alpha)) * self.model.mechanics.highest_frequency({**self.model.known, **self.values})
-        gap = float(np.median(np.diff(experiments[0].recording.time)))
+        gap = median_step(experiments[0].recording.time)
         # An input with content up to half the sampling rate must be resolved too.
         rough = experiments[0].drive is not None and not experiments[0].system.has_rod
         # The method is stable up to 2.8 / fastest; damping and candidates need some of that.

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from discovery.declarations.units import quoted
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
+from discovery.foundation.sampling import median_step
 from discovery.recordings.angles import within_half_a_turn
 from discovery.rigs.rig import Rig
 
@@ -97,7 +98,7 @@ def _check_motor(table: Table, column: str, unit: str, inputs: FloatArray) -> No
 
 def _check_duration(table: Table, column: str, unit: str, rig: Rig, time: FloatArray) -> None:
     """Refuse records shorter than a swing, and sampling too slow to see one."""
-    duration, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    duration, step = float(time[-1] - time[0]), median_step(time)
     period, source = SLOWEST_SWING, ""
     if rig.length and rig.tip_mass and rig.flexural_rigidity:
         # Linear arm (eq. 12 of the paper) with the whole rod's mass at the tip: longer than the true period.

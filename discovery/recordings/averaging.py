@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import Flag
 from discovery.recordings.quantisation import quantum
 from discovery.recordings.recording import Recording
@@ -21,8 +22,8 @@ _KEPT = 2000
 _MISSED = 0.1
 #: Lines of a spectrum that are looked at together, and how far they stand out of the noise where something moves.
 _LINES, _STANDS_OUT = 32, 2.0
-#: Longest step between stamps that only jitter, over the median one; share of stretches that gaps may cost.
-_GAP, _LOST = 1.5, 0.02
+#: Share of stretches that gaps may cost.
+_LOST = 0.02
 
 
 def averaged_down(recording: Recording, rig: Rig) -> Recording:
@@ -40,8 +41,8 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
         The system; a held input and an output that passes filters ask for every reading.
     """
     held = rig.columns.input is not None and rig.columns.input.interpolation == "hold"
-    steps, most = np.diff(recording.time), recording.time.size // _KEPT
-    if most < 2 or rig.view is not None or held or steps.max() > _GAP * np.median(steps):
+    most = recording.time.size // _KEPT
+    if most < 2 or rig.view is not None or held or gaps(recording.time).any():
         return recording
     length = _longest(recording, most)
     return recording if length == 1 else averaged(recording, length)
@@ -57,7 +58,7 @@ def averaged(recording: Recording, length: int) -> Recording:
         Readings of an average. The last ones that fill none are left out.
     """
     count = recording.time.size
-    step = float(np.median(np.diff(recording.time)))
+    step = median_step(recording.time)
     kept = count // length
     told = {"count": count, "step": step, "length": length, "kept": kept, "apart": length * step}
     return replace(

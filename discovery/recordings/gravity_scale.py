@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scipy.special import ellipk
 
 from discovery.declarations.units import si_factor
+from discovery.foundation.sampling import median_step
 from discovery.recordings.flags import Flag
 from discovery.rigs.rig import Rig
 
@@ -98,7 +99,7 @@ def _stretches(time: FloatArray, angle: FloatArray) -> list[tuple[float, float, 
     crossings = np.flatnonzero(np.diff(np.signbit(x)))
     if crossings.size < 4 or np.ptp(t) <= 0:
         return []
-    first = np.pi / float(np.median(np.diff(t[crossings])))
+    first = np.pi / median_step(t[crossings])
     edges = np.arange(t[0], t[-1], _PERIODS * 2.0 * np.pi / first)
     found = []
     for start, stop in pairwise(np.searchsorted(t, edges).tolist()):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.sampling import median_step
 from discovery.recordings.drive import Drive, spline_drive
 from discovery.recordings.profile_spline import Phase, fit_phases, likeliest_roughness
 from discovery.recordings.quantisation import resolution
@@ -132,7 +133,7 @@ def _describe(t: FloatArray, y: FloatArray, noise: float, phase: Phase, room: sl
 
 def _constant_accelerations(t: FloatArray, y: FloatArray, noise: float, phase: Phase, pieces: int) -> FloatArray | None:
     """Fit kink times and constant accelerations by Gauss-Newton; None if the readings contradict them."""
-    step = float(np.median(np.diff(t)))
+    step = median_step(t)
     s = t - t[0]
     # The kinks of the next phase may reach almost half way through the gap.
     lowest, highest = 0.55 * s[phase.first], 0.55 * s[phase.last] + 0.45 * s[-1]

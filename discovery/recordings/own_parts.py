@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from discovery.foundation.errors import InputError
+from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import Flag
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording import Recording
@@ -21,7 +22,6 @@ __all__ = ["bridged", "own_parts", "release"]
 FloatArray = npt.NDArray[np.float64]
 Reader = Callable[[RecordPart], Recording]
 
-_GAP = 1.5  # steps
 _UNKNOWN = 0.05  # of a signal's standard deviation
 _TRIED, _BESIDE = 60, 12  # places where a gap is tried, and samples on either side of it
 _SHORTEST = 100  # readings of a part
@@ -119,9 +119,9 @@ def bridged(r: Recording) -> npt.NDArray[np.bool_]:
     """
     assert r.input is not None
     steps = np.diff(r.time)
-    step = float(np.median(steps))
+    step = median_step(r.time)
     known = np.ones(steps.size, bool)
-    for length in np.unique(np.round(steps[steps > _GAP * step] / step).astype(int)).tolist():
+    for length in np.unique(np.round(steps[gaps(r.time)] / step).astype(int)).tolist():
         signals = [r.input, *r.output.T]
         if all(_lost(r.time, signal, length, step) for signal in signals):
             known &= np.round(steps / step) != length
@@ -138,7 +138,7 @@ def _lost(time: FloatArray, values: FloatArray, length: int, step: float) -> boo
         good = np.isfinite(x)
         hidden = np.zeros(width, bool)
         hidden[_BESIDE : _BESIDE + missing] = True
-        if good.all() and np.diff(t).max() < _GAP * step:
+        if good.all() and not gaps(t, step).any():
             miss.append(x[hidden] - CubicSpline(t[~hidden], x[~hidden])(t[hidden]))
     if not miss:
         return False

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.quantisation import quantum
@@ -18,7 +19,6 @@ __all__ = ["bend_flags", "clean_output", "gap_flags", "swing_flags", "time_flags
 FloatArray = npt.NDArray[np.float64]
 
 _JITTER = 0.05  # of a step
-_GAP = 1.5  # steps
 _RARE, _MOST = 0.1, 0.9  # share of the steps
 _BURSTS = 2.0  # mean over median step
 _SLOW, _FAST = 1.0, 1e-6  # steps of mechanical recordings [s]
@@ -46,16 +46,16 @@ def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
     if assumed:
         return [Flag("rate_unknown")]
     steps = np.diff(time)
-    step = float(np.median(steps))
+    step = median_step(time)
     flags = []
-    gaps = steps > _GAP * step
-    regular = np.abs(steps[~gaps] - step) < _JITTER * step
+    missed = gaps(time)
+    regular = np.abs(steps[~missed] - step) < _JITTER * step
     # Many rows are lost, too, where every step is a whole number of steps of one clock.
     lost = np.abs(steps / step - np.round(steps / step)) < _JITTER
-    few = gaps.mean() < _RARE or (lost.mean() > _MOST and steps.mean() < _BURSTS * step)
-    if gaps.any() and few and regular.mean() > _MOST:
-        missing = int(np.round(steps[gaps] / step - 1.0).sum())
-        sizes = {"missing": missing, "gaps": int(gaps.sum()), "longest": float(steps.max())}
+    few = missed.mean() < _RARE or (lost.mean() > _MOST and steps.mean() < _BURSTS * step)
+    if missed.any() and few and regular.mean() > _MOST:
+        missing = int(np.round(steps[missed] / step - 1.0).sum())
+        sizes = {"missing": missing, "gaps": int(missed.sum()), "longest": float(steps.max())}
         flags.append(Flag("samples_missing", numbers=sizes))
     elif np.quantile(np.abs(steps - step), 0.95) > _JITTER * step:
         kind = "come in bursts" if steps.mean() > _BURSTS * step else "jitter"

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
+from discovery.foundation.sampling import median_step
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.arm_plausibility import check_arm
 from discovery.recordings.file_signals import Signals
@@ -240,7 +241,7 @@ def _told_of_jitter(rig: Rig, found: Signals, jitter: float) -> list[Flag]:
     """Tell that stamps err where nobody stated it."""
     if jitter == 0.0 or rig.columns.time.jitter is not None:
         return []
-    return [Flag("stamps_err", numbers={"jitter": jitter, "step": float(np.median(np.diff(found.time)))})]
+    return [Flag("stamps_err", numbers={"jitter": jitter, "step": median_step(found.time)})]
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.sampling import median_step
 from discovery.recordings.copies import copied
 from discovery.recordings.reading_noise import white_noise
 from discovery.recordings.recording import Recording
@@ -78,7 +79,7 @@ def _is_cut(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], i: i
 
 def _disguised(first: Recording, second: Recording) -> int | None:
     """Return where every channel repeats the other recording but for less than its noise, at one shift of the rows."""
-    one, other = (float(np.median(np.diff(r.time))) for r in (first, second))
+    one, other = (median_step(r.time) for r in (first, second))
     if abs(one - other) > _SAME_STEP * one:
         return None
     found = {copied(seen, judged) for seen, judged in zip(first.output.T, second.output.T, strict=True)}
@@ -90,7 +91,7 @@ def _thinned(first: Recording, second: Recording) -> int | None:
     seen, judged = _readings(first), _readings(second)
     if seen.shape[1] != judged.shape[1]:
         return None
-    same = _SAME_TIME * min(float(np.median(np.diff(r.time))) for r in (first, second))
+    same = _SAME_TIME * min(median_step(r.time) for r in (first, second))
     shift = _shift(seen, judged, first.time, second.time, same)
     if shift is None:
         return None

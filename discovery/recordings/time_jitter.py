@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.sampling import gaps, median_step
+
 __all__ = ["estimate_jitter", "left_by_cubics", "scatter", "stamp_deviation"]
 
 FloatArray = npt.NDArray[np.float64]
 
 _FEWEST = 200  # readings, fewer scatter too little to tell their noise from that of their stamps
-_GAP = 1.5  # of the median step
 _SURE = 4.0  # standard deviations
 _ROUNDED = 2e-3  # of the median step
 _SHARE = 1 / 3  # of the readings are compared, the slowest with the fastest ones
@@ -38,8 +39,7 @@ def scatter(time: FloatArray, output: FloatArray, noise: FloatArray, jitter: flo
 
 def stamp_deviation(time: FloatArray) -> float:
     """Return how far stamps lie from those of a steady clock [s]: the most that they may err, if samples are steady."""
-    steps = np.diff(time)
-    near = steps[steps < _GAP * np.median(steps)]
+    near = np.diff(time)[~gaps(time)]
     return float(np.std(near) / np.sqrt(2.0)) if near.size > 1 else 0.0
 
 
@@ -62,7 +62,7 @@ def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> 
     """
     most = stamp_deviation(time)
     # Rounded stamps deviate as well, and by far less than would be seen in any reading.
-    if most < _ROUNDED * float(np.median(np.diff(time))):
+    if most < _ROUNDED * median_step(time):
         return 0.0
     return min(most, float(np.median([_of_channel(time, c, sd) for c, sd in zip(output.T, noise, strict=True)])))
 

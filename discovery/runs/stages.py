@@ -21,6 +21,7 @@ from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Tell, silent
+from discovery.foundation.sampling import gaps
 from discovery.posterior.noise import GAUSSIAN, words_of
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.dataset import Dataset
@@ -230,7 +231,8 @@ def continued(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) 
     if len(dataset.train) != 1 or len(dataset.holdout) != 1 or result.after.model.mechanics.prescribed:
         return None
     first, second = dataset.train[0].recording, dataset.holdout[0].recording
-    if first.sha256 != second.sha256 or not 0 < second.time[0] - first.time[-1] < 1.5 * np.median(np.diff(first.time)):
+    onward = np.append(first.time, second.time[0])
+    if first.sha256 != second.sha256 or not onward[-1] > onward[-2] or gaps(onward)[-1]:
         return None
     progress("continuing into the held-out part")
     joined = replace(

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.foundation.sampling import median_step
+
 __all__ = ["Backbone", "backbone"]
 
 FloatArray = NDArray[np.float64]
@@ -50,7 +52,7 @@ def backbone(time: FloatArray, deflection: FloatArray, period: float, start: flo
     t, d = time[good], deflection[good]
     if t.size < 10 or t[-1] - t[0] < 2 * period:
         return Backbone(np.empty(0), np.empty(0), np.empty(0))
-    width = max(1, round(period / 12 / float(np.median(np.diff(t)))))
+    width = max(1, round(period / 12 / median_step(t)))
     smooth = np.convolve(d, np.ones(2 * width + 1) / (2 * width + 1), mode="same")
     slope = np.sign(np.diff(smooth))
     slope[slope == 0] = 1

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.linalg import solve_banded
 
+from discovery.foundation.sampling import median_step
 from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.candidates import Candidates
@@ -86,7 +87,7 @@ def response_rows(motion: Motion, run: np.ndarray, candidates: Candidates, oscil
     """Rows of the equation seen through an oscillator of this stiffness [1/s^2] and damping [1/s]."""
     track, (stiffness, damping) = motion.coordinate, oscillator
     # Short recordings can afford steps that follow the jumps of a dry friction, too.
-    longest = float(np.median(np.diff(track.time))) * (0.251 if track.time.size <= 10_000 else 2.0)
+    longest = median_step(track.time) * (0.251 if track.time.size <= 10_000 else 2.0)
     if stiffness > 0.0:
         longest = min(longest, 0.2 / np.sqrt(stiffness))
     grid, where = _refine(track.time[run], longest)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Normal
+from discovery.foundation.sampling import median_step
 from discovery.posterior.noise.filters import exponential
 from discovery.posterior.noise.model import LOG_2PI, Logistic, Noise, NoiseParameter, seen_by, share_of
 
@@ -52,7 +53,7 @@ class Correlated(Noise):
             seen = seen_by(experiments[i])
             readings[i] = np.ascontiguousarray(experiments[i].recording.time[: len(seen)], float), seen
         times = [time for time, _ in readings.values()]
-        shortest = math.log(min(float(np.median(np.diff(time))) for time in times))
+        shortest = math.log(min(median_step(time) for time in times))
         longest = math.log(max(float(time[-1] - time[0]) for time in times))
         share = NoiseParameter(
             name="share",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.foundation.sampling import median_step
 from discovery.report.figures.phase import main_period
 from discovery.report.numbers import fixed
 from discovery.report.results import Run, Trajectory
@@ -83,7 +84,7 @@ def draw(run: Run) -> Picture | None:
 
 def _panel(axes: Axes, shown: Trajectory, pairs: dict[str, tuple[FloatArray, FloatArray]], what: str) -> None:
     """Draw one kind of correlation against the lag."""
-    step = float(np.median(np.diff(shown.time)))
+    step = median_step(shown.time)
     reference = shown.measured[:, 0] if shown.deflection is None else shown.deflection
     most = int(min(max(_FEWEST, _PERIODS * main_period(shown.time, reference) / step), shown.time.size // _PART))
     lags = step * np.arange(most + 1)

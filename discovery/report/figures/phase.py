@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.foundation.sampling import median_step
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import LINES, Picture, label, new_figure
 from discovery.report.words import sentence
@@ -28,7 +29,7 @@ def main_period(time: FloatArray, values: FloatArray) -> float:
 
 def _rate(time: FloatArray, values: FloatArray, period: float) -> FloatArray:
     """Return the slope of straight lines over a twelfth of a period, for drawing only."""
-    half = max(1, round(period / 24 / float(np.median(np.diff(time)))))
+    half = max(1, round(period / 24 / median_step(time)))
     slope = np.full(values.shape, np.nan)
     slope[half:-half] = (values[2 * half :] - values[: -2 * half]) / (time[2 * half :] - time[: -2 * half])
     return slope
