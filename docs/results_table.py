@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from discovery.report.numbers import uncertain
+from discovery.results.judging import held_group
 from discovery.results.provenance import read_json
 
 BEGIN, END = "<!-- results: written by `make docs` -->", "<!-- end of results -->"
@@ -53,8 +54,7 @@ def table(reports: Path, before: str = "") -> str:
             continue
         result = read_json(path)
         added = ", ".join(map(_effect, result["effects"])) or "nothing"
-        inside = "holdout_inside" if "holdout_inside" in result["errors"]["after"] else "holdout"
-        cells = [f"`{name}`", hidden, result["verdict"], added, _errors(result, inside)]
+        cells = [f"`{name}`", hidden, result["verdict"], added, _errors(result, held_group(result["errors"]))]
         lines.append(f"| {' | '.join([*cells, _errors(result, 'holdout_outside')])} |")
     return "\n".join(lines)
 

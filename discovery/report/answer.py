@@ -18,7 +18,7 @@ from discovery.report.mathml import WORD, broken, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import chances, inclusion_words
-from discovery.report.words import effect_name, error_groups, error_scale, listed
+from discovery.report.words import compared_groups, effect_name, error_scale, listed
 
 __all__ = ["certainty", "equation_lines", "error_bars", "in_one", "parameter_lines", "where"]
 
@@ -161,8 +161,7 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
 
 def error_bars(run: Run) -> dict[str, Any]:
     """Return the error of every group before and after, with where each lies between the smallest and the largest."""
-    errors, scale, names = run.loop["errors"], error_scale(run), error_groups(run)
-    groups = [g for g in names if g != "holdout" or "holdout_inside" not in names]
+    errors, scale, groups = run.loop["errors"], error_scale(run), compared_groups(run)
     floor = errors["noise_floor"]
     sizes = {g: [errors[w][g]["rms"] for w in ("before", "after")] for g in groups}
     known = [v for pair in sizes.values() for v in (*pair, floor) if v and math.isfinite(v)]
@@ -176,8 +175,8 @@ def error_bars(run: Run) -> dict[str, Any]:
 
     rows = [
         {
-            "name": _SHORT.sub("", names[g]) if len(groups) > 2 else names[g].partition(",")[0],
-            "whole_name": names[g],
+            "name": _SHORT.sub("", groups[g]) if len(groups) > 2 else groups[g].partition(",")[0],
+            "whole_name": groups[g],
             "before": shown(before),
             "after": shown(after),
             "before_at": place(before),

@@ -24,6 +24,7 @@ __all__ = [
     "LAWS",
     "MASSES",
     "clause",
+    "compared_groups",
     "effect_name",
     "effect_title",
     "error_groups",
@@ -150,9 +151,19 @@ def error_groups(run: Run) -> dict[str, str]:
             "holdout_outside": f"held out, {outside}",
             **moving,
         }
-    where = next((f", {w}" for g, w in (("holdout_inside", inside), ("holdout_outside", outside)) if g in errors), "")
-    held = errors.get("holdout") or {}
-    return {"train": "training", **({"holdout": f"held out{where}"} if held.get("rms") is not None else {}), **moving}
+    if "holdout_inside" in errors:
+        held = {"holdout_inside": f"held out, {inside}"}
+    elif (errors.get("holdout") or {}).get("rms") is not None:
+        held = {"holdout": f"held out, {outside}" if "holdout_outside" in errors else "held out"}
+    else:
+        held = {}
+    return {"train": "training", **held, **moving}
+
+
+def compared_groups(run: Run) -> dict[str, str]:
+    """Return the groups whose errors stand side by side: not all held out where two kinds of them are told apart."""
+    names = error_groups(run)
+    return {group: name for group, name in names.items() if group != "holdout" or "holdout_inside" not in names}
 
 
 def error_scale(run: Run) -> Scale:

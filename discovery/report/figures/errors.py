@@ -9,7 +9,8 @@ from typing import Any
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, RED, Picture, label, new_figure, plain_log
-from discovery.report.words import error_groups
+from discovery.report.words import compared_groups
+from discovery.results.judging import held_group
 
 __all__ = ["draw"]
 
@@ -22,9 +23,8 @@ def draw(run: Run) -> Picture | None:
     """Return the figure of the answer."""
     errors = run.loop["errors"]
     before, after = errors["before"], errors["after"]
-    names = error_groups(run)
-    groups = [g for g in names if g != "holdout" or "holdout_inside" not in names]
-    scale = scale_for(errors["unit"], after[groups[0]]["rms"])
+    groups = compared_groups(run)
+    scale = scale_for(errors["unit"], after["train"]["rms"])
     figure = new_figure(0.62 * len(groups) + 1.25)
     axes = figure.subplots()
     for row, group in enumerate(groups):
@@ -36,21 +36,21 @@ def draw(run: Run) -> Picture | None:
     axes.set_xscale("log")
     axes.set_xlim(left=0.6 * min(floor, *(m[g]["rms"] * scale.factor for m in (before, after) for g in groups)))
     plain_log(axes.xaxis)
-    axes.set_yticks(range(len(groups)), [names[g].replace(", ", ",\n") for g in groups])
+    axes.set_yticks(range(len(groups)), [name.replace(", ", ",\n") for name in groups.values()])
     axes.set_ylim(len(groups) - 0.5, -0.6)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(label("error, rms (bar: to the peak)", scale.symbol))
     figure.legend(loc="outside upper left", ncols=2, fontsize=8, columnspacing=1.0)
-    last = groups[-1] if "holdout_inside" not in groups else "holdout_inside"
+    judged = held_group(errors)
     words = (
-        f"rms {significant(before[last]['rms'] * scale.factor)} {scale.symbol} before and "
-        f"{significant(after[last]['rms'] * scale.factor)} {scale.symbol} after; "
+        f"rms {significant(before[judged]['rms'] * scale.factor)} {scale.symbol} before and "
+        f"{significant(after[judged]['rms'] * scale.factor)} {scale.symbol} after; "
         f"the held-out noise floor is {significant(floor)} {scale.symbol}"
     )
     return Picture(
         "errors",
         figure,
-        f"Free-run error before and after. {names[last].capitalize()}: {words}.",
+        f"Free-run error before and after. {groups[judged].capitalize()}: {words}.",
         f"Dots on a logarithmic axis compare the error of the declared and of the final model. {words}.",
     )
 
