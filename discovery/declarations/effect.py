@@ -15,6 +15,7 @@ import inspect
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
@@ -121,10 +122,9 @@ class Effect(ABC):
     @cache
     def parameters(cls) -> tuple[Parameter, ...]:
         """Return the declared parameters in the order of the class body."""
-        found: dict[str, Parameter] = {}
-        for owner in reversed(cls.__mro__):
-            found.update({n: p for n, p in vars(owner).items() if isinstance(p, Parameter)})
-        return tuple(found.values())
+        owners = (vars(owner).items() for owner in reversed(cls.__mro__))
+        found = {n: p for own in owners for n, p in own if isinstance(p, Parameter)}
+        return tuple(replace(p, read=cls.kind == "sensor") for p in found.values())
 
     @classmethod
     def fitted(cls, system: str) -> tuple[Parameter, ...]:

@@ -151,6 +151,8 @@ class Parameter:
         True for an amplitude at such a place: its value is that of a force, `unit` that of a force over an inertia.
     measured : str
         SI unit of its values where they are not in `unit`.
+    read : bool
+        True for a constant of an instrument: q is then the unit of what is read, not of the coordinate.
 
     Raises
     ------
@@ -180,6 +182,7 @@ class Parameter:
     place: str = ""
     forced: bool = False
     measured: str = ""
+    read: bool = False
 
     def __post_init__(self) -> None:
         from discovery.declarations.units import dimension

@@ -245,9 +245,10 @@ def _input_column(experiment: Experiment) -> str:
 def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
     """Return the place to let the system go from, at rest, within the deflections that it has been seen at."""
     experiments = fits[0].problem.bench.experiments
-    most = largest_deflection(experiments)
+    seen = largest_deflection(experiments)
+    most = fits[0].problem.units.coordinate if experiments[0].reads_acceleration else seen
     longest = max(float(np.ptp(e.recording.time)) for e in experiments)
-    limits = _short(MotorLimits(most, 1.0, 1.0, longest, _OVERSHOOT * most), fits[0])
+    limits = _short(MotorLimits(most, 1.0, 1.0, longest, _OVERSHOOT * seen), fits[0])
     trial = Trial(fits, limits.duration)
     places = [side * most * part for part in np.linspace(0.05, 1.0, _PLACES) for side in (1.0, -1.0)]
     compared = [(trial.compare((), place), place) for place in places]

@@ -1,4 +1,4 @@
-"""An instrument whose zero angle is not the true one."""
+"""An instrument whose zero is not the true one."""
 
 import sympy as sp
 
@@ -11,11 +11,11 @@ class AngleOffset(Sensor):
 
     .. math:: \theta_\mathrm{read} = \theta_t + \theta_0
 
-    For an oscillator the reported output is shifted by the same amount.
+    Any other reading is shifted: a gyroscope's bias, an accelerometer's, the zero of an encoder.
     """
 
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"
-    theta_0 = Parameter("q", "angle offset", (-0.5, 0.5), Normal(0.0, 0.02), starts=(0.003, -0.003), latex=r"\theta_0")
+    theta_0 = Parameter("q", "zero offset", (-0.5, 0.5), Normal(0.0, 0.02), starts=(0.003, -0.003), latex=r"\theta_0")
 
     def arm_reading(self, tip_x, tip_y):
         """Return the position in the turned frame."""

@@ -30,8 +30,13 @@ class NaturalUnits:
     drive: float = 1.0
     #: Of a declared system: name, coordinate, time and inertia of every place.
     places: tuple[tuple[str, float, float, float], ...] = ()
-    #: Time in which the recorded force brings a body at rest by the coordinate; None where the motion tells its own.
+    #: Time in which the largest known force, recorded or gravity, brings a body at rest by the coordinate; None where
+    #: the motion tells its own.
     push: float | None = None
+    #: Time in which the motion goes by the coordinate at its speed; that of its swings where there is None.
+    passage: float | None = None
+    #: Size of what is read; that of the coordinate where there is None.
+    reading: float | None = None
 
     def pushed(self, gain: float) -> NaturalUnits:
         """Return the units where the recorded force, by an input gain, may be larger than what the motion asks for.
@@ -42,6 +47,11 @@ class NaturalUnits:
         push = float(np.sqrt(self.coordinate / largest)) if largest > 0 else np.inf
         return replace(self, push=push) if push < self.time else self
 
+    @property
+    def read(self) -> float:
+        """Size of what is read, in its unit."""
+        return self.coordinate if self.reading is None else self.reading
+
     def reach(self, place: str) -> float:
         """Return the natural coordinate at a place of a declared system; where there is none, that of the system."""
         return next((q for name, q, *_ in self.places if name == place), self.coordinate)
@@ -51,21 +61,31 @@ class NaturalUnits:
         if parameter.physical:
             return 1.0
         q, time, weight = self.coordinate, self.time, 1.0
-        if parameter.place:
-            q, own, weight = next(size for name, *size in self.places if name == parameter.place)
+        if parameter.read:
+            q = self.read
+        elif parameter.place:
+            q, own, inertia = next(size for name, *size in self.places if name == parameter.place)
             # Forces are of the size of those there; speeds and ages are those of the motion.
-            time = own if parameter.forced else time
-        elif self.push is not None and parameter.name != "g" and dimension(parameter.unit).get("s") == -2:
-            time = self.push
+            time, weight = (own, inertia) if parameter.forced else (time, 1.0)
+        elif self.push is not None and parameter.name != "g" and _weighs_force(parameter):
+            # A force over powers of the speed: the force is that of the push, the speed that of the motion.
+            time = self.passage or self.time
+            weight = (time / self.push) ** 2
         unit = natural_scale(parameter.unit, time=time, coordinate=q, length=self.length, drive=self.drive)
-        unit *= weight if parameter.forced else 1.0
         # What links a force to an acceleration scales with the size of the recorded force.
-        inertia = parameter.name in ("m", "m_0")
-        return unit / self.drive if parameter.name == "g" else unit * self.drive if inertia else unit
+        given = {"g": 1.0 / self.drive, "m": self.drive, "m_0": self.drive}.get(parameter.name, 1.0)
+        return unit * weight * given
+
+
+def _weighs_force(parameter: Parameter) -> bool:
+    """Return whether a parameter is that of a force, over the square of the time or the speed once or twice."""
+    unit = dimension(parameter.unit)
+    return not parameter.shape and (unit.get("s") in (-2, -1) or unit == {"q": -1})
 
 
 #: Longest step between stamps that only jitter, over the median one; samples of a periodogram of uneven ones.
 _GAP, _UNEVEN = 3.0, 20_000
+_PARTS_OF_A_FALL = 4
 
 
 def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
@@ -80,13 +100,29 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
     forces = [e.force for e in experiments if e.force is not None]
     time = 1.0 / float(np.median(frequencies))
     drive = 1.0 if arm or not forces else float(max(np.nanmax(np.abs(u)) for u in forces))
-    return NaturalUnits(
+    deflection = largest_deflection(experiments)
+    units = NaturalUnits(
         time=time,
-        coordinate=1.0 if arm else largest_deflection(experiments) * time ** (2 * experiments[0].reads_acceleration),
+        coordinate=1.0 if arm else deflection * time ** (2 * experiments[0].reads_acceleration),
         length=length.value if length is not None else 1.0,
         drive=drive,
         places=_places(experiments, 1.0 / time, drive),
+        reading=1.0 if arm else drive if experiments[0].rig.view is not None else deflection,
     )
+    gravity = experiments[0].rig.gravity
+    if gravity is None or not experiments[0].rig.traits.falls:
+        return units
+    return _falling(units, experiments, gravity.value)
+
+
+def _falling(units: NaturalUnits, experiments: Sequence[Experiment], gravity: float) -> NaturalUnits:
+    """Return the units of a fall: its forces are those of gravity, its speed is the largest of a part of it."""
+    fastest = 0.0
+    for e in experiments:
+        time, height = _finite(e)
+        ends = np.linspace(0, time.size - 1, _PARTS_OF_A_FALL + 1).astype(int)
+        fastest = max(fastest, float(np.max(np.abs(np.diff(height[ends]) / np.diff(time[ends])))))
+    return replace(units, push=float(np.sqrt(units.coordinate / gravity)), passage=units.coordinate / fastest)
 
 
 def _places(

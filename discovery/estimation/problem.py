@@ -148,7 +148,7 @@ class Problem:
                 first = parameter.starts[0] if parameter.starts else parameter.default
                 x.append(first * self.units.scale(parameter))
         for state in self.states:
-            x.append(values[state.name] if state.name in values else state.guess(self.bench.experiments))
+            x.append(values.get(state.name, state.guess))
         return np.array(x)
 
     @cached_property

@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
     """Return what a reading off by one unit of the trajectory error is off: see `Probe.apart`."""
-    return units.length if experiments[0].system.has_rod else units.coordinate
+    return units.length if experiments[0].system.has_rod else units.read
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ __all__ = ["StartValue", "own_parameters", "start_values"]
 
 #: An initial state is known from the data to this part of the amplitude.
 _KNOWN = 0.01
+#: States of a swing whose acceleration is read, over those of a linear one.
+_BENT = (1.0, 0.7, 0.45, 1.4)
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class StartValue:
         Where its fit may begin; none where the recording tells it.
     own_unit : str
         SI unit of what is no state; empty for a state.
+    guess : float
+        What its recording tells of it; zero where that tells nothing.
     """
 
     name: str
@@ -49,10 +53,7 @@ class StartValue:
     width: float
     starts: tuple[float, ...] = field(default=(), kw_only=True)
     own_unit: str = field(default="", kw_only=True)
-
-    def guess(self, experiments: Sequence[Experiment]) -> float:
-        """Return what its recording tells of it; zero where that tells nothing."""
-        return experiments[self.experiment].initial_guess[self.row] if self.row < 2 else 0.0
+    guess: float = field(default=0.0, kw_only=True)
 
     def unit(self, coordinate: str) -> str:
         """Return its SI unit where the coordinate has this one."""
@@ -87,8 +88,10 @@ def start_values(
     sizes = (q, q / time)[: model.mechanics.starts]
     found = []
     for i, e in enumerate(experiments):
-        for row, size in enumerate(sizes):
-            found.append(StartValue(e.initial_names[row], i, row, _KNOWN * size, size))
+        for row, (size, guess) in enumerate(zip(sizes, e.initial_state(time), strict=False)):
+            # A spring that hardens or softens makes another swing of an acceleration than a linear one.
+            starts = tuple(f * guess for f in _BENT) if e.reads_acceleration and guess else ()
+            found.append(StartValue(e.initial_names[row], i, row, _KNOWN * size, size, guess=guess, starts=starts))
         if e.recording.name == reference:
             continue
         for row, parameter in enumerate((model.parameters.get(n) for n in own), 2):

@@ -55,8 +55,8 @@ class FittedModel:
     coordinate : str
         SI unit of the coordinate; of an oscillator whose numbers were given without recordings it is not known, and
         written q.
-    given : str
-        SI unit of the input; written u where it is not known.
+    given, reading : str
+        SI unit of the input, written u where it is not known, and of what is read: the coordinate's if empty.
 
     Raises
     ------
@@ -86,6 +86,7 @@ class FittedModel:
     physical: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     coordinate: str = ""
     given: str = ""
+    reading: str = ""
 
     def __post_init__(self) -> None:
         expect(self.model, Model, "model", "Make a Model(base, effects).")
@@ -153,12 +154,15 @@ class FittedModel:
             physical=fit.physical,
             coordinate=bench.experiments[0].coordinate_unit,
             given=bench.experiments[0].input_unit,
+            reading=bench.experiments[0].reading_unit,
         )
 
     def unit_of(self, parameter: str) -> str:
         """Return the SI unit of a parameter."""
         check_names([parameter], self.model.parameters, "The model", "parameter")
-        return in_coordinate(self.model.parameters[parameter].value_unit, self.coordinate, self.given or "u")
+        declared = self.model.parameters[parameter]
+        coordinate = (self.reading or self.coordinate) if declared.read else self.coordinate
+        return in_coordinate(declared.value_unit, coordinate, self.given or "u")
 
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-ready description; numbers that are missing are null."""
@@ -189,6 +193,7 @@ class FittedModel:
             "physical": {n: {"value": v, "sd": _null(sd), "unit": u} for n, (v, sd, u) in self.physical.items()},
             "coordinate_unit": self.coordinate,
             "input_unit": self.given,
+            "reading_unit": self.reading,
         }
 
     @classmethod
@@ -214,6 +219,7 @@ class FittedModel:
             },
             coordinate=description.get("coordinate_unit", ""),
             given=description.get("input_unit", ""),
+            reading=description.get("reading_unit", ""),
         )
 
 

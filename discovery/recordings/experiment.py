@@ -136,8 +136,18 @@ class Experiment:
     @property
     def coordinate_unit(self) -> str:
         """SI unit of the coordinate."""
+        return in_coordinate("q s^2", self.deflection_unit) if self.reads_acceleration else self.deflection_unit
+
+    @property
+    def deflection_unit(self) -> str:
+        """SI unit of `deflection`: of the coordinate, or of the acceleration that is read."""
         if self.rig.view is not None and self.rig.columns.input is not None:
             return si_symbol(self.rig.columns.input.unit)
+        return self.reading_unit
+
+    @property
+    def reading_unit(self) -> str:
+        """SI unit of what is read; of an arm, whose frame turns, that of an angle."""
         return self.system.coordinate_unit(self.recording.units[0])
 
     @property
@@ -148,7 +158,8 @@ class Experiment:
 
     def unit_of(self, parameter: Parameter) -> str:
         """Return the SI unit of the values of a parameter."""
-        return in_coordinate(parameter.value_unit, self.coordinate_unit, self.input_unit or "u")
+        coordinate = self.reading_unit if parameter.read else self.coordinate_unit
+        return in_coordinate(parameter.value_unit, coordinate, self.input_unit or "u")
 
     @cached_property
     def deflection(self) -> FloatArray:
@@ -169,8 +180,25 @@ class Experiment:
     @cached_property
     def initial_guess(self) -> tuple[float, float]:
         """Deflection and its rate at the first sample, from a parabola through the first samples; rest if not read."""
-        if self.reads_acceleration:
-            return 0.0, 0.0
+        return (0.0, 0.0) if self.reads_acceleration else self._first_reading
+
+    def initial_state(self, natural_time: float) -> tuple[float, float]:
+        """Return where a fit begins: `initial_guess`, or of a free swing whose acceleration is read, what swings so.
+
+        Parameters
+        ----------
+        natural_time : float
+            Inverse angular frequency of the swing [s].
+        """
+        if not self.reads_acceleration or self.drive is not None:
+            return self.initial_guess
+        acceleration, rate = self._first_reading
+        middle = float(np.nanmean(self.deflection[self.fitted]))
+        return (middle - acceleration) * natural_time**2, -rate * natural_time**2
+
+    @cached_property
+    def _first_reading(self) -> tuple[float, float]:
+        """Reading and its rate at the first sample."""
         t, d = self.recording.time, self.deflection
         good = np.flatnonzero(np.isfinite(d))
         first = good[: max(4, min(9, good.size))]

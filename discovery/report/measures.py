@@ -11,7 +11,7 @@ from discovery.report.estimates import published
 from discovery.report.numbers import MISSING, Scale, scale_for, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.tables import Table
-from discovery.report.words import FITS, effect_name, error_groups, error_scale
+from discovery.report.words import FITS, deflection_unit, effect_name, error_groups, error_scale
 
 __all__ = ["clean_table", "errors_table", "fits_table", "quantities", "recordings_table", "scored_table"]
 
@@ -23,7 +23,7 @@ _SHOWN = (("angle", "mean"), ("radius", "mean"), ("radius", "peak"), ("position"
 def recordings_table(run: Run) -> Table:
     """Return what was recorded."""
     cells, raw = [], []
-    unit = run.coordinate_unit
+    unit = deflection_unit(run)
     keys = ("name", "role", "channels", "samples", "duration_s", "rate_hz", "largest_deflection")
     for r in run.results["recordings"]:
         noise = [scale_for(u, n) for u, n in zip(r["units"], r["noise"], strict=True)]

@@ -25,6 +25,7 @@ __all__ = [
     "MASSES",
     "clause",
     "compared_groups",
+    "deflection_unit",
     "effect_name",
     "effect_title",
     "error_groups",
@@ -132,6 +133,11 @@ def effect_title(effect_id: str) -> str:
     if effect_id in UPGRADES:
         return UPGRADES[effect_id].title()
     return get_effect(effect_id).title() if _listed(effect_id) else effect_name(effect_id)
+
+
+def deflection_unit(run: Run) -> str:
+    """Return the unit of recorded deflections: that of the coordinate, or of an acceleration that is read."""
+    return str(run.results["recordings"][0].get("deflection_unit", run.coordinate_unit))
 
 
 def error_groups(run: Run) -> dict[str, str]:

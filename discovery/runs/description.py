@@ -84,6 +84,7 @@ def _recording(role: str, e: Experiment) -> dict[str, Any]:
         # Of rounded times no single step is right.
         "rate_hz": float((e.recording.time.size - 1) / np.ptp(e.recording.time)),
         "largest_deflection": largest_deflection([e]),
+        "deflection_unit": e.deflection_unit,
         "channels": list(e.recording.channels),
         "units": list(e.recording.units),
         "noise": e.recording.noise,

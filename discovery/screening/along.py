@@ -62,7 +62,7 @@ def starts_along(
         for vector in lack.best(dict(zip(problem.names, minimum.x, strict=True)), grid):
             added = [p.name for p in get_effect(name).fitted(problem.model.mechanics.system)]
             others = {n: v for n, v in vector.items() if n not in added}
-            others |= {s.name: s.guess(problem.bench.experiments) for s in problem.states if s.row < 2}
+            others |= {s.name: s.guess for s in problem.states if s.row < 2}
             found.append((name, np.array([vector[n] for n in added]), others))
     return found
 

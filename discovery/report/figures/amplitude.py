@@ -6,6 +6,7 @@ import numpy as np
 
 from discovery.report.results import MODELS, Run
 from discovery.report.style import LINES, Picture, label, new_figure
+from discovery.report.words import deflection_unit
 
 __all__ = ["draw"]
 
@@ -24,7 +25,7 @@ def draw(run: Run) -> Picture | None:
             axis.plot(data["amplitude"].to_numpy()[order], data[variable].to_numpy()[order], **look)
     top.set_ylabel(label("frequency", "Hz"))
     bottom.set_ylabel(label("decay rate", "1/s"))
-    bottom.set_xlabel(label("amplitude", run.coordinate_unit))
+    bottom.set_xlabel(label("amplitude", deflection_unit(run)))
     handles, names = top.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper left", ncols=2)
     recording = curves["measured"].attrs.get("recording", "a recording")
