@@ -34,7 +34,7 @@ def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
     Raises
     ------
     InputError
-        If a part holds no measurement, an input is dead in all that is fitted, or copied, or an arm bends in none that is fitted.
+        If a part holds no measurement, an input is a copy or dead in all that is fitted, or an arm bends in none of it.
     """
     for role, experiment in recordings:
         _refuse_one(role, experiment)
