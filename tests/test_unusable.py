@@ -103,3 +103,22 @@ def test_a_step_from_rest_or_inputs_of_several_sizes_tell_a_gain(tmp_path, rig, 
 def test_a_constant_input_that_tells_no_gain_is_refused(tmp_path, rig, inputs, start, spring) -> None:
     with pytest.raises(InputError, match=r"throughout, so it drives nothing.*remove the input"):
         under(tmp_path, rig, inputs, start, spring)
+
+
+@pytest.mark.parametrize(
+    ("count", "gap", "said"),
+    [
+        (60, 0, r"held-out part has 20 .*, of 60 in all, .*Give a longer .*more often, or name another recording"),
+        (120, 70, r"fitted part has 10 .*, of 120 in all, .*Give a recording without so long a gap, or name another"),
+    ],
+)
+def test_a_part_that_is_too_small_is_told_with_its_own_remedy(tmp_path, count, gap, said) -> None:
+    t = np.arange(count) * 0.05
+    y = np.sin(4.0 * t)
+    y[5 : 5 + gap] = np.nan
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, y]), delimiter=",", header="t,y", comments="")
+    columns = COLUMNS.replace('input = { name = "u", unit = "INPUT" }\n', "").replace("UNIT", "m")
+    (tmp_path / "rig.toml").write_text(OSCILLATOR + columns)
+    with pytest.raises(InputError, match=said) as refused:
+        load_dataset(tmp_path / "rig.toml", tmp_path / "a.csv")
+    assert ("gap" in str(refused.value)) == (gap > 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from discovery.declarations.units import quoted
 from discovery.foundation.errors import InputError
@@ -13,6 +14,8 @@ from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["refuse_unusable"]
+
+BoolArray = NDArray[np.bool_]
 
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 _FEWEST = 30
@@ -54,16 +57,26 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
     fewest = min(_FEWEST, experiment.rig.traits.fewest)
     for name, part in parts.items():
         if part.sum() < fewest:
-            raise InputError(
-                f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {fewest} are "
-                "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
-            )
+            raise _too_few(f"{r.source}: its {name} part", part, fewest, finite.size if len(parts) > 1 else None)
     given = experiment.rig.columns.input
     if r.input is not None and given is not None and any(scaled_copy(r.input, c) for c in r.output.T):
         raise InputError(
             f"{r.source}: the output is a copy of the input, column {given.name!r}, noise and all: no system does "
             "that. Write the column of each in [columns] of the rig file, or export the recording again."
         )
+
+
+def _too_few(what: str, part: BoolArray, fewest: int, divided: int | None) -> InputError:
+    """Return the error of a part with too few readings; `divided` is the size of the recording that it is a part of."""
+    gaps = part.size >= fewest
+    ways = ["give a recording without so long a gap"] if gaps else ["give a longer recording", "sample it more often"]
+    if divided is not None:
+        ways.append("name another recording to be held out, with --holdout or in [records] of the rig file")
+    remedy = ", or ".join(ways)
+    return InputError(
+        f"{what} has {int(part.sum())} samples with an output{f', of {divided} in all' if divided else ''}, and at "
+        f"least {fewest} are needed. {remedy[0].upper()}{remedy[1:]}."
+    )
 
 
 def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
