@@ -331,6 +331,12 @@ def test_notes_on_times(time, words):
         assert word in text
 
 
+def test_a_reading_a_second_is_noted_and_no_doubt():
+    for step, severity in ((1.0, "note"), (1e-7, "doubt")):
+        (flag,) = time_flags(step * np.arange(1000), assumed=False)
+        assert flag.severity == severity
+
+
 @pytest.mark.parametrize(("amplitude", "length"), [(0.1, None), (1.0, None), (2.5, 1.0)])
 @pytest.mark.parametrize(
     ("swings", "told"),

@@ -62,8 +62,8 @@ def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
         between = {"shortest": float(steps.min()), "longest": float(steps.max())}
         flags.append(Flag("times_irregular", numbers={"kind": kind, **between}))
     if not _FAST < step < _SLOW:
-        right, times = ("milliseconds", "too long") if step >= _SLOW else ("seconds", "too short")
-        flags.append(Flag("times_scaled", numbers={"step": step, "right": right, "times": times}))
+        # A log of a reading a second is usual; nothing mechanical is read every nanosecond.
+        flags.append(Flag("times_long" if step >= _SLOW else "times_short", numbers={"step": step}))
     return flags
 
 
