@@ -49,3 +49,14 @@ def test_gaps_do_not_count_as_motion() -> None:
     swing = recorded(np.exp(-0.6 * TIME) * np.sin(6 * TIME))
     swing.output[2000:2400] = np.nan
     assert fitted_count(swing) < 800
+
+
+@pytest.mark.parametrize("values", [np.sin(0.2 * TIME), np.exp(-0.03 * TIME)], ids=["slow swing", "slowing down"])
+def test_a_motion_slow_against_a_stretch_has_not_ended(values: np.ndarray) -> None:
+    """It moves by less than three sds in a second, and by more than fifty in the minute."""
+    slow = recorded(values, noise=0.02)
+    assert fitted_count(slow) == 2000
+
+
+def test_a_decay_below_its_noise_has_ended_however_slowly_it_swings() -> None:
+    assert fitted_count(recorded(np.exp(-0.3 * TIME) * np.sin(1.5 * TIME), noise=0.02)) < 1000

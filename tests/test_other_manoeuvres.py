@@ -110,6 +110,12 @@ def test_the_sentences_say_what_to_do() -> None:
         said = separation_sentence(which().summary() | {"decides": False})
         assert "as it was recorded" in said
         assert "rad/s" not in said
+        assert re.search(r"s, output up to [\d.e-]+ [mV], as it was recorded", said)
+    started = separation_sentence(release().summary() | {"decides": True, "unit": "m/s"})
+    assert re.search(r"start it at [+-][\d.e-]+ m/s, and record", started)
+    assert "deflect" not in separation_sentence(
+        release().summary() | {"decides": False, "deflection": 9.9, "unit": "m/s"}
+    )
 
 
 def page_with(folder: Path, *designs: Separation, decides: bool = True) -> str:

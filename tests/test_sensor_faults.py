@@ -97,6 +97,21 @@ def test_a_motion_that_is_clipped_at_speed_does_not_jump(samples):
     assert found.stretches == ()
 
 
+@pytest.mark.parametrize("step", [0.003, 0.01])
+def test_a_speed_that_friction_ends_stands_still_and_a_sensor_that_sticks_does_not(step):
+    """Dry friction slows a train evenly to a standstill, from which it is pushed off again."""
+    speed = np.clip(2.0 * np.abs(1.0 - 0.5 * np.arange(800) * 0.01) - 0.3, 0.0, None)
+    values = np.round(speed / step) * step
+    assert flat_runs(values, step).stretches  # as a position it would be stuck
+    assert flat_runs(values, step, rate=True).stretches == ()
+    for place, dead in ((40, values[40]), (60, 0.0)):  # stuck at speed; a dead reading
+        fault = values.copy()
+        fault[place : place + 50] = dead
+        (found,) = flat_runs(fault, step, rate=True).stretches
+        assert abs(found[0] - place) <= 1
+        assert sum(found) == place + 50
+
+
 def test_a_jump_is_told_from_a_fast_motion():
     values = noisy(DECAY)[::10]  # twenty samples a swing
     for start in range(60, 81):
@@ -314,6 +329,12 @@ def test_notes_on_times(time, words):
     assert bool(text) == bool(words)
     for word in words:
         assert word in text
+
+
+def test_a_reading_a_second_is_noted_and_no_doubt():
+    for step, severity in ((1.0, "note"), (1e-7, "doubt")):
+        (flag,) = time_flags(step * np.arange(1000), assumed=False)
+        assert flag.severity == severity
 
 
 @pytest.mark.parametrize(("amplitude", "length"), [(0.1, None), (1.0, None), (2.5, 1.0)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -163,9 +164,31 @@ def test_falls(tmp_path):
     height = 45.0 - 4.9 * time**2
     assert read(tmp_path, FALL, height, time).time.size == 45
     for fall, at, words in [
+        (100.0 * height, time, "unit of the time or of the height"),
         (1e3 * height, time, "unit of the time or of the height"),
         (height, 1e3 * time, "unit of the time or of the height"),
         (-height, time, "fall upwards.*scale = -1"),
     ]:
         with pytest.raises(InputError, match=words):
             read(tmp_path, FALL, fall, at)
+
+
+def test_a_fall_that_reaches_terminal_speed_is_plausible_and_in_another_unit_refused(tmp_path):
+    """A coffee filter falls without acceleration for most of the record: where it is slow, gravity acts alone."""
+    for terminal, thrown, rate in product([1.3, 4.0], [0.0, 2.0], [15.0, 120.0]):
+        time = np.arange(0.0, 4.0, 1.0 / rate)
+        drag = 9.81 / terminal**2
+        found = solve_ivp(
+            lambda _, s, c=drag: [s[1], -9.81 - c * abs(s[1]) * s[1]], (0, 4), [20.0, thrown], t_eval=time
+        )
+        height = found.y[0] + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+        assert read(tmp_path, FALL, height, time).time.size == time.size
+        for fall, at in [(height, rate * time), (1e-2 * height, time)] if rate == 120.0 else []:
+            with pytest.raises(InputError, match="unit of the time or of the height"):
+                read(tmp_path, FALL, fall, at)
+
+
+def test_a_fall_filmed_at_terminal_speed_only_is_plausible(tmp_path):
+    time = np.arange(60) / 30.0
+    height = 3.0 - 1.2 * time + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    assert read(tmp_path, FALL, height, time).time.size == time.size

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from discovery.drafting.overview import overview, overview_lines
 from discovery.foundation.errors import InputError
-from discovery.recordings.dataset import load_dataset
+from discovery.recordings.dataset import Dataset, load_dataset
 
 RIG = Path(__file__).parents[1] / "datasets" / "arm" / "rig.toml"
 TIME = np.arange(0.0, 12.0, 0.01)
@@ -36,3 +38,87 @@ def test_an_arm_that_nowhere_bends_is_refused(tmp_path: Path) -> None:
 def test_one_recording_that_bends_a_little_is_enough(tmp_path: Path, bent: float) -> None:
     files = [recorded(tmp_path / "a.csv", 0.0, 1), recorded(tmp_path / "b.csv", bent, 2)]
     assert len(load_dataset(RIG, files).train) == 2
+
+
+MOTOR = """name = "motor"
+[system]
+coordinates = { phi = "rad" }
+input = { duty = "1" }
+kinetic = "inertia*dot(phi)^2/2"
+dissipation = "loss*dot(phi)^2/2"
+forces = { phi = "gain*duty" }
+output = "dot(phi)"
+places = { shaft = "phi" }
+[system.constants]
+inertia = { value = 1.0, unit = "kg m^2" }
+loss = { guess = 5.0, unit = "N m s" }
+gain = { guess = 1.0, unit = "N m" }
+"""
+OSCILLATOR = 'name = "o"\nkind = "oscillator"\n'
+COLUMNS = """[columns]
+time = { name = "t", unit = "s" }
+input = { name = "u", unit = "INPUT" }
+output = { name = "y", unit = "UNIT" }
+"""
+
+
+def under(folder: Path, rig: str, inputs: list[float], start: tuple[float, float], spring: float) -> Dataset:
+    """Read motions from a start (position, rate) under constant inputs."""
+    files, (units, order) = [], (("rad/s", "1"), 1) if rig == MOTOR else (("m", "N"), 0)
+    for i, u in enumerate(inputs):
+        t = np.arange(0.0, 4.0, 0.02)
+        slope = lambda _, s, u=u: [s[1], u - 1.0 * s[1] - spring * s[0]]  # noqa: E731
+        y = solve_ivp(slope, (0.0, 4.0), start, t_eval=t, rtol=1e-8).y[order]
+        y = y + 2e-3 * np.random.default_rng(i).standard_normal(t.size)
+        files.append(folder / f"{i}.csv")
+        np.savetxt(files[-1], np.column_stack([t, 0 * t + u, y]), delimiter=",", header="t,u,y", comments="")
+    (folder / "rig.toml").write_text(rig + COLUMNS.replace("UNIT", units[0]).replace("INPUT", units[1]))
+    return load_dataset(folder / "rig.toml", files)
+
+
+@pytest.mark.parametrize(
+    ("rig", "inputs", "start", "spring"),
+    [
+        (MOTOR, [2.0], (0.0, 0.0), 0.0),
+        (MOTOR, [2.0, 1.0], (0.0, 1.5), 0.0),
+        (OSCILLATOR, [2.0], (0.0, 0.0), 20.0),
+        (OSCILLATOR, [2.0, 0.0], (0.5, 0.0), 20.0),
+    ],
+)
+def test_a_step_from_rest_or_inputs_of_several_sizes_tell_a_gain(tmp_path, rig, inputs, start, spring) -> None:
+    read = under(tmp_path, rig, inputs, start, spring)
+    assert f"input: {inputs[0]:g} throughout" in "\n".join(overview_lines(read, overview(read))).replace(" N ", " ")
+
+
+@pytest.mark.parametrize(
+    ("rig", "inputs", "start", "spring"),
+    [
+        (MOTOR, [2.0], (0.0, 2.0), 0.0),  # steady
+        (MOTOR, [2.0], (0.0, 6.0), 0.0),  # a decay about a constant
+        (OSCILLATOR, [2.0], (0.4, 0.0), 20.0),
+        (OSCILLATOR, [2.0], (0.0, 3.0), 20.0),
+        (OSCILLATOR, [0.0, 0.0], (0.4, 0.0), 20.0),
+    ],
+)
+def test_a_constant_input_that_tells_no_gain_is_refused(tmp_path, rig, inputs, start, spring) -> None:
+    with pytest.raises(InputError, match=r"throughout, so it drives nothing.*remove the input"):
+        under(tmp_path, rig, inputs, start, spring)
+
+
+@pytest.mark.parametrize(
+    ("count", "gap", "said"),
+    [
+        (60, 0, r"held-out part has 20 .*, of 60 in all, .*Give a longer .*more often, or name another recording"),
+        (120, 70, r"fitted part has 10 .*, of 120 in all, .*Give a recording without so long a gap, or name another"),
+    ],
+)
+def test_a_part_that_is_too_small_is_told_with_its_own_remedy(tmp_path, count, gap, said) -> None:
+    t = np.arange(count) * 0.05
+    y = np.sin(4.0 * t)
+    y[5 : 5 + gap] = np.nan
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, y]), delimiter=",", header="t,y", comments="")
+    columns = COLUMNS.replace('input = { name = "u", unit = "INPUT" }\n', "").replace("UNIT", "m")
+    (tmp_path / "rig.toml").write_text(OSCILLATOR + columns)
+    with pytest.raises(InputError, match=said) as refused:
+        load_dataset(tmp_path / "rig.toml", tmp_path / "a.csv")
+    assert ("gap" in str(refused.value)) == (gap > 0)

@@ -32,11 +32,13 @@ _SPELLED = {
     "1/min": "rpm",
     "rev": "revolution",
     "dps": "deg/s",
+    **dict.fromkeys(("kmh", "kph", "kmph", "Kmh", "KMH", "KPH"), "km/h"),
+    **dict.fromkeys(("mph", "MPH"), "mile/h"),
 }
 #: What may stand behind an underscore or a blank without brackets: other letters there are part of the name.
 _BARE = {
     *("s", "ms", "us", "min", "m", "mm", "cm", "um", "km", "deg", "rad", "mrad", "V", "mV", "A", "mA"),
-    *("N", "mN", "kN", "N m", "mN m", "kN m", "pixel", "g", "rpm", "deg/s"),
+    *("N", "mN", "kN", "N m", "mN m", "kN m", "pixel", "g", "rpm", "deg/s", "km/h", "mile/h"),
 }
 #: What a speed is made of: `_rad_s` states rad/s, and `_m_s2` m/s^2.
 _MOVING = {"m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "rev", "degrees", "radians"}

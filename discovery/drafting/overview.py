@@ -111,6 +111,8 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
 
 
 def _input(time: FloatArray, values: FloatArray) -> dict[str, Any]:
+    if np.ptp(values) == 0.0:
+        return {"least": float(values[0]), "largest": float(values[0]), "band": None, "period": None}
     step = median_step(time)
     frequency, power = np.fft.rfftfreq(values.size, step), np.abs(np.fft.rfft(values - values.mean())) ** 2
     share = np.cumsum(power) / max(float(power.sum()), np.finfo(float).tiny)
@@ -182,6 +184,8 @@ def _channel(channel: Mapping[str, Any], unit: str) -> str:
 
 
 def _driven(found: Mapping[str, Any], unit: str) -> str:
+    if found["band"] is None:
+        return f"  input: {quoted(found['least'], unit)} throughout"
     low, high = found["band"]
     again = "" if found["period"] is None else f", repeats every {found['period']:.4g} s"
     least, largest = quoted(found["least"], unit), quoted(found["largest"], unit)

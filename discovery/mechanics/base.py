@@ -226,6 +226,11 @@ class Base(ABC):
         return 0 if self.prescribed else 2
 
     @property
+    def order(self) -> int:
+        """Whether positions are read, rates, or accelerations: 0, 1, or 2."""
+        return 2 if self.reads == "acceleration" else 0
+
+    @property
     def reads_state(self) -> bool:
         """Whether the instrument reads the state itself."""
         return not self.reads

@@ -73,10 +73,15 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "The time stamps {kind}: their steps lie between {shortest:.4g} and {longest:.4g} s. They are taken as they "
         "are.",
     ),
-    "times_scaled": (
+    "times_long": (
+        "note",
+        "The samples are {step:.4g} s apart. If the times are in milliseconds, they are too long by a thousand: "
+        "correct the unit or the rate in the rig file.",
+    ),
+    "times_short": (
         "doubt",
-        "The samples are {step:.4g} s apart. If the times are in {right}, they are {times} by a thousand: correct the "
-        "unit or the rate in the rig file.",
+        "The samples are {step:.4g} s apart. If the times are in seconds, they are too short by a thousand: correct "
+        "the unit or the rate in the rig file.",
     ),
     MISREAD: ("doubt", lambda n: _misread(n)),
     "cells_empty": (

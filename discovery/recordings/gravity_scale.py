@@ -18,7 +18,7 @@ from discovery.foundation.sampling import median_step
 from discovery.recordings.flags import Flag
 from discovery.rigs.rig import Rig
 
-__all__ = ["angle_doubt", "fall_doubt"]
+__all__ = ["angle_doubt", "fall_doubt", "slow_fall"]
 
 FloatArray = npt.NDArray[np.float64]
 Motion = tuple[FloatArray, FloatArray]
@@ -145,7 +145,7 @@ def fall_doubt(rig: Rig, motion: Motion) -> Flag | None:
     """
     gravity = rig.gravity.value if rig.gravity else np.nan
     good = np.isfinite(motion[1])
-    found = _slow_fall(motion[0][good], motion[1][good])
+    found = slow_fall(motion[0][good], motion[1][good])
     if found is None:
         return None
     fall, sd, slow = found
@@ -157,18 +157,31 @@ def fall_doubt(rig: Rig, motion: Motion) -> Flag | None:
     return Flag("fall_rate", numbers={"found": fall, "gravity": gravity, "right": fits[0] if fits else ""})
 
 
-def _slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | None:
-    """Return the first acceleration downwards, its standard deviation, and whether the fall was slow then."""
+def slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | None:
+    """Return what acceleration a fall has where it is slow, as at its beginning or at the top of a throw.
+
+    Parameters
+    ----------
+    t, height : array, shape (n,)
+        Times [s] and finite heights [m].
+
+    Returns
+    -------
+    (acceleration, sd, slow) or None
+        Downwards, with its standard deviation [m/s^2], and whether the fall is slow anywhere; where it is not, of its
+        first samples. None where these are too few.
+    """
     if t.size < _SAMPLES:
         return None
     speed = np.abs(np.gradient(height, t))
-    # The first samples up to where it is fast: a bounce later is no fall.
-    fast = np.flatnonzero(speed > _SLOW * np.quantile(speed, 0.95))
-    slow = int(fast[0]) if fast.size else t.size
-    count = max(slow, _SAMPLES)
-    s = t[:count] - t[0]
+    # The first run of slow samples: it ends where drag counts, and a bounce later is no fall.
+    steps = np.diff((speed <= _SLOW * np.quantile(speed, 0.95)).astype(int), prepend=0, append=0)
+    runs = zip(np.flatnonzero(steps > 0).tolist(), np.flatnonzero(steps < 0).tolist(), strict=True)
+    first, last = next((run for run in runs if run[1] - run[0] >= _SAMPLES), (0, 0))
+    part = slice(first, max(last, _SAMPLES))
+    s = t[part] - t[first]
     basis = np.vander(s, 3)
-    solution, *_ = np.linalg.lstsq(basis, height[:count], rcond=None)
-    rest = height[:count] - basis @ solution
-    variance = np.sum(rest**2) / max(count - 3, 1) * np.linalg.inv(basis.T @ basis)[0, 0]
-    return -2.0 * float(solution[0]), 2.0 * float(np.sqrt(variance)), slow >= _SAMPLES
+    solution, *_ = np.linalg.lstsq(basis, height[part], rcond=None)
+    rest = height[part] - basis @ solution
+    variance = np.sum(rest**2) / max(s.size - 3, 1) * np.linalg.inv(basis.T @ basis)[0, 0]
+    return -2.0 * float(solution[0]), 2.0 * float(np.sqrt(variance)), last > 0

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from discovery.recordings.flags import Flag
-from discovery.recordings.holdout_part import scatter_over, stretches
+from discovery.recordings.holdout_part import motion_end
 from discovery.recordings.recording import Recording
 
 __all__ = ["moving_count", "moving_part"]
@@ -33,12 +33,9 @@ def moving_count(recording: Recording) -> int | None:
     """
     if recording.input is not None:
         return None
-    moving = [last for first, last, scatter in stretches(recording, 0) if scatter > _moves(last - first)]
     count = recording.time.size
-    kept = int(np.ceil((1 + _KEPT) * moving[-1])) if moving else count
-    # What drifts slowly moves less than its noise in any stretch.
-    rests = kept < count and scatter_over(recording, moving[-1], count) <= _RESTS
-    return kept if rests else None
+    kept = int(np.ceil((1 + _KEPT) * motion_end(recording, _moves, _RESTS)))
+    return kept if kept < count else None
 
 
 def moving_part(recording: Recording) -> Recording:

@@ -62,8 +62,8 @@ def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
         between = {"shortest": float(steps.min()), "longest": float(steps.max())}
         flags.append(Flag("times_irregular", numbers={"kind": kind, **between}))
     if not _FAST < step < _SLOW:
-        right, times = ("milliseconds", "too long") if step >= _SLOW else ("seconds", "too short")
-        flags.append(Flag("times_scaled", numbers={"step": step, "right": right, "times": times}))
+        # A log of a reading a second is usual; nothing mechanical is read every nanosecond.
+        flags.append(Flag("times_long" if step >= _SLOW else "times_short", numbers={"step": step}))
     return flags
 
 
@@ -172,6 +172,8 @@ def clean_output(
     noise: float,
     returns: bool,
     given: FloatArray | None = None,
+    *,
+    rate: bool = False,
 ) -> tuple[FloatArray, list[Flag]]:
     """Leave out what the instrument did not measure, and tell what else is unusual.
 
@@ -187,6 +189,8 @@ def clean_output(
         Whether the system has a rest position, so that its mean must not creep.
     given : array, shape (n,), optional
         The input.
+    rate : bool
+        Whether a speed is read, which may stand still at zero.
 
     Returns
     -------
@@ -203,7 +207,7 @@ def clean_output(
 
     if rounding > _COARSE * noise:
         tell("readings_coarse", step=float(step), rounding=float(rounding))
-    flat = flat_runs(values, max(noise, step))
+    flat = flat_runs(values, max(noise, step), rate=rate)
     if flat.stretches:
         start, length = max(flat.stretches, key=lambda run: run[1])
         total = {"stretches": len(flat.stretches), "total": int(flat.stuck.sum())}

@@ -15,6 +15,7 @@ from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
+from discovery.mechanics import get_base
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.arm_plausibility import check_arm
 from discovery.recordings.file_signals import Signals
@@ -213,6 +214,7 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
     noise: list[float] = []
     flags: list[Flag] = []
     returns = rig.traits.returns and rig.view is None
+    rate = get_base(rig.base).order == 1
     for channel, known in zip(found.channels, stated, strict=True):
         if channel not in found.outputs:
             noise.append(1.0 if known is None else known)
@@ -221,7 +223,8 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
         flags += gap_flags(name, found.time, found.as_read[channel])
         # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
         noise.append(max(estimate_noise(values, found.time) if known is None else known, resolution(values)))
-        values, told = clean_output(name, unit, found.time, values, noise[-1], returns, given=found.inputs)
+        given = found.inputs
+        values, told = clean_output(name, unit, found.time, values, noise[-1], returns, given=given, rate=rate)
         found.outputs[channel] = values
         flags += told if known is None else told + noise_flags(name, unit, found.time, values, known)
     return noise, flags

@@ -56,7 +56,7 @@ class FlatRuns:
     limits: tuple[float, ...]
 
 
-def flat_runs(values: FloatArray, error: float) -> FlatRuns:
+def flat_runs(values: FloatArray, error: float, *, rate: bool = False) -> FlatRuns:
     """Find equal readings in a row between which the system was moving.
 
     A motion that turns or comes to rest slows down before it stands still, and a quantised one covers only a few
@@ -70,6 +70,8 @@ def flat_runs(values: FloatArray, error: float) -> FlatRuns:
         Readings; NaN are gaps.
     error : float
         Standard deviation of a reading, or the quantum if that is larger.
+    rate : bool
+        Whether a speed is read. Dry friction ends it abruptly: zero, to which no jump leads, is a standstill.
     """
     change = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
     starts, lengths = change[:-1], np.diff(change)
@@ -85,6 +87,8 @@ def flat_runs(values: FloatArray, error: float) -> FlatRuns:
         if not _interrupts(values, int(start), int(length), error, _ABRUPT_CLIPPED if limit else _ABRUPT_STUCK):
             continue
         run = (int(start), int(length))
+        if rate and abs(values[start]) <= error and not _jumps(values, *run, error):
+            continue
         if limit:
             at_limit.setdefault(float(values[start]), []).append(run)
         else:

@@ -9,6 +9,7 @@ from discovery.declarations.units import quoted, si_factor
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
 from discovery.recordings.flags import Flag
+from discovery.recordings.gravity_scale import slow_fall
 from discovery.rigs.rig import Rig
 
 __all__ = ["check_units", "near_hanging"]
@@ -24,7 +25,8 @@ _WHITE = 1.2  # difference of neighbours over that from the middle: 1.4 for whit
 _SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
 _LENGTH_MARGIN = 4.0  # ratio of a fitted to a stated length: an extended body swings slower
 _CLOCKS = ("s", "ms", "us")  # units in which times are written
-_GRAVITY_MARGIN = 10.0  # drag slows a fall, but not to a tenth
+_GRAVITY_MARGIN = 10.0  # a slow fall has more than a tenth of gravity, buoyancy and drag included
+_SURE = 4.0  # standard deviations beyond which something is sure
 
 
 def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list[Flag]]:
@@ -204,14 +206,21 @@ def _frequency(t: FloatArray, x: FloatArray) -> float | None:
 
 
 def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -> None:
-    fall = float(np.polynomial.Polynomial.fit(t, height, 2).deriv(2)(t[0]))
-    if fall > 0.02 * gravity:
+    parabola = np.polynomial.Polynomial.fit(t, height, 2)
+    fall = -float(parabola.deriv(2)(t[0]))
+    if fall < -0.02 * gravity:
         raise InputError(
             f"{where}: the body would fall upwards. The output is the height: set scale = -1 for it in the rig file if "
             "the column holds the depth."
         )
-    if not gravity / _GRAVITY_MARGIN < -fall < gravity * _GRAVITY_MARGIN:
+    if fall < gravity / _GRAVITY_MARGIN and (slow := slow_fall(t, height)) is not None:
+        # At terminal speed it falls without acceleration; only where it is slow, or begins, does gravity show.
+        acceleration, sd, seen = slow
+        first, last = parabola.deriv()(t[[0, -1]])
+        steady = not seen and first < 0.5 * last < 0.0
+        fall = gravity if steady else acceleration + _SURE * sd
+    if not gravity / _GRAVITY_MARGIN < fall < gravity * _GRAVITY_MARGIN:
         raise InputError(
-            f"{where}: the body would fall with {-fall:.4g} m/s^2 where gravity is {gravity:.4g} m/s^2. Correct the "
+            f"{where}: the body would fall with {fall:.4g} m/s^2 where gravity is {gravity:.4g} m/s^2. Correct the "
             "unit of the time or of the height in the rig file."
         )

@@ -5,18 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from discovery.declarations.units import quoted
 from discovery.foundation.errors import InputError
+from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["refuse_unusable"]
 
+BoolArray = NDArray[np.bool_]
+
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 _FEWEST = 30
 #: A rod bends where its deflections scatter by more than noise would, over the scatter of their steps.
 _BENDS = 1.1
+#: Readings that tell whether a body begins at rest.
+_BEGINNING = 3
+#: It does where they lie nearer to zero than this share of the largest, or than so many noise sds, ...
+_AT_REST, _SEEN = 0.1, 3.0
+#: ... and a position changes over them by less than this share of its fastest change.
+_SLOW = 0.5
+#: Noise sds that a step must move it by.
+_MOVES = 10.0
 
 
 def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
@@ -25,15 +37,16 @@ def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
     Raises
     ------
     InputError
-        If a part holds no measurement, an input is dead or copied, or an arm bends in none that is fitted.
+        If a part holds no measurement, an input is a copy or dead in all that is fitted, or an arm bends in none of it.
     """
     for role, experiment in recordings:
         _refuse_one(role, experiment)
+    _refuse_undriven([e for role, e in recordings if role == "train"])
     _refuse_unbent([e for role, e in recordings if role == "train"])
 
 
 def _refuse_one(role: str, experiment: Experiment) -> None:
-    """Refuse a recording whose fitted or held-out part holds no measurement, or whose input is dead."""
+    """Refuse a recording whose fitted or held-out part holds no measurement, or whose input is copied."""
     r = experiment.recording
     finite = np.asarray(np.isfinite(r.output).all(axis=1))
     fitted = np.zeros(r.time.size, bool)
@@ -44,22 +57,62 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
     fewest = min(_FEWEST, experiment.rig.traits.fewest)
     for name, part in parts.items():
         if part.sum() < fewest:
-            raise InputError(
-                f"{r.source}: its {name} part has {int(part.sum())} samples with an output, and at least {fewest} are "
-                "needed. Give a recording without so long a gap, or other recordings with --train and --holdout."
-            )
+            raise _too_few(f"{r.source}: its {name} part", part, fewest, finite.size if len(parts) > 1 else None)
     given = experiment.rig.columns.input
     if r.input is not None and given is not None and any(scaled_copy(r.input, c) for c in r.output.T):
         raise InputError(
             f"{r.source}: the output is a copy of the input, column {given.name!r}, noise and all: no system does "
             "that. Write the column of each in [columns] of the rig file, or export the recording again."
         )
-    if not experiment.system.has_rod and r.input is not None and np.ptp(r.input) == 0:
-        value = f"{r.input[0]:g}" if given is None else quoted(float(r.input[0]), given.unit, 6)
-        raise InputError(
-            f"{r.source}: the input is {value} throughout, so it drives nothing and its gain cannot be found. "
-            "For a free decay, remove the input from [columns] in the rig file."
-        )
+
+
+def _too_few(what: str, part: BoolArray, fewest: int, divided: int | None) -> InputError:
+    """Return the error of a part with too few readings; `divided` is the size of the recording that it is a part of."""
+    gaps = part.size >= fewest
+    ways = ["give a recording without so long a gap"] if gaps else ["give a longer recording", "sample it more often"]
+    if divided is not None:
+        ways.append("name another recording to be held out, with --holdout or in [records] of the rig file")
+    remedy = ", or ".join(ways)
+    return InputError(
+        f"{what} has {int(part.sum())} samples with an output{f', of {divided} in all' if divided else ''}, and at "
+        f"least {fewest} are needed. {remedy[0].upper()}{remedy[1:]}."
+    )
+
+
+def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
+    """Refuse an input that is the same throughout all that is fitted, unless it sets a body at rest moving."""
+    first = experiments[0]
+    inputs = [e.recording.input for e in experiments if e.recording.input is not None]
+    if first.system.has_rod or not inputs or any(map(_drives, experiments)):
+        return
+    given, values = first.rig.columns.input, np.concatenate(inputs)
+    # The levels of a force differ in what they do; those of a motion do nothing.
+    if np.ptp(values) > 0 and get_base(first.rig.base).is_pushed:
+        return
+    value = f"{values[0]:g}" if given is None else quoted(float(values[0]), given.unit, 6)
+    raise InputError(
+        f"{first.recording.source}: the input is {value} throughout, so it drives nothing and its gain cannot be "
+        "found. Record an input that varies, steps of several sizes, or a step from rest at zero output. For a free "
+        "decay, remove the input from [columns] in the rig file."
+    )
+
+
+def _drives(experiment: Experiment) -> bool:
+    """Whether the input of a recording varies, or is a force that sets a body at rest moving."""
+    r, base = experiment.recording, get_base(experiment.rig.base)
+    if r.input is None or np.ptp(r.input) > 0:
+        return r.input is not None
+    if not base.is_pushed or not r.input[0]:
+        return False
+    y = r.output[np.isfinite(r.output[:, 0]), 0]
+    if y.size <= _BEGINNING:
+        return False
+    most = float(np.max(np.abs(y)))
+    rests = float(np.median(np.abs(y[:_BEGINNING]))) < max(_AT_REST * most, _SEEN * r.noise[0])
+    steps = np.abs(y[_BEGINNING:] - y[:-_BEGINNING])
+    # A decay about a constant begins elsewhere, or at speed; where rates are read, springs let it begin anywhere.
+    tells = steps[0] < _SLOW * steps.max() if base.order == 0 else base.starts == 1
+    return bool(rests and tells and most > _MOVES * r.noise[0])
 
 
 def _refuse_unbent(experiments: Sequence[Experiment]) -> None:

@@ -69,7 +69,8 @@ def separation_sentence(found: Record) -> str:
         won = f"{figures(designed['chi2'], 2)}, and less than {found['decides_from']:g} may be chance"
         best = f"the best lets the right one win by an expected chi-square of {won}"
     elif math.isfinite(found["deflection"]):
-        best = f"the gentlest deflects {'the tip' if arm else 'it'} by {found['deflection']:.3g} {found['unit']}"
+        far = f"{found['deflection']:.3g} {found['unit']}"
+        best = f"the gentlest {f'deflects the tip by {far}' if arm else f'takes the output to {far}'}"
     else:
         best = "every motion blows up"
     if arm:
@@ -82,7 +83,7 @@ def separation_sentence(found: Record) -> str:
             "safe, or slower ones."
         )
     else:
-        limits = f"{most['duration']:.3g} s, deflected by {most['deflection']:.3g} {found['unit']}, as it was recorded"
+        limits = f"{most['duration']:.3g} s, output up to {most['deflection']:.3g} {found['unit']}, as it was recorded"
         help_ = "An instrument with less noise would help, or larger motions, if they are safe."
     return (
         f"No manoeuvre within the safe limits ({limits}) tells {rivals} apart: of {found['evaluations']} tried, "
@@ -93,8 +94,10 @@ def separation_sentence(found: Record) -> str:
 def _what_to_do(found: Record) -> str:
     """Return the moves of a designed manoeuvre, or where to let go."""
     if not found["moves"]:
-        place = f"{found['release']:+.3g} {found['unit']} from rest"
-        return f"let it go at {place}, at no speed, and record {found['limits']['duration']:.3g} s"
+        place, duration = f"{found['release']:+.3g} {found['unit']}", f"{found['limits']['duration']:.3g} s"
+        if found["unit"].endswith("/s"):
+            return f"start it at {place}, and record {duration}"
+        return f"let it go at {place} from rest, at no speed, and record {duration}"
     moves = [Move(**move) for move in found["moves"]]
     if found["columns"][1] == "motor_angle_rad":
         return "; ".join(
