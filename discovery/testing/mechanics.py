@@ -98,6 +98,12 @@ def _skip(reason: str) -> None:
     pytest.skip(reason)
 
 
+def _round_off(base: str, sample: Sample) -> float:
+    """Return the relative error of accelerations, as the inertia of four shapes passes round-off on."""
+    mass = bare_base(base, sample).mass
+    return float(np.finfo(float).eps * max(np.linalg.cond(mass[:, :, k]) for k in range(mass.shape[2])))
+
+
 class MechanicsContract:
     """Laws of mechanics, at random states and parameters."""
 
@@ -107,8 +113,8 @@ class MechanicsContract:
         slopes = slopes_of(base, sample)
         for k in range(2):
             expected = slopes_by_sympy(program, sample, k)
-            # Round-off, as the inertia of four shapes passes it on.
-            np.testing.assert_allclose(slopes[:, k], expected, rtol=1e-10, atol=1e-13)
+            rtol = max(1e-10, 1e2 * _round_off(base, sample))
+            np.testing.assert_allclose(slopes[:, k], expected, rtol=rtol, atol=1e-13)
 
     def test_numpy_and_kernel_agree(self, effect: str, base: str) -> None:
         """One step of the compiled kernel is one step of the plain method on the printed equations."""
@@ -156,7 +162,8 @@ class MechanicsContract:
         if isinstance(instance, Shape):
             # The rod's own inertia and elastic energy change: the whole of Lagrange's equation is checked.
             pull = np.einsum("ijk,jk->ik", mass, acceleration) - bare_base(base, sample).force
-            np.testing.assert_allclose(pull, elastic_pull(base, sample), rtol=1e-7, atol=1e-9)
+            atol = max(1e-9, 1e2 * _round_off(base, sample) * np.abs(pull).max())
+            np.testing.assert_allclose(pull, elastic_pull(base, sample), rtol=1e-7, atol=atol)
             return
         if isinstance(instance, Joint):
             np.testing.assert_allclose(hinge_residual(base, sample), 0.0, atol=1e-6 * np.abs(added).max())
@@ -231,7 +238,8 @@ class MechanicsContract:
         fed = (pull * sample.state[n : 2 * n]).sum(axis=0)
         gained = derivative(total) - fed
         # The end of the rod vibrates fast against the steps of the difference.
-        scale = (1e-8 if end is None else 1e-7) * max(np.abs(total(0.0)).max(), np.abs(fed).max())
+        small = max(1e-8 if end is None else 1e-7, 2e1 * _round_off(base, sample))
+        scale = small * max(np.abs(total(0.0)).max(), np.abs(fed).max())
         if instance.kind == "dissipation":
             assert (gained < scale).all(), f"{effect} adds energy"
             assert gained.min() < -1e3 * scale, f"{effect} loses no energy"
