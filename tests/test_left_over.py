@@ -84,11 +84,16 @@ def test_what_falls_in_training_only_is_doubted() -> None:
     found = not_carried(errors(3.6, 1.06))
     assert found is not None
     assert found.numbers == pytest.approx({"train": 3.6, "held": 1.06})
-    assert "3.6 times smaller in training, and 1.1 times held out" in caution_sentence(found.summary())
+    assert "3.6 times smaller in training, and 1.1 times smaller held out" in caution_sentence(found.summary())
     # What decides is the part that lies inside the trained range, and moves.
     assert not_carried(errors(3.6, 1.06, "holdout_inside")) == found
     assert not_carried(errors(3.6, 1.06, "holdout_moving")) == found
-    for train, held in ((3.6, 3.0), (1.2, 1.0), (3.6, 1.5)):
+    # Whatever falls in training, what grows held out by more than chance is not carried.
+    for train in (1.3, 1.0):
+        grown = not_carried(errors(train, 1 / 1.4))
+        assert grown is not None
+        assert "1.4 times larger held out" in caution_sentence(grown.summary())
+    for train, held in ((3.6, 3.0), (1.2, 1.0), (3.6, 1.5), (1.0, 0.97)):
         assert not_carried(errors(train, held)) is None
     endless = errors(3.6, 1.0)
     endless["after"]["holdout"] = {"rms": np.inf}

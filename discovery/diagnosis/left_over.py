@@ -24,8 +24,9 @@ _SHORT = 0.1
 _LITTLE, _LARGE = 3.0, 2.0
 #: Noise is as large held out as in training, within this factor.
 _ALIKE = 1.5
-#: An error that falls so many times in training falls as well held out, by this share of its logarithm at least.
-_FALLS, _CARRIED = 1.5, 0.25
+#: An error that falls in training falls as well held out, by this share of its logarithm at least; chance, as that of
+#: the fitted starts, moves a held-out one by this factor.
+_CARRIED, _CHANCE = 0.25, 1.05
 
 
 def burst(fitted: Fit) -> Caution | None:
@@ -82,7 +83,7 @@ def like_noise(
 
 
 def not_carried(errors: Mapping[str, Any]) -> Caution | None:
-    """Return that an error falls in training and hardly held out; None where it does.
+    """Return that an error falls in training and hardly held out, or grows there; None where it falls as well.
 
     Parameters
     ----------
@@ -93,6 +94,6 @@ def not_carried(errors: Mapping[str, Any]) -> Caution | None:
     if not all(0 < value < math.inf for pair in pairs for value in pair):
         return None
     train, held = (before / after for before, after in zip(*pairs, strict=True))
-    if train < _FALLS or math.log(held) >= _CARRIED * math.log(train):
+    if math.log(_CHANCE * held) >= _CARRIED * math.log(max(train, 1.0)):
         return None
     return Caution("not_carried", numbers={"train": train, "held": held})

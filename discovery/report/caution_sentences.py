@@ -69,11 +69,16 @@ def _like_noise(found: Record) -> str:
 
 
 def _not_carried(found: Record) -> str:
-    train, held = (figures(found["numbers"][k], 2) for k in ("train", "held"))
+    train, held = (_times(found["numbers"][k]) for k in ("train", "held"))
     return (
-        f"with what was added the error is {train} times smaller in training, and {held} times held out: it may "
-        "describe these training recordings only"
+        f"with what was added the error is {train} in training, and {held} held out: it may describe these training "
+        "recordings only"
     )
+
+
+def _times(fall: float) -> str:
+    """Return how an error changed that fell so many times."""
+    return f"{figures(fall, 2)} times smaller" if fall >= 1 else f"{figures(1 / fall, 2)} times larger"
 
 
 _SENTENCES = {
