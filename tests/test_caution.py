@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import driven_oscillator as bench
 import numpy as np
 import pytest
 
-from discovery.diagnosis.caution import Caution, at_edges, missed
+from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
 from discovery.equations.model import Model
+from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.natural_units import natural_units
+from discovery.recordings.dataset import load_dataset
 from discovery.report.caution_sentences import caution_sentence
 from discovery.report.sentences import decision_sentence
 
@@ -81,3 +85,40 @@ def test_a_chi_square_is_removed_or_added(gain: float, words: str) -> None:
     step = {"action": "add", "effects": ["play"], "accepted": False, "code": "chance", "numbers": {"gain": gain}}
     assert decision_sentence(step).startswith(f"it {words}")
     assert "-" not in decision_sentence(step).replace("chi-square", "")
+
+
+COAST = """
+name = "coasting"
+[system]
+coordinates = {{ x = "m" }}
+kinetic = "mass*dot(x)^2/2"
+dissipation = "loss*dot(x)^2/2"
+output = "dot(x)"
+places = {{ body = "x" }}
+[system.constants]
+mass = {{ value = 2.0, unit = "kg" }}
+loss = {{ guess = {guess}, unit = "N s/m" }}
+[columns]
+time = {{ name = "t", unit = "s" }}
+output = {{ name = "v", unit = "m/s", noise = 0.01 }}
+"""
+
+
+def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
+    time = np.arange(0.0, 10.0, 0.05)
+    speed = 3.0 * np.exp(-0.25 * time) + 0.01 * np.random.default_rng(1).standard_normal(time.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, speed]), delimiter=",", header="t,v", comments="")
+
+    def doubts(guess: float) -> list[Caution]:
+        (tmp_path / "rig.toml").write_text(COAST.format(guess=guess))
+        data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+        return strayed(first_fit(data.train, natural_units(data.train)))
+
+    # The loss is 0.5 N s/m.
+    (found,) = doubts(0.02)
+    assert (found.code, found.about, found.numbers["guess"]) == ("strayed", "loss", 0.02)
+    assert found.numbers["value"] == pytest.approx(0.5, rel=0.05)
+    words = caution_sentence(found.summary())
+    assert "ends 25 times as large as its guess of 0.02, and" in words
+    assert "state its `value` and `sd`" in words
+    assert doubts(0.1) == doubts(20.0) == []

@@ -15,12 +15,14 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
 from discovery.results.judging import judged_rms
 
-__all__ = ["SCATTERED", "Caution", "at_edges", "missed"]
+__all__ = ["SCATTERED", "Caution", "at_edges", "missed", "strayed"]
 
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
 #: Part of its range within which a value lies at an edge.
 _EDGE = 1e-3
+#: A guess says of which size a constant is: one that ends so many times as large is of another.
+_STRAYED = 10.0
 
 
 @dataclass(frozen=True)
@@ -30,17 +32,17 @@ class Caution:
     Parameters
     ----------
     code : str
-        "declared_edge", "effect_edge" (a value at the edge of its range), "missed" (the hold-out), and those of
-        `discovery.diagnosis.left_over`: "burst", "like_noise", "not_carried".
+        "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
+        "missed" (the hold-out), and those of `discovery.diagnosis.left_over`: "burst", "like_noise", "not_carried".
     about : str
         The parameter, or the recording of a burst; empty where it is about the whole answer.
     effect : str
         The effect that was added with the parameter; empty otherwise.
     numbers : mapping
-        Of an edge `value` and `unit`, and `guessed`, whether a guess of the rig file sets it; of a miss `rms`, `unit`,
-        `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst `start`,
-        `stop` [s] and `share` of what is left; of what is like noise `ratio` and `autocorrelation`; of what is not
-        carried by how many times the error falls in training (`train`) and held out (`held`).
+        Of an edge `value` and `unit`; of a strayed constant its `guess`, too; of a miss `rms`, `unit`, `ratio` (over
+        the noise) and `beyond`, whether all of it moves farther than training; of a burst `start`, `stop` [s] and
+        `share` of what is left; of what is like noise `ratio` and `autocorrelation`; of what is not carried by how many
+        times the error falls in training (`train`) and held out (`held`).
     """
 
     code: str
@@ -56,7 +58,7 @@ class Caution:
 def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
     """Return the amplitudes of a fit at an edge that is no zero: their range ends there, not physics.
 
-    What the rig states, or a law holds by convention, is left out, and so are shapes.
+    What the rig states or guesses, or a law holds by convention, is left out, and so are shapes.
     """
     problem = fitted.problem
     owner = {p.name: e for e in added if e in catalogue() for p in get_effect(e).parameters()}
@@ -66,10 +68,23 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
         near = _EDGE * (high - low)
         # Of a range on one side of zero the end that is nearer to it is where the quantity is absent.
         at_edge = (high > 0 and value >= high - near) or (low < 0 and value <= low + near)
-        if name in problem.gaussian or parameter.shape or not np.isfinite(near) or not at_edge:
+        left_out = name in problem.gaussian or parameter.physical or parameter.shape
+        if left_out or not np.isfinite(near) or not at_edge:
             continue
-        numbers = {"value": float(value), "unit": fitted.told(name)["unit"], "guessed": parameter.physical}
+        numbers = {"value": float(value), "unit": fitted.told(name)["unit"]}
         found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
+    return found
+
+
+def strayed(fitted: Fit) -> list[Caution]:
+    """Return the constants of a declared system that end far above their guesses; one that vanishes is an answer."""
+    problem = fitted.problem
+    found = []
+    for name, value in zip(problem.free, fitted.minimum.x, strict=False):
+        parameter = problem.model.parameters[name]
+        if parameter.physical and name not in problem.gaussian and value / parameter.default > _STRAYED:
+            numbers = {"value": float(value), "guess": parameter.default, "unit": fitted.told(name)["unit"]}
+            found.append(Caution("strayed", name, numbers=numbers))
     return found
 
 

@@ -24,15 +24,19 @@ def _value(found: Record) -> str:
 
 
 def _declared(found: Record) -> str:
-    head = f"{_value(found)} of the declared model ends at its bound"
-    if found["numbers"]["guessed"]:
-        return (
-            f"{head}, far from its guess in the rig file: check that guess, and units and signs of what the rig file "
-            "states"
-        )
     return (
-        f"{head}, which follows from the recorded motion and not from physics, so that added effects may make up for "
-        "it: check the units of time, input and output, or record faster motions"
+        f"{_value(found)} of the declared model ends at its bound, which follows from the recorded motion and not from "
+        "physics, so that added effects may make up for it: check the units of time, input and output, or record "
+        "faster motions"
+    )
+
+
+def _strayed(found: Record) -> str:
+    numbers = found["numbers"]
+    return (
+        f"{_value(found)} of the declared model ends {figures(numbers['value'] / numbers['guess'], 2)} times as large "
+        f"as its guess of {figures(numbers['guess'])}, and added effects may make up for it: state its `value` and "
+        "`sd` from a data sheet or a scale, or check units and signs of what the rig file states"
     )
 
 
@@ -83,6 +87,7 @@ def _times(fall: float) -> str:
 
 _SENTENCES = {
     "declared_edge": _declared,
+    "strayed": _strayed,
     "effect_edge": _effect,
     "missed": _missed,
     "burst": _burst,

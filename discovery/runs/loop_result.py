@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, at_edges, missed
+from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.left_over import burst, like_noise, not_carried
 from discovery.diagnosis.separation import Separation
@@ -142,7 +142,7 @@ class LoopResult(LoopViews):
             noise = float(min(r.noise.min() for r in self.recordings))
             alike = like_noise(self.residual_after, error.depends_on, left=error.after, held=error.held, noise=noise)
             found.append(burst(self.after) or alike)
-        return [*at_edges(self.after, self.added), *(c for c in found if c is not None)]
+        return [*at_edges(self.after, self.added), *strayed(self.after), *(c for c in found if c is not None)]
 
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
