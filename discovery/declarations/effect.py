@@ -107,6 +107,8 @@ class Effect(ABC):
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
+    #: True for a law that remembers where the motion turned: without reversals it is no other than one of the place.
+    remembers: ClassVar[bool] = False
     #: What a base, or the place of a declared system, must have for it: `SPRING`, `ROTOR`, `WEIGHT` or `SHAKEN`.
     needs: ClassVar[str] = ""
     #: Where it acts on a declared system, see `discovery.declarations.place`.
