@@ -33,7 +33,8 @@ class Caution:
     ----------
     code : str
         "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
-        "missed" (the hold-out), and those of `discovery.diagnosis.left_over`: "burst", "like_noise", "not_carried".
+        "missed" (the hold-out), and those of `discovery.diagnosis.left_over`: "burst", "like_noise", "not_carried",
+        "scattered".
     about : str
         The parameter, or the recording of a burst; empty where it is about the whole answer.
     effect : str
@@ -42,7 +43,9 @@ class Caution:
         Of an edge `value` and `unit`; of a strayed constant its `guess`, too; of a miss `rms`, `unit`, `ratio` (over
         the noise) and `beyond`, whether all of it moves farther than training; of a burst `start`, `stop` [s] and
         `share` of what is left; of what is like noise `ratio` and `autocorrelation`; of what is not carried by how many
-        times the error falls in training (`train`) and held out (`held`).
+        times the error falls in training (`train`) and held out (`held`); of scattered readings `rms`, `unit`, `noise`,
+        their `ratio`, whether that noise is `estimated`, the `memory` of the errors (see `estimation.residual.memory`)
+        and whether it counts as none (`white`).
     """
 
     code: str

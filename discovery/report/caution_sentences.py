@@ -85,6 +85,29 @@ def _times(fall: float) -> str:
     return f"{figures(fall, 2)} times smaller" if fall >= 1 else f"{figures(1 / fall, 2)} times larger"
 
 
+def _scattered(found: Record) -> str:
+    numbers = found["numbers"]
+    source = "estimated" if numbers["estimated"] else "stated"
+    head = (
+        f"held-out readings lie {figures(numbers['rms'])} {numbers['unit']} (rms) from the model, "
+        f"{figures(numbers['ratio'], 2)} times their {source} noise of {figures(numbers['noise'])} {numbers['unit']}"
+    )
+    if not numbers["white"]:
+        return (
+            f"{head}, and errors last over several readings: it is no noise of single readings, even where the model "
+            "error counts as none"
+        )
+    if numbers["estimated"]:
+        return (
+            f"{head}, and what is left is white: that noise was estimated too low. Intervals are as wide as what is "
+            "left asks for; state the noise of a reading in the rig file"
+        )
+    return (
+        f"{head}, though averages of what is left are noise: are the time stamps off, are there spikes, or is the "
+        "noise larger?"
+    )
+
+
 _SENTENCES = {
     "declared_edge": _declared,
     "strayed": _strayed,
@@ -93,4 +116,5 @@ _SENTENCES = {
     "burst": _burst,
     "like_noise": _like_noise,
     "not_carried": _not_carried,
+    "scattered": _scattered,
 }

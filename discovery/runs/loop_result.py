@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
 from discovery.diagnosis.contradiction import ContradictionReport
-from discovery.diagnosis.left_over import burst, like_noise, not_carried
+from discovery.diagnosis.left_over import burst, like_noise, not_carried, scattered
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.bench import Bench
@@ -22,7 +22,7 @@ from discovery.estimation.residual import ResidualReport
 from discovery.estimation.whole import fitted_to_all
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
-from discovery.recordings.flags import impossible
+from discovery.recordings.flags import UNDERSTATED, impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Decision
@@ -142,7 +142,22 @@ class LoopResult(LoopViews):
             noise = float(min(r.noise.min() for r in self.recordings))
             alike = like_noise(self.residual_after, error.depends_on, left=error.after, held=error.held, noise=noise)
             found.append(burst(self.after) or alike)
+        # A model error is said, and so is a hold-out that is missed; a stated noise that is too small says the same.
+        judging = self._left()
+        understated = any(flag.code == UNDERSTATED for recording, _ in judging for flag in recording.flags)
+        if self.complete and found[0] is None and not understated:
+            found.append(scattered(self.errors, judging))
         return [*at_edges(self.after, self.added), *strayed(self.after), *(c for c in found if c is not None)]
+
+    def _left(self) -> list[tuple[Recording, FloatArray]]:
+        """Return the recordings that judge, and what the final model leaves of each: NaN where it was fitted."""
+        pairs = [(r, p - r.output) for r, p in zip(self.recordings, self.predictions["after"], strict=True)]
+        fitted = self.after.problem.bench.experiments
+        if separate := pairs[len(fitted) :]:
+            return separate
+        for e, (_, left) in zip(fitted, pairs, strict=True):
+            left[: e.fitted_samples or 0] = np.nan
+        return pairs
 
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
