@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import driven_oscillator as bench
 import numpy as np
 import pytest
 
+from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
 from discovery.equations.model import Model
 from discovery.estimation.first_fit import first_fit
@@ -53,6 +55,27 @@ def test_a_value_at_an_edge_that_is_no_zero_is_doubted(scaled: Fit) -> None:
         words = caution_sentence(effect.summary())
         assert words.startswith(f"position scale ends at the edge of what it may be, s = {sign}0.3: before you believe")
     assert moved(scaled, "s", 0.9) == []
+
+
+def test_a_shape_at_either_end_is_doubted() -> None:
+    """A width is not absent where it is smallest, as the damping of a mode is that has none."""
+    effects, names = ("hysteresis_at_joint", "second_mode"), ("w_h_joint", "zeta_2", "omega_2")
+    parameters = {p.name: p for e in effects for p in get_effect(e).parameters()}
+    bounds = np.array([parameters[n].bounds for n in names]).T
+    model = SimpleNamespace(parameters=parameters, effects=effects)
+
+    def found(x: list[float], **gaussian: tuple[float, float]) -> list[tuple[str, str]]:
+        problem = SimpleNamespace(free=names, bounds=bounds, gaussian=gaussian, model=model)
+        minimum = SimpleNamespace(x=np.array(x))
+        fitted: Any = SimpleNamespace(problem=problem, minimum=minimum, told=lambda n: {"unit": parameters[n].unit})
+        return [(c.about, c.effect) for c in at_edges(fitted, effects[:1])]
+
+    added, declared = ("w_h_joint", effects[0]), ("omega_2", "")
+    assert found([3.0, 2.0, 1000.0]) == [added, ("zeta_2", ""), declared]
+    assert found([0.003, 0.0, 0.02]) == [added, declared]
+    assert found([0.0035, 0.05, 0.5]) == []
+    # What a law holds by convention is known.
+    assert found([3.0, 0.05, 0.5], w_h_joint=(1.0, 1.0)) == []
 
 
 def told(hold: float, *, train: float = 1.0, where: str = "outside") -> dict[str, Any]:
@@ -109,16 +132,17 @@ def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
     speed = 3.0 * np.exp(-0.25 * time) + 0.01 * np.random.default_rng(1).standard_normal(time.size)
     np.savetxt(tmp_path / "a.csv", np.column_stack([time, speed]), delimiter=",", header="t,v", comments="")
 
-    def doubts(guess: float) -> list[Caution]:
+    def doubt(guess: float) -> Caution | None:
         (tmp_path / "rig.toml").write_text(COAST.format(guess=guess))
         data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
         return strayed(first_fit(data.train, natural_units(data.train)))
 
     # The loss is 0.5 N s/m.
-    (found,) = doubts(0.02)
+    found = doubt(0.02)
+    assert found is not None
     assert (found.code, found.about, found.numbers["guess"]) == ("strayed", "loss", 0.02)
     assert found.numbers["value"] == pytest.approx(0.5, rel=0.05)
     words = caution_sentence(found.summary())
     assert "ends 25 times as large as its guess of 0.02, and" in words
     assert "state its `value` and `sd`" in words
-    assert doubts(0.1) == doubts(20.0) == []
+    assert doubt(0.1) is doubt(20.0) is None

@@ -33,10 +33,11 @@ def _declared(found: Record) -> str:
 
 def _strayed(found: Record) -> str:
     numbers = found["numbers"]
+    others = f" ({', '.join(numbers['others'])}: far above the guess, too)" if numbers["others"] else ""
     return (
         f"{_value(found)} of the declared model ends {figures(numbers['value'] / numbers['guess'], 2)} times as large "
-        f"as its guess of {figures(numbers['guess'])}, and added effects may make up for it: state its `value` and "
-        "`sd` from a data sheet or a scale, or check units and signs of what the rig file states"
+        f"as its guess of {figures(numbers['guess'])}{others}, and added effects may make up for it: state its `value` "
+        "and `sd` from a data sheet or a scale, or check units and signs of what the rig file states"
     )
 
 

@@ -135,7 +135,7 @@ class LoopResult(LoopViews):
     def cautions(self) -> list[Caution]:
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
-        found = [missed(self.errors, left=error.after, held=error.held, least=error.least)]
+        found = [missed(self.errors, left=error.after, held=error.held, least=error.least), strayed(self.after)]
         if self.added:
             found.append(not_carried(self.errors))
         if not self.complete and not self.impossible:
@@ -147,7 +147,7 @@ class LoopResult(LoopViews):
         understated = any(flag.code == UNDERSTATED for recording, _ in judging for flag in recording.flags)
         if self.complete and found[0] is None and not understated:
             found.append(scattered(self.errors, judging))
-        return [*at_edges(self.after, self.added), *strayed(self.after), *(c for c in found if c is not None)]
+        return [*at_edges(self.after, self.added), *(c for c in found if c is not None)]
 
     def _left(self) -> list[tuple[Recording, FloatArray]]:
         """Return the recordings that judge, and what the final model leaves of each: NaN where it was fitted."""
