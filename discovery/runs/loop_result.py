@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -70,7 +70,7 @@ class LoopResult(LoopViews):
         "before" and "after": prediction of every recording, training first.
     complete : bool
         Whether the model error cannot be told from none.
-    contradiction : ContradictionReport, optional
+    contradiction : ContradictionReport
         Fitted values against what the rig predicts.
     separations : tuple of Separation
         The manoeuvres that would tell apart what these recordings cannot.
@@ -105,7 +105,7 @@ class LoopResult(LoopViews):
     residual_after: ResidualReport
     predictions: Mapping[str, list[FloatArray]]
     complete: bool
-    contradiction: ContradictionReport | None = None
+    contradiction: ContradictionReport = field(default_factory=ContradictionReport)
     separations: tuple[Separation, ...] = ()
     recordings: tuple[Recording, ...] = ()
 
@@ -187,7 +187,7 @@ class LoopResult(LoopViews):
             "complete": self.complete,
             "cautions": [c.summary() for c in self.cautions],
             **({"lead": self.lead.summary()} if self.lead else {}),
-            **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
+            "contradiction": self.contradiction.summary(),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
             "residual": {"before": self.residual_before.summary(), "after": self.residual_after.summary()},
