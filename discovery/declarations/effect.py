@@ -1,8 +1,7 @@
 """What a physical effect is: one named, cited, unit-carrying contribution to the equation of motion.
 
-A new effect is one small class in one file: its parameters as class attributes and one expression in the symbols of
-`discovery.declarations.symbols`. Simulation, fit, posterior, attribution, report row, catalogue page and contract tests
-follow.
+A new effect is one small class in one file: its parameters and one expression in `discovery.declarations.symbols`.
+Simulation, fit, posterior, attribution, report row, catalogue page and contract tests follow.
 
 >>> from discovery.declarations.registry import catalogue
 >>> catalogue()["cubic_stiffness"].expression()
@@ -93,8 +92,7 @@ class Effect(ABC):
     kind: ClassVar[str]
     #: Kinds of system on which the effect is meaningful.
     systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
-    #: Where the law comes from.
-    cite: ClassVar[str] = ""
+    cite: ClassVar[str] = ""  #: Where the law comes from.
     #: True for a law at the tip of an arm that stands for one spread along the rod: it idealises more than others.
     lumped: ClassVar[bool] = False
     #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.

@@ -250,8 +250,7 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
         Free-run prediction and measurement.
     """
     taken = np.isfinite(measured).all(axis=1)
-    with np.errstate(over="ignore"):
-        distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
+    distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
     largest = float(np.abs(measured[taken]).max(initial=0.0))
     distance[~(distance <= (_BLOWN * largest or np.inf))] = np.inf
     if distance.size == 0:
