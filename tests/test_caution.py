@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import driven_oscillator as bench
 import numpy as np
 import pytest
 
-from discovery.diagnosis.caution import Caution, at_edges, missed
+from discovery.declarations.registry import get_effect
+from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
 from discovery.equations.model import Model
+from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.natural_units import natural_units
+from discovery.recordings.dataset import load_dataset
 from discovery.report.caution_sentences import caution_sentence
 from discovery.report.sentences import decision_sentence
 
@@ -51,6 +57,27 @@ def test_a_value_at_an_edge_that_is_no_zero_is_doubted(scaled: Fit) -> None:
     assert moved(scaled, "s", 0.9) == []
 
 
+def test_a_shape_at_either_end_is_doubted() -> None:
+    """A width is not absent where it is smallest, as the damping of a mode is that has none."""
+    effects, names = ("hysteresis_at_joint", "second_mode"), ("w_h_joint", "zeta_2", "omega_2")
+    parameters = {p.name: p for e in effects for p in get_effect(e).parameters()}
+    bounds = np.array([parameters[n].bounds for n in names]).T
+    model = SimpleNamespace(parameters=parameters, effects=effects)
+
+    def found(x: list[float], **gaussian: tuple[float, float]) -> list[tuple[str, str]]:
+        problem = SimpleNamespace(free=names, bounds=bounds, gaussian=gaussian, model=model)
+        minimum = SimpleNamespace(x=np.array(x))
+        fitted: Any = SimpleNamespace(problem=problem, minimum=minimum, told=lambda n: {"unit": parameters[n].unit})
+        return [(c.about, c.effect) for c in at_edges(fitted, effects[:1])]
+
+    added, declared = ("w_h_joint", effects[0]), ("omega_2", "")
+    assert found([3.0, 2.0, 1000.0]) == [added, ("zeta_2", ""), declared]
+    assert found([0.003, 0.0, 0.02]) == [added, declared]
+    assert found([0.0035, 0.05, 0.5]) == []
+    # What a law holds by convention is known.
+    assert found([3.0, 0.05, 0.5], w_h_joint=(1.0, 1.0)) == []
+
+
 def told(hold: float, *, train: float = 1.0, where: str = "outside") -> dict[str, Any]:
     after = {"train": {"rms": train}, "holdout": {"rms": hold}, f"holdout_{where}": {"rms": hold}}
     return {"after": after, "noise_floor": 1.0, "unit": "m"}
@@ -81,3 +108,41 @@ def test_a_chi_square_is_removed_or_added(gain: float, words: str) -> None:
     step = {"action": "add", "effects": ["play"], "accepted": False, "code": "chance", "numbers": {"gain": gain}}
     assert decision_sentence(step).startswith(f"it {words}")
     assert "-" not in decision_sentence(step).replace("chi-square", "")
+
+
+COAST = """
+name = "coasting"
+[system]
+coordinates = {{ x = "m" }}
+kinetic = "mass*dot(x)^2/2"
+dissipation = "loss*dot(x)^2/2"
+output = "dot(x)"
+places = {{ body = "x" }}
+[system.constants]
+mass = {{ value = 2.0, unit = "kg" }}
+loss = {{ guess = {guess}, unit = "N s/m" }}
+[columns]
+time = {{ name = "t", unit = "s" }}
+output = {{ name = "v", unit = "m/s", noise = 0.01 }}
+"""
+
+
+def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
+    time = np.arange(0.0, 10.0, 0.05)
+    speed = 3.0 * np.exp(-0.25 * time) + 0.01 * np.random.default_rng(1).standard_normal(time.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, speed]), delimiter=",", header="t,v", comments="")
+
+    def doubt(guess: float) -> Caution | None:
+        (tmp_path / "rig.toml").write_text(COAST.format(guess=guess))
+        data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+        return strayed(first_fit(data.train, natural_units(data.train)))
+
+    # The loss is 0.5 N s/m.
+    found = doubt(0.02)
+    assert found is not None
+    assert (found.code, found.about, found.numbers["guess"]) == ("strayed", "loss", 0.02)
+    assert found.numbers["value"] == pytest.approx(0.5, rel=0.05)
+    words = caution_sentence(found.summary())
+    assert "ends 25 times as large as its guess of 0.02, and" in words
+    assert "state its `value` and `sd`" in words
+    assert doubt(0.1) is doubt(20.0) is None

@@ -66,7 +66,8 @@ def test_a_declaration_that_runs_away_is_answered(
     said = capsys.readouterr().out
     loop = json.loads((out / "loop.json").read_text(encoding="utf-8"))
     assert loop["verdict"] == "unexplained"
-    assert loop["effects"] == []
+    assert loop["effects"] == loop["cautions"] == []
+    assert loop["contradiction"] == {"checks": [], "contradictions": []}
     assert loop["failure"]["code"] == "runs_away"
     # The loss turns the sign of a small motion's decay: 1 kg m^2 over 10 N m s.
     assert loop["failure"]["numbers"]["grows_in"] == pytest.approx(0.1, rel=1e-3)

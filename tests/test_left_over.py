@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import driven_oscillator as bench
 import numpy as np
 import pytest
 
-from discovery.diagnosis.left_over import burst, like_noise, not_carried
+from discovery.diagnosis.left_over import burst, like_noise, not_carried, scattered
 from discovery.equations.model import Model
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.residual import examine
+from discovery.recordings.flags import UNDERSTATED
 from discovery.report.caution_sentences import caution_sentence
+from discovery.runs.loop_result import LoopResult
 
 COUNT = bench.TIME.size
 
@@ -84,11 +87,16 @@ def test_what_falls_in_training_only_is_doubted() -> None:
     found = not_carried(errors(3.6, 1.06))
     assert found is not None
     assert found.numbers == pytest.approx({"train": 3.6, "held": 1.06})
-    assert "3.6 times smaller in training, and 1.1 times held out" in caution_sentence(found.summary())
+    assert "3.6 times smaller in training, and 1.1 times smaller held out" in caution_sentence(found.summary())
     # What decides is the part that lies inside the trained range, and moves.
     assert not_carried(errors(3.6, 1.06, "holdout_inside")) == found
     assert not_carried(errors(3.6, 1.06, "holdout_moving")) == found
-    for train, held in ((3.6, 3.0), (1.2, 1.0), (3.6, 1.5)):
+    # Whatever falls in training, what grows held out by more than chance is not carried.
+    for train in (1.3, 1.0):
+        grown = not_carried(errors(train, 1 / 1.4))
+        assert grown is not None
+        assert "1.4 times larger held out" in caution_sentence(grown.summary())
+    for train, held in ((3.6, 3.0), (1.2, 1.0), (3.6, 1.5), (1.0, 0.97)):
         assert not_carried(errors(train, held)) is None
     endless = errors(3.6, 1.0)
     endless["after"]["holdout"] = {"rms": np.inf}
@@ -103,3 +111,52 @@ def test_a_gap_and_a_part_that_is_held_out_hold_nothing() -> None:
     model = Model("oscillator", bench.EFFECTS, {"g": bench.GAIN})
     assert burst(fit(model, [whole])) is not None
     assert burst(fit(model, [replace(whole, fitted_samples=COUNT * 9 // 10)])) is None
+
+
+@pytest.mark.parametrize(
+    ("estimated", "steps", "words"),
+    [
+        (False, None, "2 times their stated noise of 1.41 m, though averages of what is left are noise: are the time"),
+        (
+            True,
+            None,
+            "2 times their estimated noise of 1.41 m, and what is left is white: that noise was estimated too",
+        ),
+        (True, 20.0, "2 times their estimated noise of 1.41 m, and errors last over several readings: it is no noise"),
+    ],
+)
+def test_readings_that_scatter_are_told_as_what_they_look_like(
+    estimated: bool, steps: float | None, words: str
+) -> None:
+    rng = np.random.default_rng(3)
+    # Of two channels with a noise of 1 each, the distance of a reading is root two.
+    recording: Any = SimpleNamespace(noise=np.ones(2), noise_estimated=estimated)
+    one = rng.standard_normal(COUNT) if steps is None else remembered(1.0, steps)
+    errors = np.column_stack([one, rng.standard_normal(COUNT) if steps is None else one])
+    errors[: COUNT // 2] = np.nan
+
+    def found(rms: float) -> Any:
+        told = {"unit": "m", "after": {"holdout": {"rms": 9.0}, "holdout_inside": {"rms": rms}}}
+        return scattered(told, [(recording, errors)])
+
+    assert words in caution_sentence(found(2 * 2**0.5).summary())
+    for rms in (1.49 * 2**0.5, np.nan, np.inf):
+        assert found(rms) is None
+
+
+def test_scatter_is_told_once() -> None:
+    """A model error, a hold-out that is missed or a noise that is stated too small says the same."""
+    after, error = fitted(np.zeros(COUNT)), SimpleNamespace(after=0.0, held=0.0, least=1.0)
+
+    def codes(where: str = "inside", code: str = "", **more: Any) -> list[str]:
+        rms = {"train": {"rms": 1.0}, "holdout": {"rms": 2.0}, f"holdout_{where}": {"rms": 2.0}}
+        flags = [SimpleNamespace(code=code)]
+        recording = SimpleNamespace(noise=np.ones(1), noise_estimated=False, flags=flags)
+        told = {"errors": {"unit": "m", "noise_floor": 1.0, "after": rms}, "complete": True, "impossible": True}
+        left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
+        result: Any = SimpleNamespace(after=after, added=(), model_error=error, _left=lambda: left, **{**told, **more})
+        return [found.code for found in LoopResult.cautions.fget(result)]  # type: ignore[attr-defined]
+
+    assert codes() == ["scattered"]
+    assert codes(code=UNDERSTATED) == codes(complete=False) == []
+    assert codes("outside") == ["missed"]

@@ -5,6 +5,8 @@ import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +23,7 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate
 from discovery.estimation.covariance import covariance_of
 from discovery.recordings.dataset import load_dataset
 from discovery.results.provenance import plain
-from discovery.runs.follow_up import designs
+from discovery.runs.follow_up import contradiction_of, designs
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
 from discovery.selection.context import Context
@@ -208,6 +210,7 @@ def test_the_summary_keeps_the_contract(name: str) -> None:
     result = closed(name)
     text = json.loads(json.dumps(plain(result.summary()), allow_nan=False))
     assert set(text) >= {"verdict", "declared", "effects", "errors", "model_error", "complete"}
+    assert set(text["contradiction"]) == {"checks", "contradictions"}
     assert set(text["model_error"]) == {"before", "after", "unit", "share", "least", "held", "depends_on"}
     assert [e["id"] for e in text["effects"]] == list(result.added)
     for effect in text["effects"]:
@@ -221,6 +224,13 @@ def test_the_summary_keeps_the_contract(name: str) -> None:
     if name == "arm_delay":
         (delay,) = [e["parameters"]["tau"] for e in text["effects"] if e["id"] == "sensor_delay"]
         assert delay == {"value": result.after.values["tau"], "sd": result.after.sd["tau"], "unit": "s"}
+
+
+def test_where_nothing_is_tested_against_the_rig_its_lists_are_empty() -> None:
+    search: Any = SimpleNamespace(best=SimpleNamespace(added=()))
+    context: Any = SimpleNamespace(settings=LoopSettings())
+    unasked: Any = contradiction_of(search, search, context, complete=False)
+    assert unasked.summary() == {"checks": [], "contradictions": []}
 
 
 # Without a hold-out.

@@ -208,7 +208,7 @@ def test_what_is_named_beside_a_model_error_is_named(tmp_path: Path) -> None:
         "saw falls from 2.98 to 0.473 mm (noise floor 0.424 mm). What is left is a model error of 0.0800 mm, 8 % of "
         "that before; it depends on deflection and rate."
     )
-    edge = {"value": 0.3, "unit": "s", "guessed": False}
+    edge = {"value": 0.3, "unit": "s"}
     results["loop"]["cautions"] = [{"code": "effect_edge", "about": "tau", "effect": "sensor_delay", "numbers": edge}]
     write_json(tmp_path / "results.json", results)
     page = build_report(tmp_path).read_text(encoding="utf-8")

@@ -1,8 +1,7 @@
 """What a physical effect is: one named, cited, unit-carrying contribution to the equation of motion.
 
-A new effect is one small class in one file: its parameters as class attributes and one expression in the symbols of
-`discovery.declarations.symbols`. Simulation, fit, posterior, attribution, report row, catalogue page and contract tests
-follow.
+A new effect is one small class in one file: its parameters and one expression in `discovery.declarations.symbols`.
+Simulation, fit, posterior, attribution, report row, catalogue page and contract tests follow.
 
 >>> from discovery.declarations.registry import catalogue
 >>> catalogue()["cubic_stiffness"].expression()
@@ -94,8 +93,7 @@ class Effect(ABC):
     kind: ClassVar[str]
     #: Kinds of system on which the effect is meaningful.
     systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
-    #: Where the law comes from.
-    cite: ClassVar[str] = ""
+    cite: ClassVar[str] = ""  #: Where the law comes from.
     #: True for a law at the tip of an arm that stands for one spread along the rod: it idealises more than others.
     lumped: ClassVar[bool] = False
     #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.
@@ -108,6 +106,8 @@ class Effect(ABC):
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
+    #: True for a law that remembers where the motion turned: without reversals it is no other than one of the place.
+    remembers: ClassVar[bool] = False
     #: What a base, or the place of a declared system, must have for it: `SPRING`, `ROTOR`, `WEIGHT` or `SHAKEN`.
     needs: ClassVar[str] = ""
     #: Where it acts on a declared system, see `discovery.declarations.place`.

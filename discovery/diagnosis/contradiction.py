@@ -65,10 +65,10 @@ class Contradiction:
 
 @dataclass(frozen=True)
 class ContradictionReport:
-    """All tests of a fit, and the contradictions among them."""
+    """All tests of a fit, and the contradictions among them: none where nothing is predicted or asks for a test."""
 
-    checks: tuple[Check, ...]
-    contradictions: tuple[Contradiction, ...]
+    checks: tuple[Check, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
 
     @property
     def gross(self) -> tuple[Contradiction, ...]:

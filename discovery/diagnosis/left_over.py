@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.diagnosis.caution import Caution
+from discovery.diagnosis.caution import SCATTERED, Caution
 from discovery.estimation.fit import Fit
-from discovery.estimation.residual import ResidualReport
+from discovery.estimation.residual import ResidualReport, memory
+from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
 
-__all__ = ["burst", "like_noise", "not_carried"]
+__all__ = ["burst", "like_noise", "not_carried", "scattered"]
 
 FloatArray = NDArray[np.float64]
 
@@ -22,10 +23,13 @@ FloatArray = NDArray[np.float64]
 _SHORT = 0.1
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
 _LITTLE, _LARGE = 3.0, 2.0
+#: Errors are white where the variance of their mean is less than so many times that of independent ones.
+_WHITE = 2.0
 #: Noise is as large held out as in training, within this factor.
 _ALIKE = 1.5
-#: An error that falls so many times in training falls as well held out, by this share of its logarithm at least.
-_FALLS, _CARRIED = 1.5, 0.25
+#: An error that falls in training falls as well held out, by this share of its logarithm at least; chance, as that of
+#: the fitted starts, moves a held-out one by this factor.
+_CARRIED, _CHANCE = 0.25, 1.05
 
 
 def burst(fitted: Fit) -> Caution | None:
@@ -82,7 +86,7 @@ def like_noise(
 
 
 def not_carried(errors: Mapping[str, Any]) -> Caution | None:
-    """Return that an error falls in training and hardly held out; None where it does.
+    """Return that an error falls in training and hardly held out, or grows there; None where it falls as well.
 
     Parameters
     ----------
@@ -93,6 +97,27 @@ def not_carried(errors: Mapping[str, Any]) -> Caution | None:
     if not all(0 < value < math.inf for pair in pairs for value in pair):
         return None
     train, held = (before / after for before, after in zip(*pairs, strict=True))
-    if train < _FALLS or math.log(held) >= _CARRIED * math.log(train):
+    if math.log(_CHANCE * held) >= _CARRIED * math.log(max(train, 1.0)):
         return None
     return Caution("not_carried", numbers={"train": train, "held": held})
+
+
+def scattered(errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatArray]]) -> Caution | None:
+    """Return that held-out readings lie farther off than their noise; None where they do not.
+
+    Parameters
+    ----------
+    errors : mapping
+        Of loop.json.
+    left : sequence of (Recording, ndarray)
+        The recordings that judge, and what the final model leaves of each, shape (n, c): NaN where it does not count.
+    """
+    rms = judged_rms(errors)
+    # The error is a distance over all channels, and recordings may differ in their noise.
+    floor = max((float(np.linalg.norm(recording.noise)) for recording, _ in left), default=math.inf)
+    if not SCATTERED * floor < rms < math.inf:
+        return None
+    length = float(np.mean([memory(c[np.isfinite(c)]) for _, part in left for c in part.T]))
+    numbers = {"rms": rms, "unit": errors["unit"], "ratio": rms / floor, "noise": floor, "memory": length}
+    estimated = any(recording.noise_estimated for recording, _ in left)
+    return Caution("scattered", numbers={**numbers, "estimated": estimated, "white": length < _WHITE})

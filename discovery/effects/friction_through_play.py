@@ -16,11 +16,13 @@ class FrictionThroughPlay(Memory):
               \dot z = \dot b - \frac{|\dot b|\,|z|\, z + \dot b\, z^2}{2 w_d^2}
 
     z is the slack that is taken up, from -w_d to w_d. Near the middle the cube is flat: hardly a force where the parts
-    do not touch. Once they do, it is the friction f_d, whatever the speed. It is offered for drives.
+    do not touch. Once they do, it is the friction f_d, whatever the speed. It is offered for drives whose recorded
+    motion turns back twice: else it is told by nothing from a friction that changes along the way.
     """
 
     systems = frozenset({OSCILLATOR})
     anchored = False
+    remembers = True
     cite = "Coble et al., Mechanical Systems and Signal Processing (2024), friction damper with backlash; Wen (1976)"
     f_d = Parameter("s^-2 q", "Coulomb friction", (0.0, 3.0), HalfNormal(0.05), starts=(0.001, 0.01), latex="f_d")
     w_d = Parameter(

@@ -17,11 +17,13 @@ class Hysteresis(Memory):
 
     b is the bending at a place of the rod, a third of the curvature there, or the deflection of a linear spring. Around
     every turning point the material is stiffer by the share h_b; beyond a bending of about w_h the fibres slip and the
-    share is gone. Unlike a viscous loss, the loss of a cycle does not depend on how fast it is run.
+    share is gone. Unlike a viscous loss, the loss of a cycle does not depend on how fast it is run. It is offered where
+    the recorded motion turns back twice.
     """
 
     cite = "Wen, Journal of the Engineering Mechanics Division 102 (1976) 249; Ismail et al. (2009)"
     local = True
+    remembers = True
     h_b = Parameter("1", "share of the stiffness that slips", (0.0, 3.0), HalfNormal(0.1), starts=(0.01,), latex="h_b")
     w_h = Parameter(
         "q", "bending at which it slips", (0.003, 3.0), LogNormal(0.2, 1.0), default=0.2,

@@ -17,7 +17,9 @@ __all__ = ["candidates", "ever_candidates"]
 _WHOLE = ("drive", "sensor")
 
 
-def candidates(model: Model, unit: str = "rad", declared: Collection[str] | None = None) -> tuple[str, ...]:
+def candidates(
+    model: Model, unit: str = "rad", declared: Collection[str] | None = None, *, turns: bool = True
+) -> tuple[str, ...]:
     """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
 
     Parameters
@@ -28,10 +30,16 @@ def candidates(model: Model, unit: str = "rad", declared: Collection[str] | None
         Unit of an oscillator's coordinate: laws of an angle ask for radians.
     declared : collection of str, optional
         Effects of the model that its rig file declares, which say whether anything ties the coordinate; all otherwise.
+    turns : bool
+        Whether the recorded motion turns back, which laws of memory ask for.
     """
+    acting = _at_places(model) if model.mechanics.places() else _on_the_coordinate(model, unit, declared)
+    return tuple(e for e in acting if turns or not get_effect(e).remembers)
+
+
+def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None) -> tuple[str, ...]:
+    """Return the effects that a system without places could lack."""
     base = model.mechanics
-    if base.places():
-        return _at_places(model)
     tied = any(get_effect(e).kind == "potential" for e in (model.effects if declared is None else declared))
     has, provided = base.has - ({ROTOR} if tied else set()), base.provides | (base.provides_tied if tied else set())
     return tuple(

@@ -21,6 +21,7 @@ __all__ = [
     "errors",
     "examine",
     "explains",
+    "memory",
     "roughness",
     "systematic_share",
     "variance_left",
@@ -137,17 +138,22 @@ def _ljung_box(series: FloatArray, lags: int = 20) -> tuple[float, float]:
     return float(r[0]), float(stats.chi2.sf(statistic, lags))
 
 
+def memory(series: FloatArray) -> float:
+    """Return the variance of the mean of a series over that of white noise: (1 + r) / (1 - r), with r at lag one."""
+    correlation = min(_ljung_box(series, lags=1)[0], 0.99)
+    return (1 + correlation) / (1 - correlation)
+
+
 def correlation_length(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]) -> float:
     """Return by how much the variance of a mean of fitted residuals exceeds that of white noise, at least one.
 
-    From the lag-one autocorrelation rho of each channel, (1 + rho) / (1 - rho), as for a first-order process.
+    The mean of the channels, each taken as a first-order process, see `memory`.
     """
     lengths = []
     for e, prediction in zip(experiments, predictions, strict=True):
         weights = e.weights()
         for k, channel in enumerate(((prediction - e.recording.output) * weights).T):
-            rho = min(_ljung_box(channel[weights[:, k] > 0], lags=1)[0], 0.99)
-            lengths.append((1 + rho) / (1 - rho))
+            lengths.append(memory(channel[weights[:, k] > 0]))
     return max(1.0, float(np.mean(lengths)))
 
 
@@ -244,8 +250,7 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
         Free-run prediction and measurement.
     """
     taken = np.isfinite(measured).all(axis=1)
-    with np.errstate(over="ignore"):
-        distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
+    distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
     largest = float(np.abs(measured[taken]).max(initial=0.0))
     distance[~(distance <= (_BLOWN * largest or np.inf))] = np.inf
     if distance.size == 0:

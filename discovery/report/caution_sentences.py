@@ -24,15 +24,20 @@ def _value(found: Record) -> str:
 
 
 def _declared(found: Record) -> str:
-    head = f"{_value(found)} of the declared model ends at its bound"
-    if found["numbers"]["guessed"]:
-        return (
-            f"{head}, far from its guess in the rig file: check that guess, and units and signs of what the rig file "
-            "states"
-        )
     return (
-        f"{head}, which follows from the recorded motion and not from physics, so that added effects may make up for "
-        "it: check the units of time, input and output, or record faster motions"
+        f"{_value(found)} of the declared model ends at its bound, which follows from the recorded motion and not from "
+        "physics, so that added effects may make up for it: check the units of time, input and output, or record "
+        "faster motions"
+    )
+
+
+def _strayed(found: Record) -> str:
+    numbers = found["numbers"]
+    others = f" ({', '.join(numbers['others'])}: far above the guess, too)" if numbers["others"] else ""
+    return (
+        f"{_value(found)} of the declared model ends {figures(numbers['value'] / numbers['guess'], 2)} times as large "
+        f"as its guess of {figures(numbers['guess'])}{others}, and added effects may make up for it: state its `value` "
+        "and `sd` from a data sheet or a scale, or check units and signs of what the rig file states"
     )
 
 
@@ -69,18 +74,48 @@ def _like_noise(found: Record) -> str:
 
 
 def _not_carried(found: Record) -> str:
-    train, held = (figures(found["numbers"][k], 2) for k in ("train", "held"))
+    train, held = (_times(found["numbers"][k]) for k in ("train", "held"))
     return (
-        f"with what was added the error is {train} times smaller in training, and {held} times held out: it may "
-        "describe these training recordings only"
+        f"with what was added the error is {train} in training, and {held} held out: it may describe these training "
+        "recordings only"
+    )
+
+
+def _times(fall: float) -> str:
+    """Return how an error changed that fell so many times."""
+    return f"{figures(fall, 2)} times smaller" if fall >= 1 else f"{figures(1 / fall, 2)} times larger"
+
+
+def _scattered(found: Record) -> str:
+    numbers = found["numbers"]
+    source = "estimated" if numbers["estimated"] else "stated"
+    head = (
+        f"held-out readings lie {figures(numbers['rms'])} {numbers['unit']} (rms) from the model, "
+        f"{figures(numbers['ratio'], 2)} times their {source} noise of {figures(numbers['noise'])} {numbers['unit']}"
+    )
+    if not numbers["white"]:
+        return (
+            f"{head}, and errors last over several readings: it is no noise of single readings, even where the model "
+            "error counts as none"
+        )
+    if numbers["estimated"]:
+        return (
+            f"{head}, and what is left is white: that noise was estimated too low. Intervals are as wide as what is "
+            "left asks for; state the noise of a reading in the rig file"
+        )
+    return (
+        f"{head}, though averages of what is left are noise: are the time stamps off, are there spikes, or is the "
+        "noise larger?"
     )
 
 
 _SENTENCES = {
     "declared_edge": _declared,
+    "strayed": _strayed,
     "effect_edge": _effect,
     "missed": _missed,
     "burst": _burst,
     "like_noise": _like_noise,
     "not_carried": _not_carried,
+    "scattered": _scattered,
 }

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.first_fit import led
@@ -78,6 +79,8 @@ class FailedLoop:
             },
             "model_error": {**error, "least": 0.0, "held": error["after"], "depends_on": []},
             "complete": False,
+            "cautions": [],
+            "contradiction": ContradictionReport().summary(),
             "model": {when: {"model": self.model.to_dict(), "parameters": {}} for when in ("before", "after")},
             "steps": [Decision("stop", (), accepted=False, code=self.code, numbers=self.numbers).summary()],
         }

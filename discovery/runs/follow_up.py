@@ -24,10 +24,10 @@ _DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
 _RIVALS = 2
 
 
-def contradiction_of(after: Fit, search: Search, context: Context, *, complete: bool) -> ContradictionReport | None:
-    """Test the final values against what the rig predicts; None where nothing asks for it."""
+def contradiction_of(after: Fit, search: Search, context: Context, *, complete: bool) -> ContradictionReport:
+    """Test the final values against what the rig predicts, where they explain the motion or something was added."""
     if not context.settings.follow_up or not (complete or search.best.added):
-        return None
+        return ContradictionReport()
     context.progress("comparing with the rig")
     bench = search.best.refit.problem.bench
     rng = np.random.default_rng([context.settings.seed, 1])

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, at_edges, missed
+from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
 from discovery.diagnosis.contradiction import ContradictionReport
-from discovery.diagnosis.left_over import burst, like_noise, not_carried
+from discovery.diagnosis.left_over import burst, like_noise, not_carried, scattered
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.bench import Bench
@@ -22,7 +22,7 @@ from discovery.estimation.residual import ResidualReport
 from discovery.estimation.whole import fitted_to_all
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
-from discovery.recordings.flags import impossible
+from discovery.recordings.flags import UNDERSTATED, impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Decision
@@ -70,7 +70,7 @@ class LoopResult(LoopViews):
         "before" and "after": prediction of every recording, training first.
     complete : bool
         Whether the model error cannot be told from none.
-    contradiction : ContradictionReport, optional
+    contradiction : ContradictionReport
         Fitted values against what the rig predicts.
     separations : tuple of Separation
         The manoeuvres that would tell apart what these recordings cannot.
@@ -105,7 +105,7 @@ class LoopResult(LoopViews):
     residual_after: ResidualReport
     predictions: Mapping[str, list[FloatArray]]
     complete: bool
-    contradiction: ContradictionReport | None = None
+    contradiction: ContradictionReport = field(default_factory=ContradictionReport)
     separations: tuple[Separation, ...] = ()
     recordings: tuple[Recording, ...] = ()
 
@@ -135,14 +135,29 @@ class LoopResult(LoopViews):
     def cautions(self) -> list[Caution]:
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
-        found = [missed(self.errors, left=error.after, held=error.held, least=error.least)]
+        found = [missed(self.errors, left=error.after, held=error.held, least=error.least), strayed(self.after)]
         if self.added:
             found.append(not_carried(self.errors))
         if not self.complete and not self.impossible:
             noise = float(min(r.noise.min() for r in self.recordings))
             alike = like_noise(self.residual_after, error.depends_on, left=error.after, held=error.held, noise=noise)
             found.append(burst(self.after) or alike)
+        # A model error is said, and so is a hold-out that is missed; a stated noise that is too small says the same.
+        judging = self._left()
+        understated = any(flag.code == UNDERSTATED for recording, _ in judging for flag in recording.flags)
+        if self.complete and found[0] is None and not understated:
+            found.append(scattered(self.errors, judging))
         return [*at_edges(self.after, self.added), *(c for c in found if c is not None)]
+
+    def _left(self) -> list[tuple[Recording, FloatArray]]:
+        """Return the recordings that judge, and what the final model leaves of each: NaN where it was fitted."""
+        pairs = [(r, p - r.output) for r, p in zip(self.recordings, self.predictions["after"], strict=True)]
+        fitted = self.after.problem.bench.experiments
+        if separate := pairs[len(fitted) :]:
+            return separate
+        for e, (_, left) in zip(fitted, pairs, strict=True):
+            left[: e.fitted_samples or 0] = np.nan
+        return pairs
 
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
@@ -172,7 +187,7 @@ class LoopResult(LoopViews):
             "complete": self.complete,
             "cautions": [c.summary() for c in self.cautions],
             **({"lead": self.lead.summary()} if self.lead else {}),
-            **({"contradiction": self.contradiction.summary()} if self.contradiction else {}),
+            "contradiction": self.contradiction.summary(),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
             "residual": {"before": self.residual_before.summary(), "after": self.residual_after.summary()},

@@ -18,6 +18,7 @@ from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import conventions
 from discovery.estimation.step_control import affordable_bench
+from discovery.estimation.turns import turns_back
 from discovery.estimation.unequal_steps import unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
@@ -62,7 +63,8 @@ class Context:
 
     def candidates(self, model: Model) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
-        return candidates(model, self.train[0].coordinate_unit, self.train[0].rig.declared)
+        first, turns = self.train[0], turns_back(self.train)
+        return candidates(model, first.coordinate_unit, first.rig.declared, turns=turns)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""

@@ -1,0 +1,57 @@
+"""What only a motion that turns back tells is sought where it does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discovery.equations.lacking import candidates
+from discovery.equations.model import Model
+from discovery.estimation.turns import turns_back
+from discovery.recordings.dataset import load_dataset
+
+RIG = """
+name = "sledge"
+[system]
+coordinates = {{ x = "m" }}
+kinetic = "mass*dot(x)^2/2"
+dissipation = "loss*dot(x)^2/2"
+output = "{output}"
+places = {{ body = "x" }}
+[system.constants]
+mass = {{ value = 2.0, unit = "kg" }}
+loss = {{ guess = 0.5, unit = "N s/m" }}
+[columns]
+time = {{ name = "t", unit = "s" }}
+output = {{ name = "read", unit = "{unit}", noise = 0.01 }}
+"""
+TIME = np.arange(0.0, 10.0, 0.02)
+#: Positions, and whether they turn back twice, by more than noise and a small part of the way.
+WAYS = {
+    "on and on": (0.5 * TIME - 0.02 * TIME**2, False),
+    "there and back": (TIME * (10.0 - TIME) / 10.0, False),
+    "to and fro": (np.sin(2 * TIME), True),
+    "on, with a tremor": (TIME / 4.0 + 0.02 * np.sin(9 * TIME), False),
+}
+
+
+@pytest.mark.parametrize("output", ["x", "dot(x)"])
+@pytest.mark.parametrize("name", WAYS)
+def test_laws_of_memory_are_sought_where_the_motion_turns_back_twice(tmp_path: Path, name: str, output: str) -> None:
+    way, turns = WAYS[name]
+    read = way if output == "x" else np.gradient(way, TIME)
+    read = read + 0.01 * np.random.default_rng(2).standard_normal(TIME.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([TIME, read]), delimiter=",", header="t,read", comments="")
+    (tmp_path / "rig.toml").write_text(RIG.format(output=output, unit="m" if output == "x" else "m/s"))
+    assert turns_back(load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train) is turns
+
+
+def test_without_reversals_no_law_of_memory_is_missing() -> None:
+    model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
+    assert {*candidates(model)} - {*candidates(model, turns=False)} == {"hysteresis"}
+    free = Model("inverse_dynamics", ("viscous_damping",))
+    lost = {*candidates(free)} - {*candidates(free, turns=False)}
+    assert "friction_through_play" in lost
+    assert "coulomb_friction" not in lost
