@@ -179,6 +179,12 @@ def test_an_effect_is_refused_for_what_it_lacks(changed: dict[str, float], code:
     assert odds(**changed).code(LoopSettings(), chance=100.0) == code
 
 
+def test_what_was_accepted_stays_until_the_held_out_part_speaks_against_it() -> None:
+    settings = LoopSettings()
+    codes = [odds(held=held).code(settings, 100.0, least=-0.5) for held in (-0.4 * settings.nats, -0.6 * settings.nats)]
+    assert codes == ["accepted", "held_out"]
+
+
 def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> None:
     search = searched(beta=1.0, f_c=0.02)
     smaller = search.neighbours.without(search.best, "coulomb_friction")

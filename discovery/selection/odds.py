@@ -3,7 +3,8 @@
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
 the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2. Accepted laws err
-too: a share of what they moved counts as model error.
+too: a share of what they moved counts as model error. What is added must gain half the nats on what is held out; what
+was accepted stays until it loses as much there.
 """
 
 from __future__ import annotations
@@ -47,13 +48,13 @@ class Odds:
         """The log odds that decide."""
         return min(self.train, self.train + self.held, self.against_error)
 
-    def code(self, settings: LoopSettings, chance: float, *, judged: bool = True) -> str:
-        """Return "accepted", or what is missing; `judged` says whether anything is held out."""
+    def code(self, settings: LoopSettings, chance: float, *, least: float = 0.5) -> str:
+        """Return "accepted", or what is missing; `least` is what the held-out part must gain, over the nats."""
         if not np.isfinite(self.train + self.held):
             return "accepted" if self.train + self.held > 0 else "finite"
         if self.train < settings.nats:
             return "training"
-        if judged and self.held < 0.5 * settings.nats:
+        if self.held < least * settings.nats:
             return "held_out"
         if self.against_error < settings.nats:
             return "size"

@@ -116,12 +116,13 @@ class Search:
     def _prune(self) -> None:
         """Take out, the least missed first, what is no larger than what the model error would do in its direction."""
         while self.best.added:
-            judged = {e: self._judged(self.best, self.neighbours.without(self.best, e)) for e in self.best.added}
-            if not (weak := [e for e, (_, code) in judged.items() if code != "accepted"]):
+            smaller = {e: self.neighbours.without(self.best, e) for e in self.best.added}
+            judged = {e: self._judged(self.best, c, stays=True) for e, c in smaller.items()}
+            weak = [e for e, (_, code) in judged.items() if code != "accepted"]
+            if not (effect := max(weak, key=lambda e: smaller[e].joint, default="")):
                 return
-            effect = max(weak, key=lambda e: self.neighbours.without(self.best, e).joint)
             self.decisions.append(Decision("remove", (effect,), True, judged[effect][1], _numbers(judged[effect][0])))
-            self.best = self.neighbours.without(self.best, effect)
+            self.best = smaller[effect]
 
     def _ask_the_unknown(self) -> None:
         """Weigh an unknown force beside the set found, where more than noise is left."""
@@ -227,13 +228,13 @@ class Search:
 
         return sorted(offered, key=key)
 
-    def _judged(self, larger: Contender, smaller: Contender) -> tuple[Odds, str]:
-        """Return the odds of a larger set, and "accepted" or what is missing."""
-        settings, judged = self.context.settings, self.context.judge.holds
-        code = (odds := odds_of(larger, smaller, self.root, settings)).code(settings, -np.inf, judged=judged)
+    def _judged(self, larger: Contender, smaller: Contender, *, stays: bool = False) -> tuple[Odds, str]:
+        """Return the odds of a larger set, and "accepted" or what is missing; `stays` of one that was accepted."""
+        settings, least = self.context.settings, (-0.5 if stays else 0.5) if self.context.judge.holds else -np.inf
+        code = (odds := odds_of(larger, smaller, self.root, settings)).code(settings, -np.inf, least=least)
         # Chance removes no more than all that is left.
         if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
-            code = odds.code(settings, self._chance(smaller, larger), judged=judged)
+            code = odds.code(settings, self._chance(smaller, larger), least=least)
         return odds, code
 
     def _backward(self, before: Contender) -> None:
@@ -243,7 +244,7 @@ class Search:
             if effect not in self.best.added or len(self.best.added) < 2:
                 continue
             smaller = self.neighbours.without(self.best, effect)
-            odds, code = self._judged(self.best, smaller)
+            odds, code = self._judged(self.best, smaller, stays=True)
             if code != "accepted":
                 self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
                 self.best = smaller

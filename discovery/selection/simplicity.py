@@ -21,10 +21,5 @@ def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
         Kind of system, `discovery.declarations.effect.ARM` or `discovery.declarations.effect.OSCILLATOR`.
     """
     declared = get_effect(effect)
-    return (
-        declared.pliable,
-        len(declared.fitted(system)),
-        declared.kind in ("sensor", "drive"),
-        declared.kind == "load",
-        effect,
-    )
+    faulty, load = declared.kind in ("sensor", "drive"), declared.kind == "load"
+    return declared.pliable, len(declared.fitted(system)), faulty, load, effect
