@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import Flag
-from discovery.recordings.quantisation import quantum
+from discovery.recordings.quantisation import lasting_rounding
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
 
@@ -94,10 +94,9 @@ def _longest(recording: Recording, most: int) -> int:
 
 
 def _alike(recording: Recording) -> FloatArray:
-    """Return the part of each channel's noise that errs alike in neighbours: the rounding of a slow motion."""
-    rounding = np.array([quantum(c) for c in recording.output.T]) / np.sqrt(12.0)
-    # Noise far larger than a step makes its rounding as random.
-    return np.where(recording.noise < 2 * rounding, np.minimum(rounding, recording.noise), 0.0)
+    """Return the part of each channel's noise that errs alike in neighbours."""
+    pairs = zip(recording.output.T, recording.noise.tolist(), strict=True)
+    return np.array([lasting_rounding(column, noise) for column, noise in pairs])
 
 
 def _noise(recording: Recording, same: FloatArray, length: int) -> FloatArray:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import uniform_filter1d
 
-__all__ = ["quantum", "resolution"]
+__all__ = ["lasting_rounding", "quantum", "resolution"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -15,6 +16,8 @@ _AGREEING = 0.98
 _NEAR = 20.0
 _FEWEST = 3  # distinct readings
 _TELLING = 0.1  # share of the differences that small multiples must be
+_NEIGHBOURS = 25  # readings over which the speed is seen
+_ALIKE = 0.21  # steps between readings whose errors are correlated
 
 
 def quantum(values: FloatArray) -> float:
@@ -68,3 +71,32 @@ def resolution(values: FloatArray) -> float:
     finite = values[np.isfinite(values)]
     bit = float(np.spacing(np.max(np.abs(finite), initial=np.finfo(float).tiny)))
     return max(quantum(values), bit) / float(np.sqrt(12.0))
+
+
+def lasting_rounding(values: FloatArray, noise: float) -> float:
+    """Give the part of a noise that errs alike in neighbouring readings: the rounding of a slow motion.
+
+    Noise far larger than a step makes its rounding as random as itself, and so does a motion by a fifth of a step or
+    more between readings.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Readings; NaN are skipped.
+    noise : float
+        Their standard deviation, that of rounding included.
+
+    Returns
+    -------
+    float
+        Standard deviation in the unit of `values`; 0 where there is no step.
+    """
+    step = quantum(values)
+    rounding = step / float(np.sqrt(12.0))
+    if not noise < 2.0 * rounding:
+        return 0.0
+    apart = np.abs(np.diff(values[np.isfinite(values)])) / step
+    moved = uniform_filter1d(apart, _NEIGHBOURS)
+    # Errors of a motion by this part of a step are correlated so: they are those of a saw tooth.
+    shared = np.where(moved < _ALIKE, 1.0 - 6.0 * moved + 6.0 * moved**2, 0.0)
+    return min(rounding, noise) * float(np.sqrt(shared.mean()))

@@ -27,7 +27,7 @@ from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
-from discovery.recordings.quantisation import resolution
+from discovery.recordings.quantisation import lasting_rounding
 from discovery.recordings.search_part import searched_part
 from discovery.runs.course import Course
 from discovery.runs.declared_effects import in_its_units, sought
@@ -108,7 +108,7 @@ def close_loop(
     course = Course(teller(progress))
     settings = settings if seed is None else replace(settings, seed=seed)
     least = min(float(e.recording.noise.min()) for e in (*train, *holdout)) / error_unit(train, units)
-    rounding = _rounding([*train, *holdout])
+    rounding = _rounding(train, holdout)
     settings = replace(
         settings,
         tolerance=max(settings.tolerance, _HIDDEN * least),
@@ -136,13 +136,11 @@ def _given(train: Recordings, holdout: Recordings | None) -> tuple[tuple[Experim
     return train.train, held_out_of(train, holdout)
 
 
-def _rounding(experiments: Sequence[Experiment]) -> float:
-    """Return the largest error of rounding of any channel [noise sds]."""
-    return max(
-        resolution(column) / noise
-        for e in experiments
-        for column, noise in zip(e.recording.output.T, e.recording.noise, strict=True)
-    )
+def _rounding(train: Sequence[Experiment], holdout: Sequence[Experiment]) -> float:
+    """Return the largest error of rounding that lasts over readings, of any channel [noise sds of training]."""
+    recordings = [e.recording for e in (*train, *holdout)]
+    lasting = [[lasting_rounding(*c) for c in zip(r.output.T, r.noise.tolist(), strict=True)] for r in recordings]
+    return float(np.max(np.max(lasting, axis=0) / np.min([e.recording.noise for e in train], axis=0)))
 
 
 def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
