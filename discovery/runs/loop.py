@@ -27,7 +27,7 @@ from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
-from discovery.recordings.quantisation import lasting_rounding
+from discovery.recordings.quantisation import resolution
 from discovery.recordings.search_part import searched_part
 from discovery.runs.course import Course
 from discovery.runs.declared_effects import in_its_units, sought
@@ -137,10 +137,9 @@ def _given(train: Recordings, holdout: Recordings | None) -> tuple[tuple[Experim
 
 
 def _rounding(train: Sequence[Experiment], holdout: Sequence[Experiment]) -> float:
-    """Return the largest error of rounding that lasts over readings, of any channel [noise sds of training]."""
-    recordings = [e.recording for e in (*train, *holdout)]
-    lasting = [[lasting_rounding(*c) for c in zip(r.output.T, r.noise.tolist(), strict=True)] for r in recordings]
-    return float(np.max(np.max(lasting, axis=0) / np.min([e.recording.noise for e in train], axis=0)))
+    """Return the largest error of rounding of any channel [noise sds of training]."""
+    rounding = [[resolution(column) for column in e.recording.output.T] for e in (*train, *holdout)]
+    return float(np.max(np.max(rounding, axis=0) / np.min([e.recording.noise for e in train], axis=0)))
 
 
 def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
@@ -158,9 +157,11 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     else:
         with course.searching(search.offers, context.settings.budget.offers):
             search.run()
-    found = {n.effect: n for n in named(search)}
     best, geometry, steps = _on_best_mechanics(before, search, context)
     after, last = finished(best, context)
+    if best is search.best and (simpler := search.simplified(last)) is not last:
+        after, last = finished(simpler, context)
+    found = {n.effect: n for n in named(search)}
     after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)
     first = _declared(before, context)

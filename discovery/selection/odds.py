@@ -2,9 +2,8 @@
 
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
-the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2. Accepted laws err
-too: a share of what they moved counts as model error. What is added must gain half the nats on what is held out; what
-was accepted stays until it loses as much there.
+the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2. A share of what laws
+moved is model error, too. What is added must gain half the nats held out; it stays until it loses as much there.
 """
 
 from __future__ import annotations

@@ -93,17 +93,16 @@ class Offers:
     def pairs(self, node: Contender) -> list[Contender]:
         """Return sets with two effects more that would explain the residual to first order, the most likely first."""
         if node.key not in self._pairs:
-            self._pairs[node.key] = self._paired(node)
+            most = self.context.settings.budget.pairs
+            problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+            likely = likely_pairs(self.scored(node), minimum.residual, most)
+            self.context.progress("refitting pairs")
+            quick = refit_pairs(problem.model, minimum, problem, likely)
+            near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: most // 2]
+            full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
+            sets = [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
+            self._pairs[node.key] = contenders(self.context, sets)
         return self._pairs[node.key]
-
-    def _paired(self, node: Contender) -> list[Contender]:
-        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-        likely = likely_pairs(self.scored(node), minimum.residual, self.context.settings.budget.pairs)
-        self.context.progress("refitting pairs")
-        quick = refit_pairs(problem.model, minimum, problem, likely)
-        near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: self.context.settings.budget.pairs // 2]
-        full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
-        return contenders(self.context, [((*node.added, *r.problem.model.effects[-2:]), r) for r in full])
 
     def chance(self, smaller: Contender, larger: Contender) -> FloatArray:
         """Return the chi-square that noise alone would let the best candidate beside a set remove, sorted.
@@ -111,13 +110,9 @@ class Offers:
         The noise has the spectrum of what the larger set leaves.
         """
         if (smaller, larger) not in self._chance:
-            self._chance[smaller, larger] = self._drawn(smaller, larger)
+            problem, minimum = larger.refit.problem, larger.refit.minimum
+            rng = np.random.default_rng([self.context.settings.seed, len(larger.added)])
+            noise = surrogates(minimum.residual[: problem.bench.n_rows], problem.bench, rng)
+            inherited = [i for i, n in enumerate(problem.names) if n in {*smaller.refit.problem.names}]
+            self._chance[smaller, larger] = chance_gains(self.scored(smaller), minimum.jacobian[:, inherited], noise)
         return self._chance[smaller, larger]
-
-    def _drawn(self, smaller: Contender, larger: Contender) -> FloatArray:
-        bench = larger.refit.problem.bench
-        rng = np.random.default_rng([self.context.settings.seed, len(larger.added)])
-        noise = surrogates(larger.refit.minimum.residual[: bench.n_rows], bench, rng)
-        known = {*smaller.refit.problem.names}
-        inherited = [i for i, n in enumerate(larger.refit.problem.names) if n in known]
-        return chance_gains(self.scored(smaller), larger.refit.minimum.jacobian[:, inherited], noise)

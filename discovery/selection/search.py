@@ -103,6 +103,15 @@ class Search:
                     self.best = simpler
                     break
 
+    def simplified(self, last: Contender) -> Contender:
+        """Return a set after its last fit, a law that this reduced to one that it contains given up for that."""
+        searched, self.best = self.best, last
+        self._simplify()
+        if (found := self.best) is not last:
+            self._ask_the_unknown()
+        self.best = searched if found is last else found
+        return found
+
     def _integrate(self) -> None:
         """Integrate the set found by importance sampling, and from now on all that are compared with it."""
         if not self.best.added:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.effect import ARM
+from discovery.declarations.effect import ARM, ROTOR
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -74,7 +74,8 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
     arms = ARM in get_effect(effect).systems
     bases = ("constant_radius", "reduced", "elastica_1") if arms else ("oscillator", "servo", "base_excited")
     base = base or next(b for b in bases if effect in every_effect(b))
-    context = ("viscous_damping", "linear_stiffness")
+    # What is offered where nothing ties the body is told apart there.
+    context = ("viscous_damping",) if get_effect(effect).needs == ROTOR else ("viscous_damping", "linear_stiffness")
     rod = {n: v for n, v in _ROD.items() if n in {p.name for p in get_base(base).parameters()}}
     known = {"length": 1.2, **rod} if get_base(base).system.has_rod else {"g": 1.0}
     model = Model(base, (*context, *({effect} - set(context))), known)
