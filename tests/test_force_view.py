@@ -7,9 +7,11 @@ import pandas as pd
 import pytest
 
 from discovery.foundation.errors import InputError
+from discovery.recordings.dataset import load_dataset
 from discovery.recordings.force_view import force_samples, noise_gain, zero_phase
 from discovery.recordings.recording import read_recording
 from discovery.rigs.rig import Columns, Controller, ForceView, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.runs.loop import close_loop
 
 RATE, CUTOFF = 1000.0, 10.0
 T = np.arange(20000) / RATE
@@ -90,3 +92,37 @@ def test_what_is_added_to_the_command_moves_the_reference(tmp_path):
     np.testing.assert_allclose(recording.input, q + 4e-3 / 20.0, rtol=0, atol=1e-12)
     without = read_recording(tmp_path / "r.csv", rig(controller=Controller(10.0, 2.0, added="absent")))
     np.testing.assert_allclose(without.input, q, atol=1e-12)
+
+
+FRICTION = """
+name = "carriage"
+kind = "drive"
+[columns]
+time = { name = "t", unit = "s" }
+input = { name = "x", unit = "m" }
+output = { name = "F", unit = "N" }
+[view]
+output = "force"
+motion_cutoff_hz = 20.0
+cutoff_hz = 10.0
+[model]
+effects = ["viscous_damping"]
+"""
+
+
+@pytest.mark.slow
+def test_a_force_that_is_read_is_told_as_one(tmp_path):
+    rng, time = np.random.default_rng(2), np.arange(0.0, 12.0, 0.01)
+    (tmp_path / "rig.toml").write_text(FRICTION)
+    for name, turns in (("a", (2.0, 3.1)), ("h", (1.4, 3.7))):
+        x, speed, acceleration = (
+            sum(0.2 * w**k * np.sin(w * time + 0.5 * np.pi * k) for w in turns) for k in range(3)
+        )  # fmt: skip
+        force = 70.0 * acceleration + 40.0 * speed + 13.0 * np.sign(speed) + rng.standard_normal(time.size)
+        pd.DataFrame({"t": time, "x": x, "F": force}).to_csv(tmp_path / f"{name}.csv", index=False)
+    found = close_loop(load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"], [tmp_path / "h.csv"]))
+    (effect,) = found.summary()["effects"]
+    friction = effect["parameters"]["f_c"]
+    assert (effect["id"], friction["unit"]) == ("coulomb_friction", "N")
+    assert "physical" not in friction
+    assert friction["value"] == pytest.approx(13.0, abs=4 * friction["sd"])

@@ -194,16 +194,18 @@ class LoopResult(LoopViews):
             "steps": [s.summary() for s in self.steps],
         }
 
+    def _told(self, name: str) -> dict[str, Any]:
+        """Return a parameter of the final model: a force that is read is one, over no inertia of reference."""
+        row, physical = self.after.told(name), physical_rows(self.after.physical).get(name)
+        if physical is None:
+            return row
+        return {**row, **(physical if self.after.model.mechanics.prescribed else {"physical": physical})}
+
     def _described(self, effect: str) -> dict[str, Any]:
         """Return what loop.json holds of an added effect."""
         other = self.stand_ins.get(effect)
         names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
-        physical = physical_rows(self.after.physical)
-        parameters = {
-            n: {**self.after.told(n), **({"physical": physical[n]} if n in physical else {})}
-            for n in names
-            if n in self.after.values
-        }
+        parameters = {n: self._told(n) for n in names if n in self.after.values}
         if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
             # No reading is surer than the ruler.
             row = parameters[other.parameter]
