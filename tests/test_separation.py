@@ -33,7 +33,7 @@ from discovery.report import build_report, figures
 from discovery.report.figures import manoeuvre
 from discovery.report.follow_up_sentences import separation_sentence
 from discovery.rigs.rig import Rig
-from discovery.runs.follow_up import separations
+from discovery.runs.follow_up import separations, told_apart
 from discovery.runs.loop_files import write_loop
 from discovery.selection.simplicity import simplicity
 
@@ -459,3 +459,10 @@ def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path, monkeypatch: 
     assert rivals_table["designed_chi2"][0] == found.designed.chi2
     assert rivals_table["similarity"][0] == pytest.approx(found.similarities[0, 1])
     assert (tmp_path / "figures" / "manoeuvre_1.svg").exists()
+
+
+def test_a_law_is_told_from_those_that_do_not_contain_it() -> None:
+    friction = "coulomb_friction"
+    assert told_apart(friction, ("stribeck_friction", "constant_force", "cogging")) == ["constant_force", "cogging"]
+    assert told_apart("constant_force", (friction, "stribeck_friction")) == [friction]
+    assert told_apart(f"{friction}_at_load", ("stribeck_friction_at_load",)) == ["stribeck_friction_at_load"]

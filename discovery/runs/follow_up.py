@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 
 import numpy as np
 
+from discovery.declarations.registry import get_effect
 from discovery.diagnosis.contradiction import ContradictionReport, check_contradictions
 from discovery.diagnosis.separation import Separation, separate
 from discovery.estimation.fit import Fit, fit_near
@@ -15,7 +16,7 @@ from discovery.selection.context import Context
 from discovery.selection.search import Search
 from discovery.selection.verdict import Named
 
-__all__ = ["contradiction_of", "designs", "separations"]
+__all__ = ["contradiction_of", "designs", "separations", "told_apart"]
 
 
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
@@ -45,8 +46,9 @@ def separations(search: Search, found: Mapping[str, Named], context: Context) ->
     for effect, own in found.items():
         if not own.rivals:
             continue
-        context.progress(f"designing a manoeuvre that tells {effect} from {' and '.join(own.group[:_RIVALS])}")
-        sets = dict(zip((effect, *own.group[:_RIVALS]), (search.best, *own.rivals[:_RIVALS]), strict=True))
+        rivals = told_apart(effect, own.group)
+        context.progress(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
+        sets = {effect: search.best, **{r: own.rivals[own.group.index(r)] for r in rivals}}
         fits = {name: fit_near(c.refit.problem, c.refit.values) for name, c in sets.items()}
         steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
         rng = np.random.default_rng([context.settings.seed, 2])
@@ -54,6 +56,20 @@ def separations(search: Search, found: Mapping[str, Named], context: Context) ->
         with nullcontext() if first.system.has_rod else suppress(InputError, ComputationError):
             made.append(separate(fits, rng, evaluations=designs(steps)))
     return tuple(made)
+
+
+def told_apart(effect: str, group: Sequence[str]) -> list[str]:
+    """Return the rivals that a manoeuvre should tell from an effect and from each other.
+
+    Where a law contains another, no manoeuvre tells them apart unless the readings did: that is asked where there is no
+    other rival.
+    """
+    chosen = [effect]
+    for rival in group:
+        own = get_effect(rival).reduces_to
+        if not any(other in own or rival in get_effect(other).reduces_to for other in chosen):
+            chosen.append(rival)
+    return chosen[1 : _RIVALS + 1] or list(group[:_RIVALS])
 
 
 def designs(steps: float) -> int:
