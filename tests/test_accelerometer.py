@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,13 @@ def test_a_fit_begins_where_a_swing_of_such_an_acceleration_is(tmp_path: Path) -
     assert place == pytest.approx(0.004, rel=0.3)
     assert 0.0 < rate < 0.1
     assert experiment.initial_guess == (0.0, 0.0)
+
+
+def test_without_readings_it_begins_at_rest(tmp_path: Path) -> None:
+    recorded(tmp_path, 1.0)
+    (experiment,) = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train
+    blank = replace(experiment, recording=replace(experiment.recording, output=np.full((500, 1), np.nan)))
+    assert (blank.initial_guess, blank.initial_state(0.02)) == ((0.0, 0.0), (0.0, 0.0))
 
 
 def test_the_coordinate_is_a_length_and_the_offset_an_acceleration(tmp_path: Path) -> None:

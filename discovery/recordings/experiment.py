@@ -190,17 +190,20 @@ class Experiment:
         natural_time : float
             Inverse angular frequency of the swing [s].
         """
-        if not self.reads_acceleration or self.drive is not None:
+        read = self.deflection[np.isfinite(self.deflection)]
+        if not self.reads_acceleration or self.drive is not None or not read.size:
             return self.initial_guess
         acceleration, rate = self._first_reading
-        middle = float(np.nanmean(self.deflection[self.fitted]))
+        middle = float(read.mean())
         return (middle - acceleration) * natural_time**2, -rate * natural_time**2
 
     @cached_property
     def _first_reading(self) -> tuple[float, float]:
-        """Reading and its rate at the first sample."""
+        """Reading and its rate at the first sample; zero where nothing was read."""
         t, d = self.recording.time, self.deflection
         good = np.flatnonzero(np.isfinite(d))
+        if not good.size:
+            return 0.0, 0.0
         first = good[: max(4, min(9, good.size))]
         noise = np.nanmax(self.recording.noise) / (self.rig.length.value if self.rig.length else 1.0)
         # More samples while a straight line still describes them within the noise.
