@@ -133,8 +133,8 @@ class Effect(ABC):
         return tuple(p for p in cls.parameters() if not p.fixed and (System.of(system).has_rod or not p.planar))
 
     @classmethod
-    def imitates(cls, values: Mapping[str, float], time: float, duration: float, reach: float) -> bool:
-        """Return whether, at these values, a law does what others do.
+    def imitates(cls, values: Mapping[str, float], time: float, duration: float, reach: float) -> float:
+        """Return whether, at these values, a law does what others do: 0 or 1; infinite where it could be anything.
 
         Given are natural time and longest duration [s], and the natural coordinate where the effect acts [q].
         """

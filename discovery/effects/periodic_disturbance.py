@@ -82,9 +82,9 @@ class PeriodicDisturbance(Load):
 
     @classmethod
     def imitates(cls, values, time, duration, reach):
-        """Return whether the force is near the system's own frequency, or has hardly time to repeat."""
-        near = abs(values["Omega"] * time - 1) < _NEAR
-        return near or values["Omega"] * duration < 2 * np.pi * _CYCLES
+        """Return whether the force is near the system's own frequency, or has hardly time to repeat, or none."""
+        near, cycles = abs(values["Omega"] * time - 1) < _NEAR, values["Omega"] * duration / (2 * np.pi)
+        return np.inf if cycles < 1 else near or cycles < _CYCLES
 
     def expression(self):
         """Return P."""
