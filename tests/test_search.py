@@ -157,6 +157,20 @@ def test_the_budget_ends_a_search() -> None:
     assert [d.code for d in search.decisions if d.action == "stop"] == ["budget"]
 
 
+@pytest.mark.parametrize(("effects", "left"), [({"f_c": 0.02}, "coulomb_friction"), ({"beta": 1.0}, "cubic_stiffness")])
+def test_a_law_that_its_last_fit_reduces_gives_way_to_what_it_contains(effects: dict[str, float], left: str) -> None:
+    shared = context(**effects)
+    search = begun(shared)
+    larger = {"coulomb_friction": "stribeck_friction"}.get(left, left)
+    search.best = next(c for c in search.offers.beside(search.root) if c.added == (larger,))
+    _, last = finished(search.best, shared)
+    found = search.simplified(last)
+    assert found.added == (left,)
+    assert (found is last) == (larger == left)
+    # What the search ends with follows where a law was given up, and only there.
+    assert search.best.added == found.added
+
+
 # The one rule.
 
 

@@ -62,13 +62,13 @@ class Separation:
         Of the nearest pair on the given recordings, where parameters are as free as they can be, and on the manoeuvre;
         zero there where every manoeuvre that was tried exceeds the deflection that is allowed.
     deflection : float
-        Largest deflection that a rival predicts [q], of an arm [rad].
+        Largest deflection that a rival predicts, as it is read.
     evaluations : int
         Manoeuvres tried.
     release : float
         How far from rest the system is let go, at no speed [q]; zero where its input moves it.
-    unit : str
-        SI unit of the coordinate q.
+    unit, deflection_unit : str
+        SI units of the coordinate q, and of deflections: those of an accelerometer are accelerations.
     """
 
     rivals: tuple[str, ...]
@@ -83,6 +83,7 @@ class Separation:
     evaluations: int
     release: float = 0.0
     unit: str = "rad"
+    deflection_unit: str = "rad"
 
     @property
     def decides(self) -> bool:
@@ -104,6 +105,7 @@ class Separation:
             "columns": list(self.columns),
             "release": self.release,
             "unit": self.unit,
+            "deflection_unit": self.deflection_unit,
             "predicted": [] if self.moves else [[float(f"{v:.6g}") for v in row] for row in self.table.tolist()],
             "given": asdict(self.given),
             "designed": asdict(self.designed),
@@ -209,6 +211,7 @@ def separate(
         deflection=deflection,
         evaluations=sum(s.count for s in searches),
         unit=experiments[0].coordinate_unit,
+        deflection_unit=experiments[0].deflection_unit,
     )
 
 
@@ -254,7 +257,6 @@ def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
     compared = [(trial.compare((), place), place) for place in places]
     known = [found for found in compared if found[0][1] <= limits.deflection]
     (distance, deflection), release = max(known or compared, key=lambda found: found[0][0].chi2)
-    unit = experiments[0].coordinate_unit
     predicted = trial.readings((), release) if np.isfinite(deflection) else np.empty((0, len(names)))
     return Separation(
         rivals=names,
@@ -268,5 +270,6 @@ def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
         deflection=deflection,
         evaluations=len(places),
         release=release,
-        unit=unit,
+        unit=experiments[0].coordinate_unit,
+        deflection_unit=experiments[0].deflection_unit,
     )

@@ -190,11 +190,11 @@ class Experiment:
         natural_time : float
             Inverse angular frequency of the swing [s].
         """
-        read = self.deflection[np.isfinite(self.deflection)]
-        if not self.reads_acceleration or self.drive is not None or not read.size:
+        if not self.reads_acceleration or self.drive is not None:
             return self.initial_guess
         acceleration, rate = self._first_reading
-        middle = float(read.mean())
+        read = self.deflection[np.isfinite(self.deflection)]
+        middle = float(read.mean()) if read.size else 0.0
         return (middle - acceleration) * natural_time**2, -rate * natural_time**2
 
     @cached_property

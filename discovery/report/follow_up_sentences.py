@@ -69,7 +69,7 @@ def separation_sentence(found: Record) -> str:
         won = f"{figures(designed['chi2'], 2)}, and less than {found['decides_from']:g} may be chance"
         best = f"the best lets the right one win by an expected chi-square of {won}"
     elif math.isfinite(found["deflection"]):
-        far = f"{found['deflection']:.3g} {found['unit']}"
+        far = f"{found['deflection']:.3g} {found['deflection_unit']}"
         best = f"the gentlest {f'deflects the tip by {far}' if arm else f'takes the output to {far}'}"
     else:
         best = "every motion blows up"
@@ -83,7 +83,8 @@ def separation_sentence(found: Record) -> str:
             "safe, or slower ones."
         )
     else:
-        limits = f"{most['duration']:.3g} s, output up to {most['deflection']:.3g} {found['unit']}, as it was recorded"
+        reach = f"{most['deflection']:.3g} {found['deflection_unit']}"
+        limits = f"{most['duration']:.3g} s, output up to {reach}, as it was recorded"
         help_ = "An instrument with less noise would help, or larger motions, if they are safe."
     return (
         f"No manoeuvre within the safe limits ({limits}) tells {rivals} apart: of {found['evaluations']} tried, "
