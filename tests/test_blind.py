@@ -81,6 +81,7 @@ ONLY_QUICK = {
     "material_nonlinearity": (0.0, 0.02),
     "quadratic_stiffness": (0.0, 0.02),
     "amplitude_dependent_damping": (0.0, 0.02),
+    "nonlinear_structural_damping": (0.0, 0.02),
     "tip_rotary_inertia": (0.0, 1e-3),
     "equilibrium_offset": (0.0, 3e-3),
     "input_gain": (0.0, 3e-3),

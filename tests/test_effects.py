@@ -32,6 +32,7 @@ VOCABULARY = {
     *("radius_quartic", "radius_tension", "quadratic_stiffness", "quintic_stiffness", "material_nonlinearity"),
     *("initial_curvature", "equilibrium_offset", "stiffness_drift", "coulomb_friction", "stribeck_friction"),
     *("quadratic_drag", "structural_damping", "amplitude_dependent_damping", "asymmetric_viscous_damping"),
+    "nonlinear_structural_damping",
     *("table_tilt", "gravity_torque", "periodic_disturbance", "base_backlash", "base_compliance", "encoder_ripple"),
     *("input_offset", "input_gain", "base_hysteresis", "hysteresis", "viscoelastic_relaxation"),
     *("sensor_delay", "angle_offset", "position_scale", "camera_origin_offset", "time_base_error", "zero_drift"),

@@ -213,9 +213,9 @@ class ViscoelasticRelaxation(Disturbance):
 
 @dataclass(frozen=True)
 class EncoderRipple(Disturbance):
-    """Base that leads the encoder's angle a by amplitude * sin(cycles * a + phase).
+    """Base that leads the encoder's angle a by amplitude * (sin(cycles * a + phase) - sin(phase)).
 
-    `amplitude` [rad], `cycles` per turn of the motor's shaft, `phase` [rad].
+    `amplitude` [rad], `cycles` per turn of the motor's shaft, `phase` [rad]. The encoder is set to zero with the base.
     """
 
     amplitude: float
@@ -227,7 +227,8 @@ class EncoderRipple(Disturbance):
         """See the base class."""
         argument = self.cycles * angle + self.phase
         ripple, slope = self.amplitude * np.sin(argument), self.amplitude * self.cycles * np.cos(argument)
-        return angle + ripple, rate * (1 + slope), acceleration * (1 + slope) - self.cycles**2 * ripple * rate**2
+        led = ripple - self.amplitude * np.sin(self.phase)
+        return angle + led, rate * (1 + slope), acceleration * (1 + slope) - self.cycles**2 * ripple * rate**2
 
 
 @dataclass(frozen=True)

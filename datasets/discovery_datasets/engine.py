@@ -44,10 +44,11 @@ class Physics(NamedTuple):
     joint_yield: float = 1.0  # rad
     #: Disc: rotary inertia that the rod's end must turn [kg m^2].
     rotary_inertia: float = 0.0
-    #: Disc on the table: viscous and direction-dependent friction [N s/m], drag [N s^2/m^2]; loss against the velocity
-    #: in the hub's frame that grows with the square of the deflection [N s/(m rad^2)].
+    #: Disc on the table: viscous and direction-dependent friction [N s/m], drag [N s^2/m^2]; friction on its velocity,
+    #: and loss against that in the hub's frame, which grow with the square of the deflection [N s/(m rad^2)].
     viscous: float = 0.0
     asymmetry: float = 0.0
+    deflection_friction: float = 0.0
     deflection_loss: float = 0.0
     drag: float = 0.0
     #: Friction of the disc power_loss * v^power [N], v in m/s.
@@ -219,12 +220,13 @@ def slope(rod: Rod, p: Physics, inputs: FloatArray, state: FloatArray, change: F
         vx += jx[i, n - 1] * rates[i]
         vy += jy[i, n - 1] * rates[i]
     fx, fy = disc_force(p, x, y, vx, vy, inputs[6], inputs[8])
-    if p.deflection_loss != 0.0:
+    if p.deflection_loss + p.deflection_friction != 0.0:
         deflection = np.arctan2(
             y * np.cos(inputs[0]) - x * np.sin(inputs[0]), x * np.cos(inputs[0]) + y * np.sin(inputs[0])
         )
-        fx -= p.deflection_loss * deflection**2 * (vx + inputs[1] * y)
-        fy -= p.deflection_loss * deflection**2 * (vy - inputs[1] * x)
+        turned = p.deflection_loss * inputs[1]
+        fx -= deflection**2 * ((p.deflection_friction + p.deflection_loss) * vx + turned * y)
+        fy -= deflection**2 * ((p.deflection_friction + p.deflection_loss) * vy - turned * x)
     fx, fy = fx + inputs[4], fy + inputs[5]
     inertia, load = np.empty((size, size)), np.empty(size)
     for i in range(size):

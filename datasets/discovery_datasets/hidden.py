@@ -23,7 +23,7 @@ Generator = np.random.Generator
 FAMILIES: dict[str, tuple[str, ...]] = {
     "friction": (
         "coulomb_friction", "stribeck_friction", "quadratic_drag", "structural_damping", "amplitude_dependent_damping",
-        "asymmetric_viscous_damping",
+        "nonlinear_structural_damping", "asymmetric_viscous_damping",
     ),
     "rod": (
         "material_nonlinearity", "quadratic_stiffness", "stiffness_drift", "initial_curvature", "tip_rotary_inertia",
@@ -135,6 +135,9 @@ def draw_hidden(name: str, scene: Scene, rng: Generator) -> Hidden:
         "structural_damping": (lambda s: plain.StructuralDamping(0.003 * s / scene.frequency), 15),
         "amplitude_dependent_damping": (
             lambda s: quick.AmplitudeDependentDamping(0.02 * s * mass * scene.frequency), 60
+        ),
+        "nonlinear_structural_damping": (
+            lambda s: quick.NonlinearStructuralDamping(0.02 * s * mass * scene.frequency), 60
         ),
         "asymmetric_viscous_damping": (lambda s: quick.AsymmetricViscousDamping(0.3 * sign * s * r.disc_friction), 3),
         "material_nonlinearity": (lambda s: quick.MaterialNonlinearity(0.05 * s * sign * r.length**2), 4),

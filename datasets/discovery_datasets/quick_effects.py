@@ -46,13 +46,28 @@ class QuadraticStiffness(QuickDisturbance):
 
 @dataclass(frozen=True)
 class AmplitudeDependentDamping(QuickDisturbance):
-    """Loss that grows with the deflection d: force -loss * d^2 * v, v the tip's velocity in the frame of the hub.
+    """Friction that grows with the deflection d: force -loss * d^2 * v, v the tip's velocity over the table.
 
     `loss` in N s/(m rad^2).
     """
 
     loss: float
     id: ClassVar[str] = "amplitude_dependent_damping"
+
+    def physics(self) -> dict[str, float]:
+        """See the base class."""
+        return {"deflection_friction": self.loss}
+
+
+@dataclass(frozen=True)
+class NonlinearStructuralDamping(QuickDisturbance):
+    """Loss in the rod that grows with the deflection d: force -loss * d^2 * v, v the tip's velocity seen from the hub.
+
+    `loss` in N s/(m rad^2).
+    """
+
+    loss: float
+    id: ClassVar[str] = "nonlinear_structural_damping"
 
     def physics(self) -> dict[str, float]:
         """See the base class."""
@@ -256,6 +271,7 @@ QUICK_EFFECTS: dict[str, type[Disturbance]] = {
         MaterialNonlinearity,
         QuadraticStiffness,
         AmplitudeDependentDamping,
+        NonlinearStructuralDamping,
         Hysteresis,
         TipRotaryInertia,
         BaseCompliance,

@@ -2,13 +2,17 @@
 
 from discovery.declarations.effect import Dissipation
 from discovery.declarations.parameters import HalfNormal, Parameter
-from discovery.declarations.symbols import delta, delta_dot
+from discovery.declarations.symbols import delta, v2
 
 
 class AmplitudeDependentDamping(Dissipation):
-    r"""Losses that grow with the square of the deflection.
+    r"""Viscous friction that grows with the square of the deflection.
 
-    .. math:: D = \tfrac12\, \xi_2\, \delta^2 \dot\delta^2
+    .. math:: D = \tfrac12\, \xi_2\, \delta^2 v_t^2
+
+    It acts on the speed, as `viscous_damping` does: on an arm with a constant radius this is the term
+    :math:`\xi_2\, \delta^2 \dot\theta_t` of the equation of motion. Losses inside a rod that grow with its bending are
+    `nonlinear_structural_damping`.
     """
 
     anchored = True
@@ -19,4 +23,4 @@ class AmplitudeDependentDamping(Dissipation):
 
     def expression(self):
         """Return D."""
-        return self.xi_2 * delta**2 * delta_dot**2 / 2
+        return self.xi_2 * delta**2 * v2 / 2

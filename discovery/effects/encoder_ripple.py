@@ -13,12 +13,12 @@ _FOLLOWED = 30.0
 class EncoderRipple(Drive):
     r"""The hub leads and lags the angle that the encoder reads, periodically in that angle.
 
-    .. math:: \theta_m \to \theta_m + r_s \sin N\theta_m + r_c \cos N\theta_m
+    .. math:: \theta_m \to \theta_m + r_s \sin N\theta_m + r_c\, (\cos N\theta_m - 1)
 
     N counts the cycles in one turn of the hub: 1 for an eccentric encoder, 2n for the wave generator of a harmonic
-    drive of ratio n. The error at rest, r_c at the encoder's zero, is part of the hub's angle. Above about 30 cycles
-    the arm is too slow to follow: what is left is the constant error before and after a move, which tells no N, and
-    which an offset or a gain of the hub leaves as well.
+    drive of ratio n. The encoder's zero is set where the hub is at zero; if it is not, that is an `angle_offset`. Above
+    about 30 cycles the arm is too slow to follow: what is left is the constant error after a move, which tells no N,
+    and which a gain of the hub leaves as well.
     """
 
     systems = frozenset({ARM})
@@ -38,4 +38,4 @@ class EncoderRipple(Drive):
 
     def expression(self):
         """Return the angle of the hub."""
-        return theta_m + self.r_s * sp.sin(self.N_e * theta_m) + self.r_c * sp.cos(self.N_e * theta_m)
+        return theta_m + self.r_s * sp.sin(self.N_e * theta_m) + self.r_c * (sp.cos(self.N_e * theta_m) - 1)
