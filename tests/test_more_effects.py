@@ -90,7 +90,7 @@ OF_THE_HUB = {
     "encoder_ripple": (
         {"r_s": 0.03, "r_c": -0.02, "N_e": 7.0},
         lambda a: (
-            a + 0.03 * np.sin(7 * a) - 0.02 * np.cos(7 * a),
+            a + 0.03 * np.sin(7 * a) - 0.02 * (np.cos(7 * a) - 1),
             1 + 7 * (0.03 * np.cos(7 * a) + 0.02 * np.sin(7 * a)),
             49 * (-0.03 * np.sin(7 * a) + 0.02 * np.cos(7 * a)),
         ),
@@ -284,7 +284,7 @@ def test_the_radius_of_the_exact_arm_has_these_terms_already() -> None:
 
 def test_a_force_that_hardly_repeats_imitates_others_and_one_that_never_does_could_be_anything() -> None:
     effect = get_effect("periodic_disturbance")
-    found = [effect.imitates({"Omega": 2.0}, 0.1, cycles * np.pi, 1.0) for cycles in (0.9, 1.1, 2.9, 3.1)]
+    found = [effect.imitates({"Omega": 2.0}, 0.1, cycles * np.pi, 0.01, 1.0) for cycles in (0.9, 1.1, 2.9, 3.1)]
     assert found == [np.inf, 1.0, 1.0, 0.0]
 
 

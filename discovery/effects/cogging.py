@@ -18,7 +18,7 @@ class Cogging(Potential):
 
     The torque is :math:`n_a \cos N_c q + n_b \sin N_c q`; N_c counts its periods in one turn: for a motor the least
     common multiple of its poles and slots. It is offered where nothing ties an angle. Within few of its periods it
-    imitates springs.
+    imitates springs; of one that goes by in less than two readings, these could tell anything.
     """
 
     systems = frozenset({OSCILLATOR})
@@ -38,9 +38,10 @@ class Cogging(Potential):
     )  # fmt: skip
 
     @classmethod
-    def imitates(cls, values, time, duration, reach):
-        """Return whether the rotor travels through few periods, to both sides of zero."""
-        return values["N_c"] * 2 * reach < 2 * np.pi * _PERIODS
+    def imitates(cls, values, time, duration, step, reach):
+        """Return whether the rotor travels through few periods, to both sides of zero, or half of one per reading."""
+        travelled = values["N_c"] * 2 * reach
+        return np.inf if travelled * step > np.pi * duration else travelled < 2 * np.pi * _PERIODS
 
     def expression(self):
         """Return V."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.estimation.start_values import own_parameters
+from discovery.foundation.sampling import median_step
 from discovery.foundation.workers import in_threads
 from discovery.recordings.experiment import Experiment
 from discovery.simulation import simulate
@@ -274,9 +275,10 @@ class Bench:
         return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
     @property
-    def duration(self) -> float:
-        """Duration of the longest recording [s]."""
-        return max(float(np.ptp(e.recording.time)) for e in self.experiments)
+    def seen(self) -> tuple[float, float]:
+        """Duration of the longest recording, and the step between its readings [s]."""
+        longest = max((e.recording.time for e in self.experiments), key=np.ptp)
+        return float(np.ptp(longest)), median_step(longest)
 
     @property
     def cost(self) -> int:

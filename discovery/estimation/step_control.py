@@ -141,7 +141,7 @@ def affordable_bench(
     Bench or None
         None where no step that is tried reaches the tolerance.
     """
-    shortest = like.duration / min(_MOST_STEPS, _MORE * like.cost)
+    shortest = like.seen[0] / min(_MOST_STEPS, _MORE * like.cost)
     try:
         step = choose_step(model, experiments, units, values, tolerance, effects, shortest=shortest)
     except ComputationError:

@@ -50,7 +50,7 @@ def separations(search: Search, found: Mapping[str, Named], context: Context) ->
         context.progress(f"designing a manoeuvre that tells {effect} from {' and '.join(rivals)}")
         sets = {effect: search.best, **{r: own.rivals[own.group.index(r)] for r in rivals}}
         fits = {name: fit_near(c.refit.problem, c.refit.values) for name, c in sets.items()}
-        steps = max(f.problem.bench.duration / f.problem.bench.shortest for f in fits.values())
+        steps = max(f.problem.bench.seen[0] / f.problem.bench.shortest for f in fits.values())
         rng = np.random.default_rng([context.settings.seed, 2])
         # An input that never moved shows no limits, and what has no place of rest none to start from.
         with nullcontext() if first.system.has_rod else suppress(InputError, ComputationError):
