@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from discovery.declarations.effect import ARM, Effect
-from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Parameter
 from discovery.declarations.registry import catalogue
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
@@ -67,8 +67,8 @@ def _formula(text: str) -> str:
 
 def _prior(parameter: Parameter) -> str:
     prior = parameter.prior
-    if isinstance(prior, HalfNormal):
-        return f"half-normal, scale {prior.sd:g}"
+    if isinstance(prior, HalfStudent):
+        return f"half-t, scale {prior.scale:g}"
     if isinstance(prior, Normal):
         return f"normal, {prior.mean:g} ± {prior.sd:g}"
     if isinstance(prior, LogNormal):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from folded import folded_t
 from scipy import stats
 
 from benchmarks.calibration import manoeuvres, ranks
@@ -21,7 +22,7 @@ from benchmarks.calibration.replicate import (
     placed,
     simulated,
 )
-from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal
 from discovery.equations.model import Model
 from discovery.estimation.importance import importance_sample
 from discovery.estimation.natural_units import NaturalUnits
@@ -196,7 +197,7 @@ def test_simulated_noise_has_the_density_that_the_posterior_takes_it_to_have(noi
     ("prior", "law"),
     [
         (Normal(1.0, 2.0), stats.norm(1.0, 2.0)),
-        (HalfNormal(0.5), stats.halfnorm(scale=0.5)),
+        (HalfStudent(0.5), folded_t(0.5)),
         (LogNormal(0.1, 0.7), stats.lognorm(0.7, scale=0.1)),
         (Logistic(), stats.logistic()),
     ],

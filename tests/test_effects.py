@@ -10,7 +10,7 @@ import sympy as sp
 from test_bench import arm
 
 from discovery.declarations.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
-from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Parameter
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.declarations.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
@@ -117,7 +117,7 @@ class AddedInertia(Kinetic):
 
     systems = frozenset({ARM})
     cite = "planted"
-    m_a = Parameter("1", "added mass", (0.0, 1.0), HalfNormal(0.1), starts=(0.01,), latex="m_a")
+    m_a = Parameter("1", "added mass", (0.0, 1.0), HalfStudent(0.1), starts=(0.01,), latex="m_a")
 
     def expression(self):
         return self.m_a * ((v_x**2 + v_y**2) / 2 + (1 + x * delta) * omega * delta_dot)
@@ -130,7 +130,7 @@ class PushingFriction(Dissipation):
     """
 
     cite = "planted"
-    p_f = Parameter("s^-1", "friction", (0.0, 1.0), HalfNormal(0.1), starts=(0.01,), latex="p_f")
+    p_f = Parameter("s^-1", "friction", (0.0, 1.0), HalfStudent(0.1), starts=(0.01,), latex="p_f")
 
     def expression(self):
         return -self.p_f * v2 / 2
@@ -143,7 +143,7 @@ class WrongUnit(Potential):
     """
 
     cite = "planted"
-    w_u = Parameter("s^-2", "stiffness", (0.0, 1.0), HalfNormal(0.1), starts=(2.0,), latex="w_u")
+    w_u = Parameter("s^-2", "stiffness", (0.0, 1.0), HalfStudent(0.1), starts=(2.0,), latex="w_u")
 
     def expression(self):
         return self.w_u * delta**4 / 4

@@ -22,9 +22,10 @@ from driven_oscillator import (
     oscillating_covariance,
     responses,
 )
+from folded import folded_t
 from scipy import special, stats
 
-from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
@@ -171,7 +172,7 @@ def test_priors_count_within_their_bounds_only(linear):
     target = log_posterior(free)
     laws = {
         Normal: lambda p: stats.norm(p.mean, p.sd),
-        HalfNormal: lambda p: stats.halfnorm(scale=p.sd),
+        HalfStudent: lambda p: folded_t(p.scale),
         LogNormal: lambda p: stats.lognorm(p.log_sd, scale=p.median),
     }
     low, high = free.problem.bounds

@@ -6,12 +6,13 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from folded import folded_t
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from discovery.declarations.effect import OSCILLATOR
-from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal, Parameter, natural_scale
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal, Parameter, natural_scale
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
@@ -178,9 +179,9 @@ def test_the_normal_prior_is_scipys(mean: float, sd: float, x: list[float]) -> N
 
 @settings(deadline=None)
 @given(st.floats(0.01, 10), st.lists(st.floats(-20, 20, allow_subnormal=False), min_size=1, max_size=5))
-def test_the_half_normal_prior_is_scipys(sd: float, x: list[float]) -> None:
-    expected = stats.halfnorm.logpdf(x, scale=sd)
-    np.testing.assert_allclose(HalfNormal(sd).log_density(x), expected, rtol=1e-12, atol=1e-12)
+def test_the_half_t_prior_is_scipys(scale: float, x: list[float]) -> None:
+    expected = folded_t(scale).logpdf(np.array(x))
+    np.testing.assert_allclose(HalfStudent(scale).log_density(x), expected, rtol=1e-12, atol=1e-12)
 
 
 @settings(deadline=None)
@@ -195,9 +196,9 @@ def test_the_log_normal_prior_is_scipys(median: float, log_sd: float, x: list[fl
     assert (got[values <= 0] == -math.inf).all()
 
 
-@pytest.mark.parametrize("prior", [Normal(0.3, 0.2), HalfNormal(0.4), LogNormal(0.5, 0.6)])
-def test_priors_are_normalised(prior: Normal | HalfNormal | LogNormal) -> None:
-    mass, _ = integrate.quad(lambda x: math.exp(prior.log_density(x)), -3.0, 40.0, points=[0.0, 0.5, 5.0], limit=200)
+@pytest.mark.parametrize("prior", [Normal(0.3, 0.2), HalfStudent(0.4), LogNormal(0.5, 0.6)])
+def test_priors_are_normalised(prior: Normal | HalfStudent | LogNormal) -> None:
+    mass, _ = integrate.quad(lambda x: math.exp(prior.log_density(x)), -3.0, 400.0, points=[0.0, 0.5, 5.0], limit=200)
     assert mass == pytest.approx(1.0, abs=1e-6)
 
 

@@ -12,7 +12,7 @@ from test_export import with_stiffness
 
 from discovery.declarations.amplitudes import amplitudes
 from discovery.declarations.effect import Load, Memory
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import bend_dot, delta, delta_dot, t
 from discovery.estimation.physical import physical_parameters
 from discovery.export import FittedModel, from_json, to_c, to_json, to_latex, to_numpy, to_sympy_file
@@ -139,8 +139,8 @@ class Product(Load):
     """A force that two parameters scale, so that neither alone does."""
 
     on = delta_dot
-    first = Parameter("s^-2", "one factor", (0.0, 1.0), HalfNormal(1.0))
-    second = Parameter("q", "the other", (0.0, 1.0), HalfNormal(1.0))
+    first = Parameter("s^-2", "one factor", (0.0, 1.0), HalfStudent(1.0))
+    second = Parameter("q", "the other", (0.0, 1.0), HalfStudent(1.0))
 
     def expression(self) -> Any:
         return self.first * self.second
@@ -150,8 +150,8 @@ class Fading(Load):
     """A force that fades: its rate is free, but scales nothing."""
 
     on = delta_dot
-    size = Parameter("s^-2 q", "force at first", (0.0, 1.0), HalfNormal(1.0))
-    fades = Parameter("s^-1", "rate", (0.0, 1.0), HalfNormal(1.0))
+    size = Parameter("s^-2 q", "force at first", (0.0, 1.0), HalfStudent(1.0))
+    fades = Parameter("s^-1", "rate", (0.0, 1.0), HalfStudent(1.0))
 
     def expression(self) -> Any:
         return self.size * sp.exp(-self.fades * t)
@@ -167,7 +167,7 @@ class Offset(Fading):
 class Sliding(Memory):
     """A force that grows with a length that its own memory depends on."""
 
-    reach = Parameter("s^-2", "reach", (0.0, 1.0), HalfNormal(1.0))
+    reach = Parameter("s^-2", "reach", (0.0, 1.0), HalfStudent(1.0))
 
     def states(self) -> Any:
         return {_SLIP: bend_dot - _SLIP / self.reach}

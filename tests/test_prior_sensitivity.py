@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from discovery.declarations.parameters import Flat, HalfNormal, LogNormal, Normal
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal
 from discovery.posterior.marginal_priors import MarginalPrior
 from discovery.posterior.prior_sensitivity import prior_effects
 
@@ -23,7 +23,7 @@ EVERYWHERE = (-math.inf, math.inf)
         (Normal(0.4, 2.0), 3.0, EVERYWHERE, 6.0),
         (Normal(0.0, 1.0), 2.0, (0.0, math.inf), 2.0 * stats.halfnorm.std()),
         (Normal(1.0, 2.0), 1.0, (0.0, 1.5), stats.truncnorm(-0.5, 0.25, 1.0, 2.0).std()),
-        (HalfNormal(0.3), 10.0, (0.0, math.inf), 3.0 * stats.halfnorm.std()),
+        (HalfStudent(0.3), 10.0, (0.0, math.inf), 3.0 * math.sqrt(3.0 - 12.0 / math.pi**2)),
         (LogNormal(2.0, 0.7), 5.0, (1e-3, math.inf), stats.lognorm(0.7, scale=10.0).std()),
         (Flat(), 1.0, (-1.0, 5.0), 6.0 / math.sqrt(12.0)),
         (Flat(), 1.0, EVERYWHERE, math.inf),
@@ -38,7 +38,7 @@ def test_nothing_is_believed_beyond_the_bounds() -> None:
     assert np.array_equal(np.isfinite(prior.log_density([-0.1, 0.0, 1.0, 1.1])), [False, True, True, False])
 
 
-@pytest.mark.parametrize("prior", [Normal(0.5, 1.0), HalfNormal(0.7), LogNormal(0.8, 0.4)])
+@pytest.mark.parametrize("prior", [Normal(0.5, 1.0), HalfStudent(0.7), LogNormal(0.8, 0.4)])
 def test_a_wider_prior_keeps_its_centre(prior) -> None:
     wide = MarginalPrior(prior, 2.0, (0.0, 50.0)).widened(2.0)
     before, after = MarginalPrior(prior, 2.0, (0.0, 50.0)).summary(), wide.summary()

@@ -19,7 +19,7 @@ from test_mechanics import exact_drive
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Dissipation
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
@@ -305,7 +305,7 @@ class BearingFriction(Dissipation):
 
     systems = frozenset({ARM})
     cite = "planted"
-    c_e = Parameter("s^-1", "friction of the end", (0.0, 1.0), HalfNormal(0.1), starts=(0.01,), latex="c_e")
+    c_e = Parameter("s^-1", "friction of the end", (0.0, 1.0), HalfStudent(0.1), starts=(0.01,), latex="c_e")
 
     def expression(self):
         return self.c_e * s.slope_dot**2 / 2

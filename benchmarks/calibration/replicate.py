@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Prior
+from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Prior
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -79,8 +79,8 @@ def drawn_from(prior: Prior, lower: float, upper: float, rng: Generator) -> floa
         match prior:
             case Normal():
                 value = rng.normal(prior.mean, prior.sd)
-            case HalfNormal():
-                value = abs(rng.normal(0.0, prior.sd))
+            case HalfStudent():
+                value = prior.scale * abs(rng.standard_t(3))
             case LogNormal():
                 value = prior.median * np.exp(rng.normal(0.0, prior.log_sd))
             case Logistic():

@@ -14,7 +14,7 @@ from discovery.foundation.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
-__all__ = ["Flat", "HalfNormal", "LogNormal", "Normal", "Parameter", "Prior", "natural_scale"]
+__all__ = ["Flat", "HalfStudent", "LogNormal", "Normal", "Parameter", "Prior", "natural_scale"]
 
 
 class Prior(Protocol):
@@ -71,21 +71,26 @@ class Normal:
 
 
 @dataclass(frozen=True)
-class HalfNormal:
-    """Gaussian prior of scale `sd` folded onto the non-negative half line (amplitudes that cannot be negative)."""
+class HalfStudent:
+    """Student's t of three degrees of freedom folded onto the non-negative half line: an amplitude, mostly small.
 
-    sd: float
+    It believes in the size `scale` as a folded Gaussian does, but forbids nothing: an amplitude of ten scales costs
+    seven nats, not fifty, as what is natural for one system may be far from it for another. Source: Gelman, Bayesian
+    Analysis 1 (2006) 515.
+    """
+
+    scale: float
 
     def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
         """Return the log density; minus infinity below zero."""
-        x = np.asarray(x, float)
-        inside = -0.5 * (x / self.sd) ** 2 + math.log(math.sqrt(2 / math.pi) / self.sd)
-        return np.where(x >= 0, inside, -np.inf)
+        z = np.asarray(x, float) / self.scale
+        inside = -2 * np.log1p(z * z / 3) + math.log(4 / (math.pi * math.sqrt(3) * self.scale))
+        return np.where(z >= 0, inside, -np.inf)
 
     @property
     def width(self) -> float:
         """The scale."""
-        return self.sd
+        return self.scale
 
 
 @dataclass(frozen=True)

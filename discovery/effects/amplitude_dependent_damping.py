@@ -1,7 +1,7 @@
 """Damping that grows with the deflection."""
 
 from discovery.declarations.effect import Dissipation
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import delta, v2
 
 
@@ -18,7 +18,7 @@ class AmplitudeDependentDamping(Dissipation):
     anchored = True
     cite = "van der Pol (1926); Nayfeh and Mook, Nonlinear Oscillations (1979), section 3.3"
     xi_2 = Parameter(
-        "s^-1 q^-2", "amplitude-dependent damping", (0.0, 20.0), HalfNormal(0.5), starts=(0.005, 0.05), latex=r"\xi_2"
+        "s^-1 q^-2", "amplitude-dependent damping", (0.0, 20.0), HalfStudent(0.5), starts=(0.005, 0.05), latex=r"\xi_2"
     )
 
     def expression(self):

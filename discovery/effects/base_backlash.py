@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import Joint
-from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
 from discovery.declarations.symbols import root
 
 
@@ -19,9 +19,9 @@ class BaseBacklash(Joint):
 
     reduces_to = frozenset({"base_compliance"})
     cite = "Nordin and Gutman, Automatica 38 (2002) 1633"
-    w_p = Parameter("q", "half width of the play", (0.0, 0.3), HalfNormal(0.04), starts=(0.002, 0.01), latex="w_p")
+    w_p = Parameter("q", "half width of the play", (0.0, 0.3), HalfStudent(0.04), starts=(0.002, 0.01), latex="w_p")
     c_p = Parameter(
-        "1", "compliance of the contact over l / EI of the rod", (0.0, 1.0), HalfNormal(0.03), starts=(0.005,),
+        "1", "compliance of the contact over l / EI of the rod", (0.0, 1.0), HalfStudent(0.03), starts=(0.005,),
         latex="c_p",
     )  # fmt: skip
     b_p = Parameter(

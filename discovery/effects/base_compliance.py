@@ -1,7 +1,7 @@
 """A clamp that gives way."""
 
 from discovery.declarations.effect import Shape
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 
 
 class BaseCompliance(Shape):
@@ -17,7 +17,7 @@ class BaseCompliance(Shape):
 
     cite = "Batista, Large deflections and stability of spring-hinged cantilever beam (2018), arXiv:1812.09164"
     c_b = Parameter(
-        "1", "compliance of the clamp over l / EI of the rod", (0.0, 2.0), HalfNormal(0.1),
+        "1", "compliance of the clamp over l / EI of the rod", (0.0, 2.0), HalfStudent(0.1),
         starts=(0.01, 0.1), latex="c_b",
     )  # fmt: skip
 

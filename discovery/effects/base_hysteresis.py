@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import Joint
-from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
 from discovery.declarations.symbols import root, root_dot
 
 _SLIP = sp.Symbol("z_c", real=True)
@@ -28,10 +28,10 @@ class BaseHysteresis(Joint):
     reduces_to = frozenset({"base_compliance"})
     cite = "Wen, Journal of the Engineering Mechanics Division 102 (1976) 249; Ibrahim and Pettit (2005)"
     c_c = Parameter(
-        "1", "compliance of the sticking clamp over l / EI of the rod", (0.0, 1.0), HalfNormal(0.05), starts=(0.002,),
+        "1", "compliance of the sticking clamp over l / EI of the rod", (0.0, 1.0), HalfStudent(0.05), starts=(0.002,),
         latex="c_c",
     )  # fmt: skip
-    e_c = Parameter("1", "compliance that slipping adds", (0.0, 1.0), HalfNormal(0.02), starts=(0.001,), latex="e_c")
+    e_c = Parameter("1", "compliance that slipping adds", (0.0, 1.0), HalfStudent(0.02), starts=(0.001,), latex="e_c")
     w_c = Parameter(
         "q", "bending at which it slips", (0.01, 3.0), LogNormal(0.15, 1.0), default=0.15,
         starts=(0.02, 0.06, 0.2, 0.6), shape=True, latex="w_c",

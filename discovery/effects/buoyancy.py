@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, WEIGHT, Load
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import delta_dot
 
 
@@ -24,7 +24,7 @@ class Buoyancy(Load):
     pliable = True
     cite = "Batchelor, An Introduction to Fluid Dynamics (1967), section 6.4"
     b_g = Parameter(
-        "s^-2 q", "part of the gravitational acceleration that is carried", (0.0, 1.0), HalfNormal(0.05),
+        "s^-2 q", "part of the gravitational acceleration that is carried", (0.0, 1.0), HalfStudent(0.05),
         starts=(0.001, 0.005), latex="b_g",
     )  # fmt: skip
 

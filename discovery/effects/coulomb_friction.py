@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import Dissipation
-from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
 from discovery.declarations.symbols import v2
 
 
@@ -19,7 +19,7 @@ class CoulombFriction(Dissipation):
     """
 
     cite = "Coulomb (1785); regularised as in Armstrong-Helouvry et al., Automatica 30 (1994) 1083"
-    f_c = Parameter("s^-2 q", "Coulomb friction", (0.0, 1.0), HalfNormal(0.05), starts=(0.001, 0.01), latex="f_c")
+    f_c = Parameter("s^-2 q", "Coulomb friction", (0.0, 1.0), HalfStudent(0.05), starts=(0.001, 0.01), latex="f_c")
     v_c = Parameter(
         "s^-1 q", "creep speed", (1e-4, 0.1), LogNormal(7e-4, 1.0), default=7e-4, shape=True, fixed=True, latex="v_c"
     )

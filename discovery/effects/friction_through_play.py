@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Memory
-from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
 from discovery.declarations.symbols import bend_dot
 
 _SLACK = sp.Symbol("z_d", real=True)
@@ -24,7 +24,7 @@ class FrictionThroughPlay(Memory):
     anchored = False
     remembers = True
     cite = "Coble et al., Mechanical Systems and Signal Processing (2024), friction damper with backlash; Wen (1976)"
-    f_d = Parameter("s^-2 q", "Coulomb friction", (0.0, 3.0), HalfNormal(0.05), starts=(0.001, 0.01), latex="f_d")
+    f_d = Parameter("s^-2 q", "Coulomb friction", (0.0, 3.0), HalfStudent(0.05), starts=(0.001, 0.01), latex="f_d")
     w_d = Parameter(
         "q", "half width of the play", (0.003, 1.0), LogNormal(0.1, 1.0), default=0.1, starts=(0.03, 0.1, 0.3),
         shape=True, latex="w_d",

@@ -1,7 +1,7 @@
 """What moves rubs against the ground, not against its base."""
 
 from discovery.declarations.effect import OSCILLATOR, SHAKEN, Dissipation
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import slope_dot
 
 
@@ -18,7 +18,7 @@ class GroundDamping(Dissipation):
     needs = SHAKEN
     cite = "Den Hartog, Mechanical Vibrations (1956), section 2.9"
     c_g = Parameter(
-        "s^-1", "viscous damping against the ground", (0.0, 20.0), HalfNormal(1.0), starts=(0.01,), latex="c_g"
+        "s^-1", "viscous damping against the ground", (0.0, 20.0), HalfStudent(1.0), starts=(0.01,), latex="c_g"
     )
 
     def expression(self):

@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Drive
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import u
 
 
@@ -20,7 +20,7 @@ class InputDeadZone(Drive):
     systems = frozenset({OSCILLATOR})
     cite = "Tao and Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), chapter 2"
     w_u = Parameter(
-        "u", "half width of the dead zone of the input", (0.0, 1.0), HalfNormal(0.1), starts=(0.01, 0.05, 0.2),
+        "u", "half width of the dead zone of the input", (0.0, 1.0), HalfStudent(0.1), starts=(0.01, 0.05, 0.2),
         latex="w_u",
     )  # fmt: skip
 

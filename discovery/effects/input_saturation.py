@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Drive
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import u
 
 
@@ -20,7 +20,7 @@ class InputSaturation(Drive):
     systems = frozenset({OSCILLATOR})
     cite = "Tao and Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), chapter 1"
     s_u = Parameter(
-        "u^-1", "inverse of the largest input that passes", (0.0, 20.0), HalfNormal(6.0),
+        "u^-1", "inverse of the largest input that passes", (0.0, 20.0), HalfStudent(6.0),
         starts=(1.1, 1.3, 1.6, 2.5, 5.0), latex="s_u",
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """A pull away from a place."""
 
 from discovery.declarations.effect import OSCILLATOR, ROTOR, Potential
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import delta
 
 
@@ -18,8 +18,9 @@ class NegativeStiffness(Potential):
     needs = ROTOR
     cite = "Carrella, Brennan and Waters, Journal of Sound and Vibration 301 (2007) 678"
     kappa = Parameter(
-        "s^-2", "stiffness away from the middle", (0.0, 10.0), HalfNormal(1.0), starts=(0.01, 0.1, 0.5), latex=r"\kappa"
-    )
+        "s^-2", "stiffness away from the middle", (0.0, 10.0), HalfStudent(1.0), starts=(0.01, 0.1, 0.5),
+        latex=r"\kappa",
+    )  # fmt: skip
 
     def expression(self):
         """Return V."""

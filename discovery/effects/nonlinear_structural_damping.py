@@ -1,7 +1,7 @@
 """Damping inside the spring that grows with its deflection."""
 
 from discovery.declarations.effect import ARM, Dissipation
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import delta, delta_dot
 
 
@@ -17,7 +17,7 @@ class NonlinearStructuralDamping(Dissipation):
     anchored = True
     cite = "Nayfeh and Mook, Nonlinear Oscillations (1979), section 3.3; Banks and Inman (1991)"
     c_s2 = Parameter(
-        "s^-1 q^-2", "nonlinear structural damping", (0.0, 20.0), HalfNormal(0.5), starts=(0.005, 0.05),
+        "s^-1 q^-2", "nonlinear structural damping", (0.0, 20.0), HalfStudent(0.5), starts=(0.005, 0.05),
         latex="c_{s2}",
     )  # fmt: skip
 

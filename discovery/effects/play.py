@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, SPRING, Load
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import alpha, delta, delta_dot, xi
 
 #: Parts of the half width within which the contact is made, and a width that keeps it defined without play.
@@ -25,7 +25,7 @@ class Play(Load):
     on = delta_dot
     cite = "Nordin and Gutman, Automatica 38 (2002) 1633, the dead-zone model"
     w_b = Parameter(
-        "q", "half width of the play", (0.0, 100.0), HalfNormal(1.0), starts=(0.03, 0.3, 1.0, 3.0, 10.0), latex="w_b"
+        "q", "half width of the play", (0.0, 100.0), HalfStudent(1.0), starts=(0.03, 0.3, 1.0, 3.0, 10.0), latex="w_b"
     )
 
     def expression(self):

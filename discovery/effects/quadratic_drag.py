@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import Dissipation
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import v2
 
 
@@ -16,7 +16,7 @@ class QuadraticDrag(Dissipation):
     """
 
     cite = "Hoerner, Fluid-Dynamic Drag (1965), chapter 1"
-    c_2 = Parameter("q^-1", "quadratic drag", (0.0, 10.0), HalfNormal(0.3), starts=(0.005, 0.05), latex="c_2")
+    c_2 = Parameter("q^-1", "quadratic drag", (0.0, 1e3), HalfStudent(0.3), starts=(0.005, 0.05), latex="c_2")
 
     def expression(self):
         """Return D."""

@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import Dissipation
-from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
 from discovery.declarations.symbols import v2
 
 
@@ -19,9 +19,9 @@ class StribeckFriction(Dissipation):
 
     reduces_to = frozenset({"coulomb_friction"})
     cite = "Hess and Soom, Journal of Tribology 112 (1990) 147; Armstrong-Helouvry et al., Automatica 30 (1994) 1083"
-    f_k = Parameter("s^-2 q", "sliding friction", (0.0, 1.0), HalfNormal(0.05), starts=(0.001, 0.01), latex="f_k")
+    f_k = Parameter("s^-2 q", "sliding friction", (0.0, 1.0), HalfStudent(0.05), starts=(0.001, 0.01), latex="f_k")
     f_b = Parameter(
-        "s^-2 q", "bump of the friction at creep", (0.0, 1.0), HalfNormal(0.05), starts=(0.001, 0.01), latex="f_b"
+        "s^-2 q", "bump of the friction at creep", (0.0, 1.0), HalfStudent(0.05), starts=(0.001, 0.01), latex="f_b"
     )
     v_s = Parameter(
         "s^-1 q", "Stribeck speed", (2e-3, 2.0), LogNormal(0.05, 1.0), default=0.05, shape=True, latex="v_s",

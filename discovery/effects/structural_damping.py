@@ -1,7 +1,7 @@
 """Damping inside the spring."""
 
 from discovery.declarations.effect import ARM, Dissipation
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import w2
 
 
@@ -16,7 +16,7 @@ class StructuralDamping(Dissipation):
 
     systems = frozenset({ARM})
     cite = "Banks and Inman, Journal of Applied Mechanics 58 (1991) 716"
-    c_s = Parameter("s^-1", "structural damping", (0.0, 5.0), HalfNormal(0.1), starts=(0.003, 0.03), latex="c_s")
+    c_s = Parameter("s^-1", "structural damping", (0.0, 5.0), HalfStudent(0.1), starts=(0.003, 0.03), latex="c_s")
 
     def expression(self):
         """Return D."""

@@ -1,7 +1,7 @@
 """A tip that turns with the end of the rod."""
 
 from discovery.declarations.effect import ARM, Kinetic
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import slope_dot
 
 
@@ -20,7 +20,7 @@ class TipRotaryInertia(Kinetic):
     systems = frozenset({ARM})
     cite = "Bhat and Wagner, Journal of Sound and Vibration 45 (1976) 304"
     J = Parameter(
-        "1", "rotary inertia of the tip", (0.0, 0.3), HalfNormal(0.005),
+        "1", "rotary inertia of the tip", (0.0, 0.3), HalfStudent(0.005),
         starts=(0.0003, 0.001, 0.003, 0.01, 0.03), latex="J",
     )  # fmt: skip
 

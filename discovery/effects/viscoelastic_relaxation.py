@@ -3,7 +3,7 @@
 import sympy as sp
 
 from discovery.declarations.effect import Memory
-from discovery.declarations.parameters import HalfNormal, LogNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
 from discovery.declarations.symbols import alpha, bend_dot
 
 _STRAIN = sp.Symbol("e_v", real=True)
@@ -19,7 +19,7 @@ class ViscoelasticRelaxation(Memory):
     """
 
     cite = "Zener, Elasticity and Anelasticity of Metals (1948), chapter 5"
-    v = Parameter("1", "relaxing share of the stiffness", (0.0, 2.0), HalfNormal(0.1), starts=(0.01,), latex="v")
+    v = Parameter("1", "relaxing share of the stiffness", (0.0, 2.0), HalfStudent(0.1), starts=(0.01,), latex="v")
     tau_v = Parameter(
         "s", "relaxation time", (0.05, 300.0), LogNormal(2.0, 1.5), default=2.0, starts=(0.1, 0.4, 1.5, 6.0, 25.0),
         shape=True, latex=r"\tau_v",

@@ -1,7 +1,7 @@
 """Viscous friction."""
 
 from discovery.declarations.effect import Dissipation
-from discovery.declarations.parameters import HalfNormal, Parameter
+from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.symbols import v2
 
 
@@ -14,7 +14,7 @@ class ViscousDamping(Dissipation):
     """
 
     cite = "source paper, equation (15)"
-    xi = Parameter("s^-1", "viscous damping", (0.0, 1e3), HalfNormal(2.0), starts=(0.01,), latex=r"\xi")
+    xi = Parameter("s^-1", "viscous damping", (0.0, 1e3), HalfStudent(2.0), starts=(0.01,), latex=r"\xi")
 
     def expression(self):
         """Return D."""

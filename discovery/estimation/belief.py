@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.parameters import Flat, LogNormal
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal
 from discovery.estimation.problem import Problem
 
 __all__ = ["Belief", "belief_of"]
@@ -75,7 +75,9 @@ def belief_of(problem: Problem, x: FloatArray, at_bound: NDArray[np.bool_], more
 
 
 def _width(prior: object, value: float) -> float:
-    """Return the width of a prior at a value [natural units]: that of a scale grows with the value."""
+    """Return the width of a prior at a value [natural units]: that of a scale, or with a heavy tail, grows with it."""
     if isinstance(prior, LogNormal):
         return max(abs(value), 1e-3 * prior.median) * prior.log_sd
+    if isinstance(prior, HalfStudent):
+        return float(np.sqrt((3 * prior.scale**2 + value**2) / 4))
     return float(prior.width)  # type: ignore[attr-defined]

@@ -12,7 +12,7 @@ import sympy as sp
 from scipy.linalg import eigh
 
 from discovery.declarations import symbols as s
-from discovery.declarations.parameters import HalfNormal, Normal, Parameter
+from discovery.declarations.parameters import HalfStudent, Normal, Parameter
 from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS, ArmBase, Mechanics, RodEnd
 from discovery.mechanics.elastica_motion import Derivation
 from discovery.mechanics.rod import STRAIGHT, Rod
@@ -82,7 +82,7 @@ class Elastica(ArmBase):
     mu = Parameter("1", "rod mass over tip mass", (0.005, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
 
     tau_r = Parameter(
-        "s", "retardation time of the rod's material", (0.0, math.inf), HalfNormal(1e-3), fixed=True, latex=r"\tau_r"
+        "s", "retardation time of the rod's material", (0.0, math.inf), HalfStudent(1e-3), fixed=True, latex=r"\tau_r"
     )
 
     @cached_property

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Prior
+from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Prior
 from discovery.posterior.likelihood import LogPosterior
 
 __all__ = ["MarginalPrior", "marginal_priors"]
@@ -17,6 +17,8 @@ __all__ = ["MarginalPrior", "marginal_priors"]
 FloatArray = NDArray[np.float64]
 #: Points of a quadrature, and how many widths it reaches where there is no bound.
 _POINTS, _REACH = 20_001, 10.0
+#: Scales of a heavy tail.
+_FAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class MarginalPrior:
     @property
     def sd(self) -> float:
         """Standard deviation within the bounds [SI]; infinite for a flat prior without bounds."""
-        proper = isinstance(self.prior, (Normal, HalfNormal, LogNormal))
+        proper = isinstance(self.prior, (Normal, HalfStudent, LogNormal))
         if not proper and not np.isfinite(self.bounds).all():
             return math.inf
         x = self._grid()
@@ -63,16 +65,21 @@ class MarginalPrior:
             far = np.exp(_REACH * self.prior.log_sd)
             middle = self.prior.median * self.unit
             return np.geomspace(max(lower, middle / far), min(upper, middle * far), _POINTS)
-        middle = self.prior.mean * self.unit if isinstance(self.prior, Normal) else 0.0
-        reach = _REACH * self.prior.width * self.unit
-        if isinstance(self.prior, (Normal, HalfNormal)):
+        if isinstance(self.prior, HalfStudent):
+            # Densely where it is large, and far into its tail.
+            size = self.prior.scale * self.unit
+            return size * np.sinh(np.linspace(*np.arcsinh(np.array([lower, min(upper, _FAR * size)]) / size), _POINTS))
+        if isinstance(self.prior, Normal):
+            middle, reach = self.prior.mean * self.unit, _REACH * self.prior.sd * self.unit
             lower, upper = max(lower, middle - reach), min(upper, middle + reach)
         return np.linspace(lower, upper, _POINTS)
 
     def widened(self, factor: float) -> MarginalPrior:
         """Return the prior so many times as wide, with the same centre and bounds; a flat one stays what it is."""
-        if isinstance(self.prior, (Normal, HalfNormal)):
+        if isinstance(self.prior, Normal):
             return replace(self, prior=replace(self.prior, sd=factor * self.prior.sd))
+        if isinstance(self.prior, HalfStudent):
+            return replace(self, prior=HalfStudent(factor * self.prior.scale))
         if isinstance(self.prior, LogNormal):
             return replace(self, prior=replace(self.prior, log_sd=factor * self.prior.log_sd))
         return self
@@ -82,8 +89,8 @@ class MarginalPrior:
         prior, unit = self.prior, self.unit
         if isinstance(prior, Normal):
             return {"law": "normal", "mean": prior.mean * unit, "sd": prior.sd * unit}
-        if isinstance(prior, HalfNormal):
-            return {"law": "half-normal", "sd": prior.sd * unit}
+        if isinstance(prior, HalfStudent):
+            return {"law": "half-t", "scale": prior.scale * unit}
         if isinstance(prior, LogNormal):
             return {"law": "log-normal", "median": prior.median * unit, "log_sd": prior.log_sd}
         return {"law": "flat"}

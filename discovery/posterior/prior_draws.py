@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from discovery.declarations.parameters import HalfNormal, LogNormal, Normal, Prior
+from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Prior
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior
 from discovery.posterior.noise.model import Logistic
 
@@ -47,8 +47,8 @@ def _drawn(prior: Prior, unit: float, low: float, high: float, count: int, rng: 
         match prior:
             case Normal(mean, sd):
                 x = unit * rng.normal(mean, sd, count)
-            case HalfNormal(sd):
-                x = unit * np.abs(rng.normal(0.0, sd, count))
+            case HalfStudent(scale):
+                x = unit * scale * np.abs(rng.standard_t(3, count))
             case LogNormal(median, log_sd):
                 x = unit * median * np.exp(rng.normal(0.0, log_sd, count))
             case Logistic():

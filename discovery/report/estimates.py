@@ -136,8 +136,8 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
     law = prior["law"]
     if law == "normal":
         return f"normal, {uncertain(prior['mean'], prior['sd'])}"
-    if law == "half-normal":
-        return f"half-normal, scale {significant(prior['sd'], 2)}"
+    if law == "half-t":
+        return f"half-t, scale {significant(prior['scale'], 2)}"
     if law == "log-normal":
         return f"log-normal, median {significant(prior['median'], 2)}, log sd {significant(prior['log_sd'], 2)}"
     return str(law)
