@@ -95,9 +95,13 @@ def test_a_hold_out_that_is_missed_is_told() -> None:
     assert caution_sentence(inside.summary()).endswith("changed, or does training tell too little of the law?")
     # Averages are noise inside the range of training: readings scatter, and another doubt says so.
     assert missed(told(20.0, where="inside"), left=0.1, held=0.1, least=0.3) is None
-    # Noise that is stated too small shows in training as well, and a model that errs there explains nothing yet.
+    # Noise that is stated too small shows in training as well.
     assert missed(told(20.0, train=18.0), left=0.1, held=0.1, least=0.3) is None
-    assert missed(told(20.0), left=1.0, held=5.0, least=0.3) is None
+    # A model that errs in training is told where it errs far more elsewhere.
+    assert missed(told(20.0, train=5.0), left=4.0, held=18.0, least=0.3) is None
+    elsewhere = missed(told(20.0, train=2.0), left=1.0, held=18.0, least=0.3)
+    assert elsewhere is not None
+    assert "misses the held-out recordings by 20 m (rms), 10 times as much as" in caution_sentence(elsewhere.summary())
     assert missed(told(1.4), left=0.1, held=0.1, least=0.3) is None
 
 

@@ -19,6 +19,8 @@ __all__ = ["SCATTERED", "Caution", "at_edges", "missed", "strayed"]
 
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
+#: Times the training error, a hold-out that is missed by a model which leaves an error there, too.
+_ELSEWHERE = 5.0
 #: Part of its range within which a value lies at an edge.
 _EDGE = 1e-3
 #: A guess says of which size a constant is: one that ends so many times as large is of another.
@@ -96,7 +98,7 @@ def strayed(fitted: Fit) -> Caution | None:
 
 
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:
-    """Return that a model leaves noise in training and misses what is held out; None where it does not.
+    """Return that a model misses what is held out far more than training; None where it does not.
 
     Parameters
     ----------
@@ -106,8 +108,9 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
         Model error in training and held out, and that which counts as none [unit of the output].
     """
     after, floor, rms = errors["after"], errors["noise_floor"], judged_rms(errors)
-    beyond = "holdout_outside" in after and "holdout_inside" not in after
-    off = rms > SCATTERED * max(floor, after["train"]["rms"])
-    if not (left <= least and off and (beyond or held > least)):
+    beyond, explains = "holdout_outside" in after and "holdout_inside" not in after, left <= least
+    usual = max(floor, after["train"]["rms"])
+    if not (rms > (SCATTERED if explains else _ELSEWHERE) * usual and (beyond or held > least)):
         return None
-    return Caution("missed", numbers={"rms": rms, "unit": errors["unit"], "ratio": rms / floor, "beyond": beyond})
+    numbers = {"rms": rms, "unit": errors["unit"], "ratio": rms / (floor if explains else usual), "beyond": beyond}
+    return Caution("missed", numbers={**numbers, "explains": explains})

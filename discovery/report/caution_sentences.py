@@ -51,10 +51,15 @@ def _effect(found: Record) -> str:
 def _missed(found: Record) -> str:
     numbers = found["numbers"]
     other = "the motion reach where training did not" if numbers["beyond"] else "training tell too little of the law"
+    head, times = "misses the held-out recordings", "times as much as the training ones"
+    if numbers["explains"]:
+        head, times = (
+            "explains the training recordings to their noise and misses the held-out ones",
+            "times their noise",
+        )
     return (
-        f"the model explains the training recordings to their noise and misses the held-out ones by "
-        f"{figures(numbers['rms'])} {numbers['unit']} (rms), {figures(numbers['ratio'], 2)} times their noise: has the "
-        f"rig or its payload changed, or does {other}?"
+        f"the model {head} by {figures(numbers['rms'])} {numbers['unit']} (rms), {figures(numbers['ratio'], 2)} {times}: has "
+        f"the rig or its payload changed, or does {other}?"
     )
 
 
