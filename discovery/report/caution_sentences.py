@@ -53,13 +53,11 @@ def _missed(found: Record) -> str:
     other = "the motion reach where training did not" if numbers["beyond"] else "training tell too little of the law"
     head, times = "misses the held-out recordings", "times as much as the training ones"
     if numbers["explains"]:
-        head, times = (
-            "explains the training recordings to their noise and misses the held-out ones",
-            "times their noise",
-        )
+        head = "explains the training recordings to their noise and misses the held-out ones"
+        times = "times their noise"
     return (
-        f"the model {head} by {figures(numbers['rms'])} {numbers['unit']} (rms), {figures(numbers['ratio'], 2)} {times}: has "
-        f"the rig or its payload changed, or does {other}?"
+        f"the model {head} by {figures(numbers['rms'])} {numbers['unit']} (rms), {figures(numbers['ratio'], 2)} "
+        f"{times}: has the rig or its payload changed, or does {other}?"
     )
 
 
