@@ -54,7 +54,7 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
         return averaged(recording, length)
     if least == 2:
         return recording
-    kept = Flag("alike_kept", numbers={"alike": float(np.max(recording.alike)), "least": least})
+    kept = Flag("alike_kept", numbers={"alike": float(np.max(_together(recording))), "least": least})
     return replace(recording, flags=(*recording.flags, kept))
 
 
@@ -78,14 +78,14 @@ def averaged(recording: Recording, length: int) -> Recording:
         output=_means(recording.output, length),
         noise=_noise(recording, _alike(recording), length),
         jitter=float(recording.jitter / np.sqrt(length)),
-        alike=np.maximum(1.0, recording.alike / length),
+        bands=(),
         flags=(*recording.flags, Flag("averaged", numbers=told)),
     )
 
 
 def _least(recording: Recording) -> int:
     """Return the smallest length of which averages err independently."""
-    alike = float(np.max(recording.alike))
+    alike = float(np.max(_together(recording)))
     return int(np.ceil(_APART * alike)) if alike > 1.0 else 2
 
 
@@ -95,9 +95,7 @@ def _longest(recording: Recording, least: int, most: int) -> int:
     if not present.any():
         return 1
     outputs = [_filled(c) for c in recording.output.T]
-    alike = np.broadcast_to(recording.alike, recording.noise.shape)
-    floors = recording.noise * np.sqrt(np.where(alike > 1.0, _UNEVEN * alike, 1.0))
-    spectra = [_Spectrum.of(c, sd) for c, sd in zip(outputs, floors.tolist(), strict=True)]
+    spectra = [_Spectrum.of(c, sd) for c, sd in zip(outputs, _floors(recording), strict=True)]
     moved = None if drive is None or np.ptp(drive) == 0 else _Spectrum.of(drive / np.std(drive), 0.0)
     sizes, same = np.std(outputs, axis=1), _alike(recording)
 
@@ -112,6 +110,20 @@ def _longest(recording: Recording, least: int, most: int) -> int:
     return next((k for k in range(most, least - 1, -1) if serves(k)), 1)
 
 
+def _together(recording: Recording) -> FloatArray:
+    """Return how many neighbouring readings of each channel tell as much as one of independent noise."""
+    return np.array([1.0 if band is None else band.alike for band in recording.bands or (None,) * len(recording.noise)])
+
+
+def _floors(recording: Recording) -> list[float]:
+    """Return the noise of each channel, as white noise that is as large as its own at any frequency."""
+    bands = recording.bands or (None,) * len(recording.noise)
+    return [
+        sd if band is None else max(sd, band.sd) * float(np.sqrt(_UNEVEN * band.alike))
+        for sd, band in zip(recording.noise.tolist(), bands, strict=True)
+    ]
+
+
 def _alike(recording: Recording) -> FloatArray:
     """Return the part of each channel's noise that errs alike in neighbours."""
     pairs = zip(recording.output.T, recording.noise.tolist(), strict=True)
@@ -120,7 +132,9 @@ def _alike(recording: Recording) -> FloatArray:
 
 def _noise(recording: Recording, same: FloatArray, length: int) -> FloatArray:
     """Return the noise of averages, of which a part is the same in neighbours."""
-    return np.asarray(np.sqrt((recording.noise**2 - same**2) * np.minimum(1.0, recording.alike / length) + same**2))
+    return np.asarray(
+        np.sqrt((recording.noise**2 - same**2) * np.minimum(1.0, _together(recording) / length) + same**2)
+    )
 
 
 def _means(columns: FloatArray, length: int) -> FloatArray:
