@@ -390,7 +390,7 @@ def test_empty_cells_are_told(tmp_path):
 
 def test_notes_quote_the_unit_of_the_file():
     (note,) = noise_flags("y", "mm", T, noisy(DECAY), NOISE / 2)
-    assert "'y' scatters by 0.101 mm from sample to sample, but the rig file states a noise of 0.05 mm" in str(note)
+    assert "'y' scatters by 0.101 mm beside its motion, but the rig file states a noise of 0.05 mm" in str(note)
     assert note.code == UNDERSTATED
     assert [f.code for f in noise_flags("y", "mm", T, noisy(DECAY), 2 * NOISE)] == [OVERSTATED]
 
@@ -402,7 +402,7 @@ def test_a_fault_of_several_columns_is_told_once():
     assert misstated({"one": [OTHER, small[0]]}) == [f"one: {small[0]}"]
     assert misstated({"one": [hardly], "two": [OTHER]}) == []
     first, second = misstated({"one": [*small, large], "two": small})
-    assert re.fullmatch(r"one, two: 'x', 'y' scatter by (0\.\d+) to (0\.\d+) mm from sample to sample, .*", first)
+    assert re.fullmatch(r"one, two: 'x', 'y' scatter by (0\.\d+) to (0\.\d+) mm beside its motion, .*", first)
     assert first.endswith(str(small[0]).partition(", but ")[2])
     assert second == f"one: {large}"
 

@@ -1,4 +1,4 @@
-"""Recordings read far faster than they move: averages over a few readings each, which lose nothing of the motion."""
+"""Recordings read far faster than they move, or than their noise changes: averages that lose nothing of the motion."""
 
 from __future__ import annotations
 
@@ -18,10 +18,14 @@ __all__ = ["averaged", "averaged_down"]
 FloatArray = npt.NDArray[np.float64]
 #: A recording keeps at least so many readings: fewer would hardly make anything quicker.
 _KEPT = 2000
+#: Averages over so many times the readings that err alike are nearly independent, and at least so many are kept.
+_APART, _FEWEST = 2.0, 100
 #: Averages may miss the motion by this part of their own noise.
 _MISSED = 0.1
 #: Lines of a spectrum that are looked at together, and how far they stand out of the noise where something moves.
 _LINES, _STANDS_OUT = 32, 2.0
+#: By how much noise that a filter has passed stands above its mean where it is largest.
+_UNEVEN = 1.5
 #: Share of stretches that gaps may cost.
 _LOST = 0.02
 
@@ -31,7 +35,8 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
 
     Stretches of equal length are averaged, which lowers white noise by the root of their length; that of rounding is
     kept. Their length is the largest one by which nothing that stands out of the noise, in the output or in the input,
-    is missed by more than a tenth of the noise that is left.
+    is missed by more than a tenth of the noise that is left. Where neighbours err alike, stretches are so long that
+    averages do not, and shorter recordings are averaged, too; a doubt says where that cannot be.
 
     Parameters
     ----------
@@ -41,11 +46,16 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
         The system; a held input and an output that passes filters ask for every reading.
     """
     held = rig.columns.input is not None and rig.columns.input.interpolation == "hold"
-    most = recording.time.size // _KEPT
-    if most < 2 or rig.view is not None or held or gaps(recording.time).any():
+    least, count = _least(recording), recording.time.size
+    most = count // _KEPT if least == 2 else max(count // _KEPT, least)
+    steady = rig.view is None and not held and not gaps(recording.time).any()
+    length = _longest(recording, least, most) if steady and count // least >= _FEWEST else 1
+    if length > 1:
+        return averaged(recording, length)
+    if least == 2:
         return recording
-    length = _longest(recording, most)
-    return recording if length == 1 else averaged(recording, length)
+    kept = Flag("alike_kept", numbers={"alike": float(np.max(_together(recording))), "least": least})
+    return replace(recording, flags=(*recording.flags, kept))
 
 
 def averaged(recording: Recording, length: int) -> Recording:
@@ -68,17 +78,24 @@ def averaged(recording: Recording, length: int) -> Recording:
         output=_means(recording.output, length),
         noise=_noise(recording, _alike(recording), length),
         jitter=float(recording.jitter / np.sqrt(length)),
+        bands=(),
         flags=(*recording.flags, Flag("averaged", numbers=told)),
     )
 
 
-def _longest(recording: Recording, most: int) -> int:
-    """Return the largest length, up to one, by which averages miss nothing of a recording."""
+def _least(recording: Recording) -> int:
+    """Return the smallest length of which averages err independently."""
+    alike = float(np.max(_together(recording)))
+    return int(np.ceil(_APART * alike)) if alike > 1.0 else 2
+
+
+def _longest(recording: Recording, least: int, most: int) -> int:
+    """Return the largest length between two by which averages miss nothing of a recording; 1 where there is none."""
     present, drive = np.asarray(np.isfinite(recording.output).all(axis=1)), recording.input
     if not present.any():
         return 1
     outputs = [_filled(c) for c in recording.output.T]
-    spectra = [_Spectrum.of(c, sd) for c, sd in zip(outputs, recording.noise.tolist(), strict=True)]
+    spectra = [_Spectrum.of(c, sd) for c, sd in zip(outputs, _floors(recording), strict=True)]
     moved = None if drive is None or np.ptp(drive) == 0 else _Spectrum.of(drive / np.std(drive), 0.0)
     sizes, same = np.std(outputs, axis=1), _alike(recording)
 
@@ -90,7 +107,21 @@ def _longest(recording: Recording, most: int) -> int:
         share = 0.0 if moved is None else moved.missed(length)
         return bool(np.all([s.missed(length) for s in spectra] <= allowed) and np.all(share * sizes <= allowed))
 
-    return next((k for k in range(most, 1, -1) if serves(k)), 1)
+    return next((k for k in range(most, least - 1, -1) if serves(k)), 1)
+
+
+def _together(recording: Recording) -> FloatArray:
+    """Return how many neighbouring readings of each channel tell as much as one of independent noise."""
+    return np.array([1.0 if band is None else band.alike for band in recording.bands or (None,) * len(recording.noise)])
+
+
+def _floors(recording: Recording) -> list[float]:
+    """Return the noise of each channel, as white noise that is as large as its own at any frequency."""
+    bands = recording.bands or (None,) * len(recording.noise)
+    return [
+        sd if band is None else max(sd, band.sd) * float(np.sqrt(_UNEVEN * band.alike))
+        for sd, band in zip(recording.noise.tolist(), bands, strict=True)
+    ]
 
 
 def _alike(recording: Recording) -> FloatArray:
@@ -101,7 +132,9 @@ def _alike(recording: Recording) -> FloatArray:
 
 def _noise(recording: Recording, same: FloatArray, length: int) -> FloatArray:
     """Return the noise of averages, of which a part is the same in neighbours."""
-    return np.asarray(np.sqrt((recording.noise**2 - same**2) / length + same**2))
+    return np.asarray(
+        np.sqrt((recording.noise**2 - same**2) * np.minimum(1.0, _together(recording) / length) + same**2)
+    )
 
 
 def _means(columns: FloatArray, length: int) -> FloatArray:

@@ -13,7 +13,7 @@ IMPOSSIBLE = "impossible"
 _BENT = 0.9  # rms deflection of a rod [rad]
 
 _STATED = (
-    " from sample to sample, but the rig file states a noise of {stated:unit}, which is used (with --estimate-noise, "
+    " beside its motion, but the rig file states a noise of {stated:unit}, which is used (with --estimate-noise, "
     "the scatter is). "
 )
 #: Words of a stated noise that the scatter contradicts, after the scatter itself.
@@ -180,6 +180,18 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "note",
         "Readings scatter more where they move fast, as if their time stamps erred by {jitter:.2g} s (of a step of "
         "{step:.3g} s): slope times that is added to their noise. State it, time = {{ ..., jitter = ... }}, if known.",
+    ),
+    "noise_alike": (
+        "note",
+        "Neighbouring readings of {column!r} err alike: their noise is {sd:unit}, of which {scatter:unit} shows from "
+        "one to the next, as after a filter that ends near {cutoff:.3g} Hz. About {alike:.2g} of them tell as much as "
+        "one of independent noise.",
+    ),
+    "alike_kept": (
+        "doubt",
+        "About {alike:.2g} neighbouring readings err alike, and are not averaged, which takes {least} of them: the "
+        "motion or the input needs more, or too few would be left. They count for more than they tell: effects may be "
+        "named that are none, and intervals are too narrow. Record longer, or without the filter.",
     ),
     "averaged": (
         "note",

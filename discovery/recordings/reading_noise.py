@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
 from discovery.recordings.quantisation import resolution
 
@@ -99,8 +100,10 @@ def _uneven(time: FloatArray) -> bool:
     )
 
 
-def noise_flags(label: str, unit: str, time: FloatArray, values: FloatArray, stated: float) -> list[Flag]:
-    """Tell where the scatter from sample to sample is not the noise that the rig file states.
+def noise_flags(
+    label: str, unit: str, time: FloatArray, values: FloatArray, stated: float, band: BandNoise | None = None
+) -> list[Flag]:
+    """Tell where the scatter of readings is not the noise that the rig file states.
 
     Nothing is said of few or coarse readings, nor where the scatter is larger but may be the signal's.
 
@@ -112,14 +115,17 @@ def noise_flags(label: str, unit: str, time: FloatArray, values: FloatArray, sta
         Times [s] and readings; NaN are gaps.
     stated : float
         Standard deviation of a reading, as the rig file states it.
+    band : BandNoise, optional
+        Noise that the scatter from sample to sample does not show.
     """
-    estimates = _estimates(values)
+    estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)
     if np.isfinite(values).sum() < _FEWEST or resolution(values) > _COARSE * scatter:
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []
-    if scatter > stated and (_uneven(time[np.isfinite(values)]) or estimates[-1] < _SETTLED * estimates[-2]):
+    settled = band is not None or (not _uneven(time[np.isfinite(values)]) and estimates[-1] >= _SETTLED * estimates[-2])
+    if scatter > stated and not settled:
         return []
     code = UNDERSTATED if scatter > stated else OVERSTATED
     return [Flag(code, label, unit, {"scatter": scatter, "stated": float(stated)})]

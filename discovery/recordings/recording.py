@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.arm_plausibility import check_arm
+from discovery.recordings.band_noise import BandNoise, band_noise
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
@@ -32,6 +33,7 @@ from discovery.rigs.rig import ForceView, Rig
 __all__ = ["Recording", "read_recording"]
 
 FloatArray = npt.NDArray[np.float64]
+Bands = list[BandNoise | None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,6 +66,8 @@ class Recording(RecordingViews):
         What is unusual: coarse readings, stuck or clipped ones (which are gaps of `output`), spikes, odd times.
     jitter : float
         Standard deviation of the error of a time stamp [s]: a reading that moves errs by slope times that, too.
+    bands : tuple of BandNoise or None
+        Noise of each channel whose neighbours err alike; None, as an empty tuple for all of them, where it is white.
 
     Examples
     --------
@@ -92,6 +96,7 @@ class Recording(RecordingViews):
     noise_estimated: bool = False
     flags: tuple[Flag, ...] = ()
     jitter: float = 0.0
+    bands: tuple[BandNoise | None, ...] = ()
 
     @cached_property
     def scatter(self) -> FloatArray:
@@ -160,27 +165,27 @@ def read_recording(
     flags += [*time_flags(found.time, rig.columns.time.assumed), *checked]
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
-    noise, more = _cleaned(rig, found, stated)
+    noise, bands, more = _cleaned(rig, found, stated)
     found.check(rig)
     jitter = _jitter(rig, found, noise)
     more += _told_of_jitter(rig, found, jitter)
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
-    arm = rig.traits.has_rod
     return Recording(
         name=name or found.table.path.stem,
         time=found.time,
         input=found.inputs,
         output=np.column_stack([found.outputs.get(channel, missing) for channel in found.channels]),
         channels=found.channels,
-        units=tuple(ARM_STEMS[c] if arm else si_symbol(rig.columns.output.unit) for c in found.channels),
+        units=tuple(ARM_STEMS[c] if rig.traits.has_rod else si_symbol(rig.columns.output.unit) for c in found.channels),
         noise=np.array(noise),
         sha256=found.table.sha256,
         source=found.source,
         noise_estimated=bool(found.outputs) and any(known is None for known in stated),
         flags=tuple(flags) + tuple(more),
         jitter=jitter,
+        bands=tuple(bands),
     )
 
 
@@ -209,25 +214,33 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     return flags
 
 
-def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[list[float], list[Flag]]:
-    """Leave out what no sensor measured, and return the noise of each channel, with what is unusual about it."""
+def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[list[float], Bands, list[Flag]]:
+    """Leave out what no sensor measured; return the noise of each channel, its band, and what is unusual about it."""
     noise: list[float] = []
+    bands: Bands = []
     flags: list[Flag] = []
     returns = rig.traits.returns and rig.view is None
     rate = get_base(rig.base).order == 1
     for channel, known in zip(found.channels, stated, strict=True):
         if channel not in found.outputs:
             noise.append(1.0 if known is None else known)
+            bands.append(None)
             continue
         name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
         flags += gap_flags(name, found.time, found.as_read[channel])
+        given, scatter = found.inputs, estimate_noise(values, found.time)
+        # A view passes filters of its own.
+        band = band_noise(found.time, values, scatter, given) if rig.view is None else None
+        seen = scatter if band is None else band.sd
         # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
-        noise.append(max(estimate_noise(values, found.time) if known is None else known, resolution(values)))
-        given = found.inputs
+        noise.append(max(seen if known is None else known, resolution(values)))
+        bands.append(band)
+        if band is not None:
+            flags.append(Flag("noise_alike", name, unit, {"scatter": scatter, **asdict(band)}))
         values, told = clean_output(name, unit, found.time, values, noise[-1], returns, given=given, rate=rate)
         found.outputs[channel] = values
-        flags += told if known is None else told + noise_flags(name, unit, found.time, values, known)
-    return noise, flags
+        flags += told if known is None else told + noise_flags(name, unit, found.time, values, known, band)
+    return noise, bands, flags
 
 
 def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> float:

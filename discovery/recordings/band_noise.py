@@ -1,0 +1,158 @@
+"""Noise whose neighbours err alike: a sensor's filter passes it up to a frequency far below half the sampling rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from discovery.foundation.sampling import gaps, median_step
+from discovery.recordings.quantisation import resolution
+
+__all__ = ["BandNoise", "band_noise"]
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
+_BY_OCTAVE, _LINES = 2, 16
+#: Bands of which a plateau consists at least, the ratio of the largest amplitude in it to the smallest, and how far the
+#: mean power of a band may exceed what its median says: lines of a motion exceed it.
+_BANDS, _FLAT, _NOISY = 4, 1.5, 1.5
+#: The plateau stands so far above the scatter and above the last tenth of the spectrum, in amplitude.
+_ABOVE, _LAST = 2.0, 0.45
+#: Of the standard deviation of the readings, more than which is no noise.
+_SMALL = 0.3
+#: Part of its power that the input may move.
+_MOVED = 0.01
+#: Stretches between which noise of one size differs by no more than this ratio, and its kurtosis (a Gaussian's is 3).
+_STRETCHES, _STEADY, _KURTOSIS = 8, 2.0, 4.0
+#: Noise larger than this many times that of rounding makes it as random as itself.
+_ROUNDED = 2.0
+#: Share of readings that may be missing.
+_MISSING = 0.02
+#: Of the largest weight of the window, where what a filter leaves is looked at.
+_INSIDE = 0.3
+
+
+@dataclass(frozen=True)
+class BandNoise:
+    """Noise that is white up to a frequency only.
+
+    Parameters
+    ----------
+    sd : float
+        Standard deviation of a reading, in its unit.
+    alike : float
+        Neighbouring readings that tell as much as one of independent noise of that size: the variance of a mean over
+        many readings is so many times that of independent ones.
+    cutoff : float
+        Frequency up to which it is white [Hz].
+    """
+
+    sd: float
+    alike: float
+    cutoff: float
+
+
+def band_noise(
+    time: FloatArray, values: FloatArray, scatter: float, given: FloatArray | None = None
+) -> BandNoise | None:
+    """Find noise that readings show at a distance, and hide from one to the next.
+
+    The spectrum of white noise is flat to its end. That of noise which a filter has passed is flat above the lines of
+    the motion and falls beyond the filter's cut-off. Such a plateau is taken for noise where it spans two octaves,
+    stands above the scatter, is small against the motion, has one size throughout the recording, is Gaussian, and lies
+    where the input moves nothing. Impacts and friction are none: they come at times. Errors of rounding are left to
+    `discovery.recordings.quantisation.lasting_rounding`.
+
+    Parameters
+    ----------
+    time, values : array, shape (n,)
+        Times [s] and readings; NaN are gaps.
+    scatter : float
+        Noise as the scatter from one reading to the next shows it, in the unit of `values`.
+    given : array, shape (n,), optional
+        The input.
+
+    Returns
+    -------
+    BandNoise or None
+        None where there is no such plateau, and for times that are not steady.
+    """
+    good = np.isfinite(values)
+    if np.mean(good) < 1.0 - _MISSING or gaps(time).any():
+        return None
+    read = np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
+    power = np.abs(_spectrum(read)) ** 2
+    edges = _edges(values.size)
+    sizes = [_typical(power[lower:upper]) for upper, lower in pairwise(edges)]
+    found = _plateau(power, edges, sizes)
+    if found is None:
+        return None
+    first, last = found
+    inside = slice(edges[last], edges[first])
+    level = float(np.mean(power[inside]))
+    above = sum(size * (upper - lower) for size, (upper, lower) in zip(sizes[:first], pairwise(edges), strict=False))
+    variance = (level * edges[first] + above) / power.size
+    noise = BandNoise(float(np.sqrt(variance)), level / variance, edges[first] / (values.size * median_step(time)))
+    clear = level >= _ABOVE**2 * max(_typical(power[int(2 * _LAST * power.size) :]), scatter**2)
+    sized = _ROUNDED * resolution(values) < noise.sd < _SMALL * float(np.std(read))
+    still = _moved(given, inside) * float(np.var(read)) <= _MOVED * variance
+    return noise if clear and sized and still and _is_noise(read, inside) else None
+
+
+def _spectrum(values: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return the spectrum of values less their trend in a window, of unit variance for white noise of that."""
+    n = values.size
+    window = np.hanning(n)
+    line = np.polynomial.Polynomial.fit(np.arange(n), values, 1)(np.arange(n))
+    return np.asarray(np.fft.rfft(window * (values - line)) / np.sqrt(np.sum(window**2)))
+
+
+def _typical(power: FloatArray) -> float:
+    """Return the mean of the powers of noise, whatever lines stand among them."""
+    return float(np.median(power) / np.log(2.0))
+
+
+def _edges(n: int) -> list[int]:
+    """Return the lines between bands of n readings, from the last line down."""
+    edges = [n // 2 + 1]
+    while (lower := int(edges[0] * 2.0 ** (-len(edges) / _BY_OCTAVE))) <= edges[-1] - _LINES:
+        edges.append(lower)
+    return edges
+
+
+def _plateau(power: FloatArray, edges: list[int], sizes: list[float]) -> tuple[int, int] | None:
+    """Return the edges, upper and lower, between which most bands in a row are of one size and hold no line."""
+    noisy = [
+        power[lower:upper].mean() <= _NOISY * size for size, (upper, lower) in zip(sizes, pairwise(edges), strict=True)
+    ]
+
+    def flat(first: int, last: int) -> bool:
+        # Nothing beyond it stands out of it.
+        return all(noisy[first:last]) and max(sizes[:last]) <= _FLAT**2 * min(sizes[first:last])
+
+    runs = [(i, j) for i in range(len(sizes)) for j in range(i + _BANDS, len(sizes) + 1) if flat(i, j)]
+    return max(runs, key=lambda run: run[1] - run[0], default=None)
+
+
+def _is_noise(values: FloatArray, inside: slice) -> bool:
+    """Return whether what a band of lines holds has one size throughout, and the kurtosis of Gaussian noise."""
+    spectrum, window = _spectrum(values), np.hanning(values.size)
+    kept = np.zeros_like(spectrum)
+    kept[inside] = spectrum[inside]
+    held = window > _INSIDE
+    left = np.fft.irfft(kept, values.size)[held] / window[held]
+    sizes = [float(np.std(part)) for part in np.array_split(left, _STRETCHES)]
+    kurtosis = float(np.mean(left**4) / np.mean(left**2) ** 2)
+    return max(sizes) <= _STEADY * min(sizes) and kurtosis <= _KURTOSIS
+
+
+def _moved(given: FloatArray | None, inside: slice) -> float:
+    """Return which share of the power of an input a band of lines holds."""
+    if given is None or np.ptp(given) == 0.0:
+        return 0.0
+    power = np.abs(_spectrum(given)) ** 2
+    return float(power[inside].sum() / power.sum())
