@@ -179,6 +179,14 @@ def test_what_is_named_beside_a_model_error_is_said_with_its_odds(capsys: pytest
     )
 
 
+def test_a_bias_is_told_as_the_zero_of_the_sensor_whatever_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    bias = {"id": "angle_offset", "parameters": {"theta_0": {"value": 0.1, "sd": 0.01, "unit": "m s^-2"}},
+            "evidence": {}, "probability": None, "group_probability": None, "ambiguous_with": []}  # fmt: skip
+    say_loop(found_loop("explained", bias))
+    said = "added: angle_offset, the zero offset of the sensor (theta_0 = 0.100 +- 0.010 m s^-2)\n"
+    assert said in capsys.readouterr().out
+
+
 def test_what_is_not_explained_is_said_with_the_strongest_lead(capsys: pytest.CaptureFixture[str]) -> None:
     lead = {"effects": ["table_tilt", "wind"], "code": "size", "numbers": synthetic_run.odds(94.0, 10.0, 0.5)}
     say_loop(found_loop("unexplained", lead=lead))

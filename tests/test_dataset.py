@@ -286,6 +286,34 @@ def test_the_same_manoeuvre_again_is_no_repetition(folder: Path) -> None:
     assert len(load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "two.csv"]).holdout) == 1
 
 
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (320, r"46 of its 320 rows, and at least 50 are needed. Take more rows, by samples"),
+        (46, r"one.csv is too short: 46 rows, and at least 50 are needed. Record longer"),
+    ],
+)
+def test_too_few_rows_are_told_beside_those_of_the_file(folder: Path, rows: int, said: str) -> None:
+    pd.read_csv(folder / "one.csv")[:rows].to_csv(folder / "one.csv", index=False)
+    records = f'[records]\ntrain = [{{ file = "one.csv", samples = [{rows - 46}, {rows}] }}]\n'
+    (folder / "records.toml").write_text(RIG + records)
+    with pytest.raises(InputError, match=said):
+        load_dataset(folder / "records.toml")
+
+
+@pytest.mark.parametrize("power", [1, -1], ids=["an encoder", "a counter of periods, in uneven steps"])
+@pytest.mark.parametrize("size", [0.3, 0.4])
+def test_parts_at_one_steady_value_agree_by_chance(folder: Path, size: float, power: int) -> None:
+    """More than half of their readings in coarse steps are equal at some shift."""
+    steady = np.round(10.35 + size * np.random.default_rng(1).standard_normal(500))
+    values = np.concatenate([np.minimum(np.arange(1, 101), steady[:100]), steady]) ** power
+    frame = pd.DataFrame({"t": 0.02 * np.arange(600), "u": np.sin(np.arange(600)), "y": values})
+    frame.to_csv(folder / "one.csv", index=False)
+    parts = '[records]\ntrain = [{ file = "one.csv", samples = [0, 450] }]\n'
+    (folder / "records.toml").write_text(RIG + parts + 'holdout = [{ file = "one.csv", samples = [450, 600] }]')
+    assert len(load_dataset(folder / "records.toml").holdout) == 1
+
+
 @pytest.mark.parametrize("parts", ["[0, 200] [120, 320]", "[0, 320] [200, 320]"])
 def test_training_parts_that_overlap_are_refused(folder: Path, parts: str) -> None:
     one, other = (f"[{part.strip('[]')}]" for part in parts.split("] ["))

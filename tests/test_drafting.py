@@ -133,6 +133,40 @@ def test_a_unit_that_no_name_states_is_asked_for(tmp_path: Path, capsys: pytest.
     assert drafted(path, kind="pendulum")["columns"]["output"]["unit"] == "rad"
 
 
+@pytest.mark.parametrize(("name", "unit"), [("angular_velocity", "rad/s"), ("gyroVel", "rad/s"), ("velocity", "m/s")])
+def test_a_velocity_of_what_turns_is_in_radians(tmp_path: Path, name: str, unit: str) -> None:
+    document = drafted(written(tmp_path, "a.csv", f"time,{name}", TIME, SWING))
+    assert document["columns"]["output"]["unit"] == unit
+    assert ("angle" in document["system"]["coordinates"]) == (unit == "rad/s")
+
+
+@pytest.mark.parametrize(
+    ("others", "given"),
+    [("PWM,Voltaje (V)", "Voltaje (V)"), ("PWM,battery_V", "PWM"), ("PWM,base_mm", "PWM"), ("voltage,PWM", "voltage")],
+)
+def test_of_several_causes_the_one_that_states_its_unit_is_the_input(tmp_path: Path, others: str, given: str) -> None:
+    path = written(tmp_path, "a.csv", f"t_s,{others},angle_rad", TIME, HELD, 2.0 * HELD, driven(30.0))
+    assert drafted(path)["columns"]["input"]["name"] == given
+
+
+def test_an_angle_that_turns_on_and_on_is_that_of_a_drive(tmp_path: Path) -> None:
+    angle = 12.0 * (TIME - 0.2 * (1.0 - np.exp(-5.0 * TIME)))
+    path = written(tmp_path, "a.csv", "t_s,duty,angle_rad", TIME, np.full(TIME.size, 0.8), angle)
+    document = drafted(path)
+    assert document["kind"] == "drive"
+    assert document["columns"]["input"] == {"name": "duty", "unit": "1", "interpolation": "hold"}
+    assert drafted(written(tmp_path, "b.csv", "t_s,angle_deg", TIME, np.degrees(angle)))["kind"] == "system"
+    whirled = written(tmp_path, "c.csv", "t_s,duty,angle_rad", TIME, np.full(TIME.size, 0.8), SWING)
+    assert drafted(whirled)["kind"] == "pendulum"
+
+
+def test_the_noise_that_is_told_is_never_less_than_that_of_rounding(tmp_path: Path) -> None:
+    coarse = np.round(np.cos(0.6 * TIME) / 0.05) * 0.05
+    text = draft([written(tmp_path, "a.csv", "t_s,x_mm", TIME, coarse)], tmp_path)
+    assert "in steps of 0.05 mm. The sd of rounding, 0.014 mm, is taken as noise" in text
+    assert "noise = 0.014 inside" in text
+
+
 @pytest.mark.parametrize(
     ("cell", "words"), [("abc,def", r"'t_s', row 7 \(line 8 of the file\): 'abc'"), ("0.06,inf", "row 7 .* infinite")]
 )

@@ -11,12 +11,19 @@ from discovery.recordings.recording import Recording
 TIME = np.linspace(0.0, 60.0, 3000)
 
 
-def recording(output: np.ndarray, noise: float) -> Recording:
-    return Recording("r", TIME, None, output, ("output",), ("rad",), np.array([noise]), sha256="", source="")
+def recording(output: np.ndarray, noise: float, drive: np.ndarray | None = None, unit: str = "rad") -> Recording:
+    return Recording("r", TIME, drive, output, ("output",), (unit,), np.array([noise]), sha256="", source="")
 
 
-def recorded(values: np.ndarray, noise: float = 1e-3) -> Recording:
-    return recording((values + noise * np.random.default_rng(0).standard_normal(values.size))[:, None], noise)
+def recorded(values: np.ndarray, noise: float = 1e-3, drive: np.ndarray | None = None, unit: str = "rad") -> Recording:
+    read = values + noise * np.random.default_rng(0).standard_normal(values.size)
+    return recording(read[:, None], noise, drive, unit)
+
+
+def step(at: float, time_constant: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return a voltage switched on and the speed of a motor under it."""
+    gone = np.maximum(TIME - at, 0.0)
+    return np.where(at > TIME, 0.0, 9.0), 10.0 * (1.0 - np.exp(-gone / time_constant))
 
 
 def test_a_lasting_motion_is_held_out_from_two_thirds() -> None:
@@ -60,3 +67,32 @@ def test_a_motion_slow_against_a_stretch_has_not_ended(values: np.ndarray) -> No
 
 def test_a_decay_below_its_noise_has_ended_however_slowly_it_swings() -> None:
     assert fitted_count(recorded(np.exp(-0.3 * TIME) * np.sin(1.5 * TIME), noise=0.02)) < 1000
+
+
+@pytest.mark.parametrize("unit", ["rad/s", "rad"])
+def test_a_step_and_the_level_behind_it_are_motion(unit: str) -> None:
+    drive, speed = step(20.0)
+    assert fitted_count(recorded(speed, drive=drive, unit=unit)) == 2000
+
+
+@pytest.mark.parametrize("at", [42.0, 50.0, 56.0])
+@pytest.mark.parametrize("time_constant", [1e-4, 0.5])
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["up", "down"])
+def test_a_late_step_is_fitted_in_part(at: float, time_constant: float, sign: float) -> None:
+    drive, speed = step(at, time_constant)
+    if sign < 0.0:
+        drive, speed = 9.0 - drive, 10.0 - speed
+    count = fitted_count(recorded(speed, drive=drive, unit="rad/s"))
+    assert np.ptp(speed[:count]) > 6.0
+    assert count < 2950
+
+
+def test_at_rest_without_an_input_nothing_is_told() -> None:
+    """A motor switched off coasts to rest; what a voltage holds, and a steady speed, are told of losses."""
+    drive, speed = step(10.0)
+    coasting = fitted_count(recorded(10.0 - speed, drive=9.0 - drive, unit="rad/s"))
+    assert 500 < coasting < 1000
+    assert coasting == fitted_count(recorded(10.0 - speed, unit="rad/s"))
+    assert fitted_count(recorded(speed, drive=drive, unit="rad")) == 2000
+    assert fitted_count(recorded(speed, drive=drive, unit="rad"), pushed=False) < 1000
+    assert fitted_count(recorded(speed, unit="rad/s")) == 2000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,12 @@ def test_what_does_not_come_to_rest_is_kept_whole(values: np.ndarray) -> None:
     whole = recorded(values)
     assert moving_count(whole) is None
     assert moving_part(whole) is whole
+
+
+def test_a_body_at_its_final_speed_does_not_rest() -> None:
+    speed = recorded(2.0 * np.tanh(TIME))
+    assert moving_count(speed) is not None
+    assert moving_count(replace(speed, units=("m/s",))) is None
 
 
 def test_what_an_input_may_push_is_kept_whole() -> None:

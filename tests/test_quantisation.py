@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.recordings.quantisation import lasting_rounding
+from discovery.recordings.quantisation import lasting_rounding, quantum
 
 STEP, TIME = 0.5, np.arange(4000) * 0.01
 ROUNDING = STEP / np.sqrt(12.0)
@@ -33,3 +33,8 @@ def test_noise_of_several_steps_makes_rounding_random_and_no_step_none() -> None
     assert lasting_rounding(slow, float(ROUNDING)) > 0.9 * ROUNDING
     assert lasting_rounding(slow, 3 * float(ROUNDING)) == 0.0
     assert lasting_rounding(np.random.default_rng(0).standard_normal(500), 1.0) == 0.0
+
+
+def test_the_step_of_two_readings_is_their_difference() -> None:
+    assert quantum(np.array([0.7, 0.7, np.nan, 1.2, 0.7])) == pytest.approx(0.5)
+    assert quantum(np.array([0.7, 0.7, np.nan])) == 0.0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import discovery
@@ -40,6 +42,16 @@ def test_the_part_is_the_first_of_each_and_a_note_says_so(bench: Dataset) -> Non
                 whole.fitted_samples / whole.recording.time.size, abs=0.01
             )
         assert f"on the first {count} of {whole.recording.time.size} readings" in " ".join(whole.recording.notes)
+
+
+@pytest.mark.parametrize("fitted", [None, 700])
+def test_the_part_holds_motion_where_a_recording_rests_first(bench: Dataset, fitted: int | None) -> None:
+    whole = bench.train[0]
+    output = np.concatenate([np.zeros((600, 1)), whole.recording.output[:200]])
+    late = replace(whole, recording=replace(whole.recording, output=output), fitted_samples=fitted)
+    part = searched_part([late, *bench.train[1:]])[0]
+    assert part.recording.time.size < 800
+    assert np.ptp(part.recording.output[part.fitted]) > 0.0
 
 
 def test_the_answer_is_fitted_to_the_whole(bench: Dataset) -> None:

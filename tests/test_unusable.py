@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.integrate import solve_ivp
 from discovery.drafting.overview import overview, overview_lines
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.recordings.unusable import refuse_unusable
 
 RIG = Path(__file__).parents[1] / "datasets" / "arm" / "rig.toml"
 TIME = np.arange(0.0, 12.0, 0.01)
@@ -122,3 +124,23 @@ def test_a_part_that_is_too_small_is_told_with_its_own_remedy(tmp_path, count, g
     with pytest.raises(InputError, match=said) as refused:
         load_dataset(tmp_path / "rig.toml", tmp_path / "a.csv")
     assert ("gap" in str(refused.value)) == (gap > 0)
+
+
+def stepped(folder: Path, at: int) -> Dataset:
+    """Read the speed of a motor, in coarse steps, whose voltage jumps at a row of 300."""
+    gone = np.maximum(np.arange(300) - at, 0)
+    columns = np.column_stack([0.02 * np.arange(300), 9.0 * (gone > 0), np.round(8 * (1 - np.exp(-gone / 5.0)))])
+    np.savetxt(folder / "step.csv", columns, delimiter=",", header="t,u,y", comments="")
+    (folder / "rig.toml").write_text(MOTOR + COLUMNS.replace("UNIT", "rad/s").replace("INPUT", "1"))
+    return load_dataset(folder / "rig.toml", folder / "step.csv")
+
+
+@pytest.mark.parametrize("at", [100, 220])
+def test_of_a_step_the_rise_is_fitted(tmp_path: Path, at: int) -> None:
+    (step,) = stepped(tmp_path, at).train
+    assert np.ptp(step.recording.output[step.fitted]) >= 6.0
+
+
+def test_training_that_does_not_move_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"the first 195 of 300 readings are fitted, and they do not move.*samples ="):
+        refuse_unusable([("train", replace(stepped(tmp_path, 200).train[0], fitted_samples=195))])

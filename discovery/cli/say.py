@@ -62,6 +62,7 @@ def say_missing(missing: MissingForce | None) -> None:
 
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
+    from discovery.declarations.effect import effect_name
     from discovery.report.sentences import effect_sentence
     from discovery.runs.loop_result import UPGRADES
 
@@ -72,8 +73,11 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
         for n, p in effect["parameters"].items()
     )
     rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
-    sure = effect_sentence(effect)
-    return f"{role}: {effect['id']}" + (f" ({values})" if values else "") + rivals + (f"; {sure}" if sure else "")
+    sure, name = effect_sentence(effect), effect_name(effect["id"])
+    called = "" if name.lower() == effect["id"].replace("_", " ") else f", the {name}"
+    return (
+        f"{role}: {effect['id']}{called}" + (f" ({values})" if values else "") + rivals + (f"; {sure}" if sure else "")
+    )
 
 
 def _say_errors(errors: Mapping[str, Any]) -> None:

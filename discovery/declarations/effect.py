@@ -52,8 +52,8 @@ __all__ = [
 
 #: What an effect may need: a linear spring, an angle that nothing ties, a falling body, or a base that moves.
 SPRING, ROTOR, WEIGHT, SHAKEN = "spring", "rotor", "weight", "shaken"
-#: Names of people in those of effects.
-_PEOPLE = {"coriolis", "coulomb", "stribeck"}
+#: Names of people in those of effects, and an effect whose id is of one instrument only.
+_PEOPLE, _CALLED = {"coriolis", "coulomb", "stribeck"}, {"angle_offset": "zero offset of the sensor"}
 
 
 def effect_name(effect_id: str) -> str:
@@ -61,10 +61,10 @@ def effect_name(effect_id: str) -> str:
 
     Examples
     --------
-    >>> effect_name("coulomb_friction"), effect_name("sensor_delay")
-    ('Coulomb friction', 'sensor delay')
+    >>> effect_name("coulomb_friction"), effect_name("angle_offset")
+    ('Coulomb friction', 'zero offset of the sensor')
     """
-    return " ".join(word.capitalize() if word in _PEOPLE else word for word in effect_id.split("_"))
+    return " ".join(w.capitalize() if w in _PEOPLE else w for w in _CALLED.get(effect_id, effect_id).split("_"))
 
 
 class Effect(ABC):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
-from discovery.drafting.law_of_motion import FloatArray, own_period
+from discovery.drafting.law_of_motion import FloatArray, own_period, runs_on
 from discovery.drafting.signals import Signals
 from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
 from discovery.rigs.kinds import Kind
@@ -67,6 +67,10 @@ def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
     hanging = "pend" in f"{path.stem} {found.output.name}".lower()
+    if unit == "rad" and not hanging and runs_on(found.output.si):
+        if found.input is not None:
+            return Guess("drive", "an input turns it on and on, and nothing pulls it back")
+        return Guess("system", "an angle that turns on and on, and no input: in its own equations, docs/YOUR_SYSTEM.md")
     if found.input is None:
         if unit == "rad":
             again = f"discovery init {path.name} --kind oscillator"

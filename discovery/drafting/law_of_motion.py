@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from discovery.foundation.sampling import median_step
 
-__all__ = ["integral_over", "least_squares", "own_period", "rates_of", "telling_part"]
+__all__ = ["integral_over", "least_squares", "own_period", "rates_of", "runs_on", "telling_part"]
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +20,10 @@ _PASSAGES = 40
 #: Factor by which the squared error must fall with a spring in the law. Measured drives reach 1.6, what lies beside an
 #: oscillator of a laboratory or a simulation with friction, drag or play 8 and more.
 _GAIN = 4.0
+#: An angle runs on that goes through more than two turns, and back over less than so much of them.
+_TURNS, _BACK = 4.0 * np.pi, 0.1
+#: Readings of which the means tell which way it goes.
+_LOOKED = 50
 #: Samples of half a window, at least: noise is averaged over them.
 _SHORTEST = 8
 #: Periods that a recording must hold: a slow drift looks like the begin of a slow swing.
@@ -112,6 +116,27 @@ def rates_of(
     columns += [integral(integral(y))] if spring else []
     weights = least_squares(np.column_stack(columns), y)[1]
     return float(-weights[0]), float(weights[1])
+
+
+def runs_on(angle: FloatArray) -> bool:
+    """Return whether an angle [rad] runs through more than two turns, nearly all of the way in one direction.
+
+    Parameters
+    ----------
+    angle : array, shape (n,)
+        NaN marks gaps.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 5, 1001)
+    >>> runs_on(6.0 * t), runs_on(20.0 * np.sin(t)), runs_on(2.0 * t)
+    (True, False, False)
+    """
+    read = angle[np.isfinite(angle)]
+    parts = np.array_split(read, min(read.size, _LOOKED))
+    steps = np.diff([part.mean() for part in parts])
+    ways = steps[steps > 0.0].sum(), -steps[steps < 0.0].sum()
+    return bool(max(ways) > _TURNS and min(ways) < _BACK * max(ways))
 
 
 def integral_over(time: FloatArray) -> Callable[[FloatArray], FloatArray]:

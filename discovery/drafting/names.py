@@ -8,7 +8,7 @@ from typing import NamedTuple
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.errors import InputError
 
-__all__ = ["Meaning", "meaning_of"]
+__all__ = ["Meaning", "meaning_of", "words_of"]
 
 #: Words for which unit libraries have no name, or another meaning.
 _SPELLED = {
@@ -46,14 +46,14 @@ _RATE = re.compile(r"(?P<of>[^\W\d_]+)_(?:per_)?(?P<per>s|sec|seconds?|min|h)(?:
 _BRACKETS = re.compile(r"(?P<stem>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|/\s*(?P<slash>\S+))\s*$")
 _TIMES = {"t", "time", "times", "timestamp", "zeit", "temps", "elapsed", "seconds", "clock"}
 _CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "current", "i", "input", "command", "cmd"}
-_CAUSES |= {"excitation", "drive", "pwm", "thrust", "load", "kraft", "spannung", "strom"}
+_CAUSES |= {"excitation", "drive", "pwm", "duty", "thrust", "load", "kraft", "spannung", "strom"}
 _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support", "road", "ground", "floor"}
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
 _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "position", "pos", "output", "y", "x", "z"}
 _MOTIONS |= {"q", "disp", "travel", "distance", "encoder", "tip", "swing", "rotation", "winkel", "weg"}
 _ACCELERATIONS = {"acceleration", "acc", "accel"}
 _SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "drehzahl"}
-_OTHERS = {"temperature", "error"}
+_OTHERS = {"temperature", "error", "battery", "supply"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
 _WORDS = (
     *(("acceleration", _ACCELERATIONS), ("speed", _SPEEDS), ("cause", _CAUSES)),
@@ -95,9 +95,19 @@ def meaning_of(name: str) -> Meaning:
     Meaning(role='', unit=None)
     """
     stem, unit = _split(name)
-    words = [word for word in re.split(r"[^a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", stem).lower()) if word]
-    role = _role(words, unit)
+    role = _role(words_of(stem), unit)
     return Meaning(role, "g_0" if role == "acceleration" and unit == "g" else unit)  # g is no gram there
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name in small letters.
+
+    Examples
+    --------
+    >>> words_of("angularVelocity_2")
+    ['angular', 'velocity']
+    """
+    return [word for word in re.split(r"[^a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower()) if word]
 
 
 def _split(name: str) -> tuple[str, str | None]:

@@ -22,6 +22,7 @@ from discovery.drafting.trials import trials
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
+from discovery.recordings.quantisation import quantum
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording_columns import ARM_STEMS
 from discovery.rigs.kinds import KINDS
@@ -203,10 +204,13 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'
     yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{_range(found.output)}"
-    noise = estimate_noise(found.output.values, time)
+    scatter, step = estimate_noise(found.output.values, time), quantum(found.output.values)
+    noise = max(scatter, step / np.sqrt(12.0))
     shown = figures(noise, 2) if noise > 0.0 else "0.1"
-    if noise > 0.0:
-        unit = "" if found.output.unit == "1" else f" {found.output.unit}"
+    unit = "" if found.output.unit == "1" else f" {found.output.unit}"
+    if noise > scatter:
+        yield f"# It reads in steps of {figures(step, 3)}{unit}. The sd of rounding, {shown}{unit}, is taken as noise."
+    elif noise > 0.0:
         yield f"# Its readings scatter by {shown}{unit} from one to the next, which is taken as their noise."
     yield f"# If you know the noise of a reading, state it: noise = {shown} inside the brackets of the output."
     yield "# Readings that were smoothed hide theirs: take raw ones."
@@ -215,6 +219,8 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
 def _between(given: Signal) -> tuple[str, list[str]]:
     """Say how an input runs between its samples, and why: held where it stays and jumps, else the recordings choose."""
     steps = np.abs(np.diff(given.values))
+    if not steps.any():
+        return ', interpolation = "hold"', []
     if (steps == 0.0).mean() > _HELD and steps.max() > _JUMP * np.ptp(given.values):
         return ', interpolation = "hold"', ["# guessed: it stays and jumps, so that it is held between its samples"]
     why = '# "auto": the recordings choose how it runs between samples; if you know it, "hold", "linear", "spline"'

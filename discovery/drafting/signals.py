@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.units import si_factor, si_symbol
-from discovery.drafting.names import Meaning, meaning_of
+from discovery.drafting.law_of_motion import runs_on
+from discovery.drafting.names import Meaning, meaning_of, words_of
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
@@ -30,6 +30,8 @@ _NEEDED, _FEWEST = {"time", "output"}, 3
 _MOSTLY, _LOOKED = 0.8, 500
 #: Words for an angle.
 _ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
+#: Words for what turns, beside a velocity.
+_TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
 #: Where an angle in degrees has no unit: more than two turns in radians.
 _TURNS = 4.0 * np.pi
 
@@ -131,20 +133,25 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
     time = None if rate is not None and "time" not in wanted else _time(path, columns, meanings, wanted.get("time"))
     # Neither a second column of times nor one that never changes is a signal, unless the user says so.
     rest = [n for n in columns if n != time and (n in wanted.values() or _varies(n, columns, meanings))]
-    given = wanted.get("input") or _first(rest, meanings, ("cause", "moved"), wanted.get("output"))
+    given = wanted.get("input") or _input(rest, meanings, wanted.get("output"))
     output = wanted.get("output") or _output(path, [n for n in rest if n != given], meanings)
     if output is None and len(rest) == 1 and given is not None and "input" not in wanted:
         output, given = given, None  # the only signal is what was measured
     if output is None:
         raise InputError(f"{path} has no column that could be the output. Name one with --output. {_list(columns)}")
-    if given is not None and np.ptp(columns[given]) == 0.0:
+    read = _signal(output, columns, meanings, "output")
+    runs = si_symbol(read.unit) == "rad" and runs_on(read.si)
+    if given is not None and np.ptp(columns[given]) == 0.0 and not runs:
         given = None
+    if given is None and runs:
+        # What turns on and on is driven, be it by a constant.
+        given = _input([n for n in columns if n != time], meanings, output)
     used = {time, given, output}
     return Signals(
         header,
         None if time is None else _signal(time, columns, meanings, "time"),
         input=None if given is None else _signal(given, columns, meanings, "input"),
-        output=_signal(output, columns, meanings, "output"),
+        output=read,
         moved=given is not None and meanings[given].role == "moved",
         reads=meanings[output].role,
         unused=tuple(name for name in table.columns if name not in used),
@@ -211,6 +218,12 @@ def _first(
     return next(found, None)
 
 
+def _input(names: Sequence[str], meanings: Mapping[str, Meaning], taken: str | None) -> str | None:
+    """Return the column of what drives: a cause, rather one whose unit is stated, else the motion of a base."""
+    stated = [name for name in names if meanings[name].unit is not None]
+    return _first(stated, meanings, ("cause",), taken) or _first(names, meanings, ("cause", "moved"), taken)
+
+
 def _output(path: Path, names: Sequence[str], meanings: Mapping[str, Meaning]) -> str | None:
     """Return the column of the motion: by its name, else the only speed, acceleration, or name that says nothing."""
     known = _first(names, meanings, ("height", "motion", "moved"), None)
@@ -241,12 +254,13 @@ def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
         step = median_step(values)
         # Nobody samples a motion once a second: whole numbers count milliseconds or microseconds.
         unit = "s" if step < 1.0 else "ms" if step < 500.0 else "us"
-    elif role == "output" and _ANGLES & set(re.split(r"[\W_]+", name.lower())):
+    elif role == "output" and _ANGLES.intersection(words_of(name)):
         unit = angle_unit(values)
     elif role == "output" and meanings[name].role == "height":
         unit = "m"
     elif role == "output" and meanings[name].role == "speed":
-        unit = "m/s" if "vel" in name.lower() else "rad/s"
+        slides = "vel" in name.lower() and not _TURNING.intersection(words_of(name))
+        unit = "m/s" if slides else "rad/s"
     else:
         unit = "V" if role == "input" and "volt" in name.lower() else "1"
     return Signal(name, unit, True, values)

@@ -7,11 +7,11 @@ from discovery.declarations.parameters import Normal, Parameter
 
 
 class AngleOffset(Sensor):
-    r"""The frame of the camera is turned against the encoder's zero.
+    r"""The zero of the sensor is not the true one: the bias of a gyroscope or an accelerometer, the zero of an encoder.
 
     .. math:: \theta_\mathrm{read} = \theta_t + \theta_0
 
-    Any other reading is shifted: a gyroscope's bias, an accelerometer's, the zero of an encoder.
+    Readings are shifted by it. Of an arm, the frame of the camera is turned against the encoder's zero.
     """
 
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"

@@ -48,6 +48,8 @@ class Table:
         Line of each row in a text file, from 1; empty for other formats.
     rows : array of int, shape (n,), or None
         Row of the file that each row was, from 0; None where all were taken.
+    whole : int
+        Rows of the file, of which these were taken; 0 where all were.
     guessed : str
         Encoding of a text file where nothing says it; empty for UTF-8.
     """
@@ -57,6 +59,7 @@ class Table:
     sha256: str
     lines: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     rows: npt.NDArray[np.int64] | None = None
+    whole: int = 0
     guessed: str = ""
 
     def where(self, row: int) -> str:
@@ -66,9 +69,10 @@ class Table:
 
     def take(self, names: Sequence[str], rows: npt.NDArray[np.int64]) -> Table:
         """Return some columns and rows, which keep their places in the file for messages."""
-        columns = {name: self.columns[name][rows] for name in names}
         known = rows if self.rows is None else self.rows[rows]
-        return replace(self, columns=columns, lines=self.lines[rows] if self.lines.size else self.lines, rows=known)
+        lines = self.lines[rows] if self.lines.size else self.lines
+        whole = self.whole or next(iter(self.columns.values())).size
+        return replace(self, columns={n: self.columns[n][rows] for n in names}, lines=lines, rows=known, whole=whole)
 
     def matching(self, where: Sequence[tuple[str, str | float]]) -> npt.NDArray[np.int64]:
         """Find the rows in which columns have given values, numbers up to rounding, text up to blanks around it.

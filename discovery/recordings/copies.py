@@ -15,6 +15,8 @@ FloatArray = npt.NDArray[np.float64]
 
 #: Of the noise: what two signals with noises of their own never come down to.
 _NEAR = 0.3
+#: Share of Gaussian values that is below so many standard deviations.
+_MOST, _SIGMAS = 0.9, 1.645
 #: Readings in common that are needed, at least and as a share of the shorter signal.
 _FEWEST, _MUCH = 60, 0.1
 
@@ -74,6 +76,9 @@ def _lag(first: FloatArray, second: FloatArray) -> int:
 
 
 def _size(values: FloatArray) -> float:
-    """Return the root mean square of values by their median, which few bad ones do not move; infinite without any."""
+    """Return the root mean square of values by a quantile that few bad ones do not move; infinite without any.
+
+    Steady readings in coarse steps agree by chance in more than half of the rows, and in their median.
+    """
     finite = np.abs(values[np.isfinite(values)])
-    return 1.4826 * float(np.median(finite)) if finite.size >= _FEWEST else np.inf
+    return float(np.quantile(finite, _MOST)) / _SIGMAS if finite.size >= _FEWEST else np.inf

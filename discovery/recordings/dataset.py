@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from discovery.foundation.arguments import as_path, as_paths, expect
 from discovery.foundation.errors import InputError
+from discovery.mechanics import get_base
 from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
 from discovery.recordings.experiment import Experiment, make_experiment
@@ -170,7 +171,8 @@ def load_dataset(
 def _fitted(recording: Recording, rig: Rig, *, alone: bool) -> Experiment:
     """Return the experiment of a recording that is fitted, up to where it rests; in part where it stands alone."""
     moving = moving_part(recording)
-    return make_experiment(moving, rig, fitted_samples=fitted_count(moving) if alone else None)
+    count = fitted_count(moving, pushed=get_base(rig.base).is_pushed) if alone else None
+    return make_experiment(moving, rig, fitted_samples=count)
 
 
 def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Recording]]:

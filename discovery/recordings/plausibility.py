@@ -72,9 +72,11 @@ def check_signals(
             raise InputError(f"{table.path} is too short: {_rows(time.size)}. A prediction needs at least 2.")
         return
     if time.size < fewest:
-        raise InputError(
-            f"{table.path} is too short: {_rows(time.size)}, and at least {fewest} are needed. Record longer or faster."
-        )
+        few, remedy = f"is too short: {_rows(time.size)}", "Record longer or faster"
+        if table.whole > time.size:
+            few = f"is used in too small a part: {time.size} of its {_rows(table.whole)}"
+            remedy = "Take more rows, by samples, where and every of the rig file, or record longer or faster"
+        raise InputError(f"{table.path} {few}, and at least {fewest} are needed. {remedy}.")
     for channel, values in outputs.items():
         _check_channel(table, names[channel], values, time.size, fewest)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import Flag
+from discovery.recordings.holdout_part import motion_begin
 
 __all__ = ["SEARCHED", "searched_part", "with_flag"]
 
@@ -20,7 +21,8 @@ _WORTH = 1.5
 def searched_part(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """Return the first parts of recordings, in proportion, with as many readings as a search uses.
 
-    What is held out of a recording stays the same share of it. Readings that passed a filter are few already.
+    What is held out of a recording stays the same share of it. Where the part would end before anything moves, the rest
+    before comes on top. Readings that passed a filter are few already.
     """
     total = sum(e.recording.time.size for e in experiments)
     if total <= _WORTH * SEARCHED or any(e.rig.view is not None for e in experiments):
@@ -39,8 +41,12 @@ def with_flag(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 
 
 def _first(experiment: Experiment, share: float) -> Experiment:
-    size = experiment.recording.time.size
-    count = min(size, max(_FEWEST, math.ceil(share * size)))
+    size, fitted = experiment.recording.time.size, experiment.fitted_samples
+    begin = motion_begin(experiment.recording)
+    # Of what rests first, a part may hold no motion.
+    rest = begin if begin >= share * (size if fitted is None else fitted) else 0
+    count = min(size, max(_FEWEST, rest + math.ceil(share * (size - rest))))
     part = experiment.first(count)
-    fitted = experiment.fitted_samples
-    return part if fitted is None else replace(part, fitted_samples=max(1, round(fitted * count / size)))
+    if fitted is None:
+        return part
+    return replace(part, fitted_samples=max(1, rest + round((fitted - rest) * (count - rest) / (size - rest))))

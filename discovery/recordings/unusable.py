@@ -11,7 +11,7 @@ from discovery.declarations.units import quoted
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
-from discovery.recordings.experiment import Experiment
+from discovery.recordings.experiment import Experiment, largest_deflection
 
 __all__ = ["refuse_unusable"]
 
@@ -37,10 +37,12 @@ def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
     Raises
     ------
     InputError
-        If a part holds no measurement, an input is a copy or dead in all that is fitted, or an arm bends in none of it.
+        If a part holds no measurement, nothing moves in all that is fitted, an input is a copy or dead in all of it, or
+        an arm bends in none of it.
     """
     for role, experiment in recordings:
         _refuse_one(role, experiment)
+    _refuse_unmoved([e for role, e in recordings if role == "train"])
     _refuse_undriven([e for role, e in recordings if role == "train"])
     _refuse_unbent([e for role, e in recordings if role == "train"])
 
@@ -76,6 +78,24 @@ def _too_few(what: str, part: BoolArray, fewest: int, divided: int | None) -> In
     return InputError(
         f"{what} has {int(part.sum())} samples with an output{f', of {divided} in all' if divided else ''}, and at "
         f"least {fewest} are needed. {remedy[0].upper()}{remedy[1:]}."
+    )
+
+
+def _refuse_unmoved(experiments: Sequence[Experiment]) -> None:
+    """Refuse recordings in which all that is fitted is constant, or nearly all of it zero."""
+
+    def moves(e: Experiment) -> bool:
+        return bool((np.nanmax(e.recording.output[e.fitted], 0) > np.nanmin(e.recording.output[e.fitted], 0)).any())
+
+    if any(map(moves, experiments)) and largest_deflection(experiments) > 0.0:
+        return
+    r = experiments[0].recording
+    count = r.time[experiments[0].fitted].size
+    part = f"the first {count} of {r.time.size} readings are fitted, and they" if count < r.time.size else "they"
+    names = ", ".join(e.recording.source for e in experiments)
+    raise InputError(
+        f"{names}: {part} do not move, so nothing can be learned of a motion. Record the motion in more readings, or "
+        "name parts that hold some as train and as holdout in [records] of the rig file, with samples = [start, stop]."
     )
 
 

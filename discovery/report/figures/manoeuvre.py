@@ -15,6 +15,9 @@ from discovery.report.words import effect_name, listed
 
 __all__ = ["draw"]
 
+#: Characters of a legend, with four for each line, that one row of a figure holds.
+_ROW = 50
+
 
 def draw(run: Run) -> list[Picture] | None:
     """Draw the course of the input in every manoeuvre that decides, or what is predicted of a release."""
@@ -48,13 +51,15 @@ def _course(number: int, design: Mapping[str, Any]) -> Picture:
 def _release(number: int, design: Mapping[str, Any]) -> Picture:
     """Draw what each rival predicts after a release, and below it how far the others lie from the first."""
     time, *predicted = np.array(design["predicted"]).T
-    figure = new_figure(3.0)
+    names = [effect_name(name) for name in design["rivals"]][: len(predicted)]
+    rows = 1 if sum(len(name) + 4 for name in names) <= _ROW else len(names)
+    figure = new_figure(2.8 + 0.2 * rows)
     above, below = figure.subplots(2, sharex=True)
-    for name, reading, colour in zip(design["rivals"], predicted, (BLUE, ORANGE, GREEN), strict=False):
-        above.plot(time, reading, color=colour, linewidth=1.1, label=effect_name(name))
+    for name, reading, colour in zip(names, predicted, (BLUE, ORANGE, GREEN), strict=False):
+        above.plot(time, reading, color=colour, linewidth=1.1, label=name)
         if reading is not predicted[0]:
             below.plot(time, reading - predicted[0], color=colour, linewidth=1.1)
-    above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(predicted), frameon=False)
+    above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(names) if rows == 1 else 1, frameon=False)
     above.set_ylabel(label("reading", design["unit"]))
     below.set_ylabel(label("apart", design["unit"]))
     below.set_xlabel("time [s]")
