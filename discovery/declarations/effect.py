@@ -136,8 +136,7 @@ class Effect(ABC):
     def imitates(cls, values: Mapping[str, float], time: float, duration: float, step: float, reach: float) -> float:
         """Return whether, at these values, a law does what others do: 0 or 1; infinite where it could be anything.
 
-        Given are natural time, longest duration and step between readings [s], and the natural coordinate where the
-        effect acts [q].
+        Given are natural time, longest duration, step between readings [s], and natural coordinate at the effect [q].
         """
         return cls.pliable
 

@@ -68,7 +68,8 @@ class MarginalPrior:
         if isinstance(self.prior, HalfStudent):
             # Densely where it is large, and far into its tail.
             size = self.prior.scale * self.unit
-            return size * np.sinh(np.linspace(*np.arcsinh(np.array([lower, min(upper, _FAR * size)]) / size), _POINTS))
+            first, last = np.arcsinh([lower / size, min(upper / size, _FAR)])
+            return size * np.sinh(np.linspace(first, last, _POINTS))
         if isinstance(self.prior, Normal):
             middle, reach = self.prior.mean * self.unit, _REACH * self.prior.sd * self.unit
             lower, upper = max(lower, middle - reach), min(upper, middle + reach)
