@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.predict import equilibrium, held_out, predict
+from discovery.estimation.predict import equilibrium, predict
 from discovery.estimation.problem import Problem
+from discovery.estimation.starts import held_out
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
@@ -222,6 +224,12 @@ def fitted() -> Fit:
     return fit(model, [train], start=start, bench=bench([train]), units=UNITS)
 
 
+def at(fitted: Fit, **values: float) -> Fit:
+    x = fitted.minimum.x.copy()
+    x[[fitted.problem.free.index(name) for name in values]] = list(values.values())
+    return replace(fitted, minimum=replace(fitted.minimum, x=x))
+
+
 def later(name: str = "wanted") -> Experiment:
     """Another hold, longer and irregularly sampled."""
     time = np.sort(np.random.default_rng(1).uniform(0.0, 12.0, 200))
@@ -258,6 +266,19 @@ def test_the_deviations_are_those_of_a_sample_of_fits(fitted: Fit) -> None:
     # 2000 draws: 1.6 per cent, over several hundred readings.
     np.testing.assert_allclose(sd[moving], sampled[moving], rtol=0.1)
     assert np.median(sd[moving] / sampled[moving]) == pytest.approx(1.0, abs=0.03)
+
+
+def test_deviations_are_told_where_the_motion_blows_up_beside_the_estimate(fitted: Fit) -> None:
+    softer = fitted.problem.free.index("beta")
+    widths = np.ones(len(fitted.covariance))
+    widths[softer] = 60.0 / np.sqrt(fitted.covariance[softer, softer])
+    unsure = replace(fitted, covariance=fitted.covariance * np.outer(widths, widths))
+    with pytest.raises(ComputationError):
+        predict(at(unsure, beta=-29.0), later(), (1.2, 0.0))
+    found, sd = predict(unsure, later(), (1.2, 0.0))
+    assert np.isfinite(found).all()
+    assert np.isfinite(sd).all()
+    assert sd.max() > 100 * predict(fitted, later(), (1.2, 0.0))[1].max()
 
 
 def test_the_rest_moves_with_the_parameters() -> None:

@@ -495,6 +495,8 @@ def test_a_blow_up_keeps_its_length_and_names_parameters_and_time() -> None:
     assert failure.value.parameters["beta"] == -1.0
     assert set(failure.value.parameters) == set(sim.names)
     assert "beta = -1" in str(failure.value)
+    assert "beta = 0" not in str(failure.value)
+    assert "f_c = " not in str(failure.value)
     check_finite(out[:, :, :1], time, sim.names, sets[:, :1])
 
 

@@ -11,8 +11,8 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.predict import held_out
 from discovery.estimation.residual import errors
+from discovery.estimation.starts import held_out
 from discovery.estimation.step import choose_step
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment, largest_deflection

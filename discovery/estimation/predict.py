@@ -20,7 +20,6 @@ from discovery.estimation.covariance import principal_spread
 from discovery.estimation.fit import Fit
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
-from discovery.estimation.starts import fitted_states
 from discovery.estimation.step import choose_step
 from discovery.foundation.arguments import check_pair, expect
 from discovery.foundation.errors import ComputationError
@@ -29,10 +28,12 @@ from discovery.recordings.one_system import check_one_system
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import check_finite
 
-__all__ = ["equilibrium", "held_out", "predict"]
+__all__ = ["equilibrium", "predict"]
 
 FloatArray = NDArray[np.float64]
 _NO_REST = "The model has no rest position in its range; give --initial-state ANGLE,RATE."
+#: Standard deviations by which parameters are moved, to both sides, and the least where motions blow up.
+_APART, _NEAR = 0.5, 1e-3
 _FREE = "No force of the model depends on the position: it rests {}; give --initial-state POSITION,RATE."
 
 
@@ -256,43 +257,35 @@ def predict(
     # Central differences along each principal axis of the covariance.
     spread = principal_spread(fit.covariance[: len(names), : len(names)])
     low, high = single.bounds
-    points = np.concatenate([centre[:, None], centre[:, None] + 0.5 * spread, centre[:, None] - 0.5 * spread], axis=1)
-    points = np.clip(points, low[: len(names), None], high[: len(names), None])
-    if initial is None and not fit.model.mechanics.prescribed:
-        # The rest position moves little with the parameters: its derivative is taken along with theirs.
-        first = float(experiment.recording.time[0])
-        rest = [equilibrium(fit.model, dict(zip(names, p, strict=True)), problem.units, drive, first) for p in points.T]
-        state = np.array([rest, np.zeros(len(rest))])
-    else:
-        state = np.repeat(np.array(initial or (0.0, 0.0))[:, None], points.shape[1], axis=1)
-    parameters, starts = single.expand(np.concatenate([points, state[: len(single.states)]]))
-    channels = bench.predict(parameters, starts)[0]
-    check_finite(channels, experiment.recording.time, bench.names, parameters)
-    m = len(names)
-    slope = channels[:, :, 1 : m + 1] - channels[:, :, m + 1 :]
+
+    def read(part: float) -> FloatArray:
+        moved = np.concatenate([np.zeros((len(names), 1)), part * spread, -part * spread], axis=1)
+        points = np.clip(centre[:, None] + moved, low[: len(names), None], high[: len(names), None])
+        state = _start_of(fit, experiment, points, drive, initial)[: len(single.states)]
+        parameters, starts = single.expand(np.concatenate([points, state]))
+        channels = bench.predict(parameters, starts)[0]
+        check_finite(channels[:, :, :1], experiment.recording.time, bench.names, parameters)
+        return channels
+
+    m, part = len(names), _APART
+    # Far from the estimate the motion may blow up: a rod without any damping rings on.
+    while not np.isfinite(channels := read(part)).all() and part > _NEAR:
+        part /= 4
+    slope = (channels[:, :, 1 : m + 1] - channels[:, :, m + 1 :]) / (2 * part)
     return channels[:, :, 0], np.sqrt(np.sum(slope**2, axis=2))
 
 
-def held_out(
-    candidates: Sequence[tuple[Model, Mapping[str, float]]],
-    experiments: Sequence[Experiment],
-    bench: Bench,
-    units: NaturalUnits,
-) -> list[list[FloatArray]]:
-    """Return predictions of recordings that were not fitted: parameters held, only the initial state is fitted.
-
-    Returns
-    -------
-    list of list of ndarray, shape (n, c)
-        For each candidate, its prediction of each recording.
-    """
-    problems = []
-    for model, values in candidates:
-        known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
-        problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}, reference=""))
-    starts = fitted_states(problems)
-    vectors = [p.expand(x[:, None]) for p, x in zip(problems, starts, strict=True)]
-    parameters = np.concatenate([v[0] for v in vectors], axis=1)
-    initial = np.concatenate([v[1] for v in vectors], axis=2)
-    channels = bench.predict(parameters, initial)
-    return [[c[:, :, i] for c in channels] for i in range(len(candidates))]
+def _start_of(
+    fit: Fit,
+    experiment: Experiment,
+    points: FloatArray,
+    drive: Sequence[float],
+    initial: tuple[float, float] | None,
+) -> FloatArray:
+    """Return deflection and rate (2, k) at the first time: given, or at rest; a prescribed motion does not ask."""
+    if initial is not None or fit.model.mechanics.prescribed:
+        return np.repeat(np.array(initial or (0.0, 0.0))[:, None], points.shape[1], axis=1)
+    # The rest position moves little with the parameters: its derivative is taken along with theirs.
+    names, units, first = fit.problem.free, fit.problem.units, float(experiment.recording.time[0])
+    rest = [equilibrium(fit.model, dict(zip(names, p, strict=True)), units, drive, first) for p in points.T]
+    return np.array([rest, np.zeros(len(rest))])

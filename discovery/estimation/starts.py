@@ -1,19 +1,22 @@
-"""Initial states of recordings that were not fitted, for given parameters."""
+"""Initial states of recordings that were not fitted, for given parameters, and predictions from there."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
+from discovery.recordings.experiment import Experiment
 
-__all__ = ["fitted_states"]
+__all__ = ["fitted_states", "held_out"]
 
 FloatArray = NDArray[np.float64]
 #: A state is found within so many steps.
@@ -38,6 +41,31 @@ def fitted_states(problems: Sequence[Problem]) -> list[FloatArray]:
         own, minima = [m for m in minima[: len(each)] if np.isfinite(m.cost)], minima[len(each) :]
         found.append(_best(p, own) if own else each[0] if alone else _apart(p))
     return found
+
+
+def held_out(
+    candidates: Sequence[tuple[Model, Mapping[str, float]]],
+    experiments: Sequence[Experiment],
+    bench: Bench,
+    units: NaturalUnits,
+) -> list[list[FloatArray]]:
+    """Return predictions of recordings that were not fitted: parameters held, only the initial state is fitted.
+
+    Returns
+    -------
+    list of list of ndarray, shape (n, c)
+        For each candidate, its prediction of each recording.
+    """
+    problems = []
+    for model, values in candidates:
+        known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
+        problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}, reference=""))
+    starts = fitted_states(problems)
+    vectors = [p.expand(x[:, None]) for p, x in zip(problems, starts, strict=True)]
+    parameters = np.concatenate([v[0] for v in vectors], axis=1)
+    initial = np.concatenate([v[1] for v in vectors], axis=2)
+    channels = bench.predict(parameters, initial)
+    return [[c[:, :, i] for c in channels] for i in range(len(candidates))]
 
 
 def _starts(problem: Problem) -> list[FloatArray]:

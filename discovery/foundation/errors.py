@@ -59,7 +59,8 @@ class SimulationFailure(ComputationError):
         self.parameters = dict(parameters)
         self.time = float(time)
         self.reason = reason
-        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
+        # What is zero is mostly an effect that the model lacks.
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items() if value != 0.0)
         super().__init__(f"The simulation failed at t = {self.time:.6g} s: {reason} Parameters: {values or 'none'}.")
 
     def __reduce__(self) -> tuple[type[SimulationFailure], tuple[dict[str, float], float, str]]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.estimation.fit import Fit
-from discovery.estimation.predict import held_out
+from discovery.estimation.starts import held_out
 from discovery.foundation.arguments import as_folder, check_seed, expect
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
