@@ -135,7 +135,8 @@ class LoopResult(LoopViews):
     def cautions(self) -> list[Caution]:
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
-        found = [missed(self.errors, left=error.after, held=error.held, least=error.least), strayed(self.after)]
+        off = missed(self.errors, left=error.after, held=error.held, least=error.least)
+        found = [None if self.impossible else off, strayed(self.after)]
         if self.added:
             found.append(not_carried(self.errors))
         if not self.complete and not self.impossible:

@@ -43,17 +43,7 @@ class Slopes:
 
 
 def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[Slopes | None]:
-    """Return refits of one bench linearised; None for what blows up.
-
-    Parameters
-    ----------
-    context : Context
-        Recordings and settings.
-    bench : Bench
-        Of all of them.
-    refits : sequence of Refit
-        With finite residuals.
-    """
+    """Return refits of one bench, all with finite residuals, linearised; None for what blows up."""
     if not refits:
         return []
     probes = [Probed.around(r.problem, r.minimum.x, _sizes(r)) for r in refits]

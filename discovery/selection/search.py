@@ -64,6 +64,8 @@ class Search:
         if self.best.is_far and self.unapproximated().evidence.error < part * self.best.evidence.error:
             self._change_mechanics()
         self._grow()
+        if self._simplify():  # a simpler law leaves room for others
+            self._grow()
         # What is taken out may have hidden that a simpler law serves.
         for step in (self._simplify, self._integrate, self._prune, self._simplify, self._prune):
             step()
@@ -89,9 +91,10 @@ class Search:
         self.decisions.append(Decision("stop", (), True, "exhausted"))
         self._change_mechanics()
 
-    def _simplify(self) -> None:
+    def _simplify(self) -> bool:
         """Let a law take the place of one that contains it where the difference is not accepted, and it is itself."""
-        for effect in self.best.added:
+        before = self.best
+        for effect in before.added:
             near = get_effect(effect).reduces_to
             rest = self.neighbours.without(self.best, effect)
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
@@ -102,15 +105,16 @@ class Search:
                     self.decisions.append(Decision("exchange", (effect, new), True, code, _numbers(odds)))
                     self.best = simpler
                     break
+        return self.best is not before
 
     def simplified(self, last: Contender) -> Contender:
         """Return a set after its last fit, a law that this reduced to one that it contains given up for that."""
         searched, self.best = self.best, last
-        self._simplify()
-        if (found := self.best) is not last:
-            self._ask_the_unknown()
-        self.best = searched if found is last else found
-        return found
+        if not self._simplify():
+            self.best = searched
+            return last
+        self._ask_the_unknown()
+        return self.best
 
     def _integrate(self) -> None:
         """Integrate the set found by importance sampling, and from now on all that are compared with it."""

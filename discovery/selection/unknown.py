@@ -55,8 +55,7 @@ def unknown_force(context: Context, found: Contender) -> Unknown:
     starts = [p.start(found.refit.values) for p in every]
     minima = iter(fit_problems(every, starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True))
     (train, joint), *others = [_integrated(context, [Refit("", p, next(minima)) for p in own]) for own in problems]
-    own = found.evidence
-    without = dict(zip(found.added, (other for _, other in others), strict=True))
+    own, without = found.evidence, {e: other for e, (_, other) in zip(found.added, others, strict=True)}
     return Unknown(
         train=train - own.train,
         held=joint - train - own.held,
