@@ -64,8 +64,12 @@ class Search:
         if self.best.is_far and self.unapproximated().evidence.error < part * self.best.evidence.error:
             self._change_mechanics()
         self._grow()
-        if self._simplify():  # a simpler law leaves room for others
+        grown, told = self.best, len(self.decisions)
+        if self._simplify(held=np.inf):  # even where it predicts worse, a simpler law leaves room for others
             self._grow()
+            if self.best.joint < grown.joint:
+                self.best = grown
+                del self.decisions[told:]
         # What is taken out may have hidden that a simpler law serves.
         for step in (self._simplify, self._integrate, self._prune, self._simplify, self._prune):
             step()
@@ -91,16 +95,19 @@ class Search:
         self.decisions.append(Decision("stop", (), True, "exhausted"))
         self._change_mechanics()
 
-    def _simplify(self) -> bool:
-        """Let a law take the place of one that contains it where the difference is not accepted, and it is itself."""
-        before = self.best
+    def _simplify(self, held: float | None = None) -> bool:
+        """Let a law take the place of one that contains it where the difference is not accepted, and it is itself.
+
+        It is not where it loses more than the nats, or so many, on what is held out: it would predict worse.
+        """
+        before, most = self.best, self.context.settings.nats if held is None else held
         for effect in before.added:
             near = get_effect(effect).reduces_to
             rest = self.neighbours.without(self.best, effect)
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
-                if code != "accepted" and self._judged(simpler, rest)[1] == "accepted":
+                if code != "accepted" and odds.held <= most and self._judged(simpler, rest)[1] == "accepted":
                     (new,) = near.intersection(simpler.added)
                     self.decisions.append(Decision("exchange", (effect, new), True, code, _numbers(odds)))
                     self.best = simpler
