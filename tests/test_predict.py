@@ -11,9 +11,10 @@ from discovery.effects.table_tilt import G
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
+from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.predict import equilibrium, predict
+from discovery.estimation.predict import predict
 from discovery.estimation.problem import Problem
 from discovery.estimation.starts import held_out
 from discovery.foundation.errors import ComputationError
@@ -266,6 +267,17 @@ def test_the_deviations_are_those_of_a_sample_of_fits(fitted: Fit) -> None:
     # 2000 draws: 1.6 per cent, over several hundred readings.
     np.testing.assert_allclose(sd[moving], sampled[moving], rtol=0.1)
     assert np.median(sd[moving] / sampled[moving]) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_motion_under_a_force_in_time_begins_as_training_did(held: bool) -> None:
+    model = Model("constant_radius", (*LINEAR, "periodic_disturbance"), {"length": 1.0})
+    values = {"xi": 0.05, "alpha": 8.8, "b_c": 0.4, "Omega": 9.0}
+    first = equilibrium(model, values, UNITS, (0.0,), time=0.0) if held else 0.0
+    found = fit(model, (simulated(values, (first, 0.0)),), start=values)
+    (x, y), *_ = predict(found, later())[0]
+    assert np.arctan2(y, x) == pytest.approx(first, abs=0.015)
+    assert abs(equilibrium(model, values, UNITS, (0.0,), time=0.0)) > 0.04
 
 
 def test_deviations_are_told_where_the_motion_blows_up_beside_the_estimate(fitted: Fit) -> None:

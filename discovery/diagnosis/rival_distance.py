@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
+from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit
-from discovery.estimation.predict import equilibrium
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.sampling import median_step
 from discovery.recordings.angles import within_half_a_turn
