@@ -56,12 +56,9 @@ def unknown_force(context: Context, found: Contender) -> Unknown:
     minima = iter(fit_problems(every, starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True))
     (train, joint), *others = [_integrated(context, [Refit("", p, next(minima)) for p in own]) for own in problems]
     own, without = found.evidence, {e: other for e, (_, other) in zip(found.added, others, strict=True)}
-    return Unknown(
-        train=train - own.train,
-        held=joint - train - own.held,
-        kept={e: joint - other for e, other in without.items()},
-        instead={e: other - own.joint for e, other in without.items()},
-    )
+    kept = {e: joint - other for e, other in without.items()}
+    instead = {e: other - own.joint for e, other in without.items()}
+    return Unknown(train - own.train, joint - train - own.held, kept, instead)
 
 
 def _with_force(problem: Problem, model: Model) -> list[Problem]:

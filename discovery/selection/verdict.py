@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from discovery.declarations.registry import get_effect
 from discovery.selection.contender import Contender
 from discovery.selection.context import Context
 from discovery.selection.odds import Odds, between_rivals, odds_of
@@ -111,7 +112,9 @@ def named(search: Search) -> list[Named]:
         odds = odds_of(search.best, smaller, search.root, settings)
         others = search.neighbours.instead_of(search.best, effect)
         behind = {c: search.best.joint - c.joint for c in others}
-        for rival in others if not complete else ():
+        # Another form of a law may look like one that contains it, even where nothing else is left.
+        near = [c for c in others if not complete or get_effect(effect).reduces_to.intersection(c.added)]
+        for rival in near:
             # What is itself no larger than the model error is no rival that this could hide.
             if odds_of(rival, smaller, search.root, settings).against_error >= settings.nats:
                 behind[rival] = between_rivals(search.best, rival, settings)
