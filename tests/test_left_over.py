@@ -159,4 +159,4 @@ def test_scatter_is_told_once() -> None:
 
     assert codes() == ["scattered"]
     assert codes(code=UNDERSTATED) == codes(complete=False) == []
-    assert codes("outside") == ["missed"]
+    assert codes("outside", impossible=False) == ["missed"]
