@@ -22,7 +22,7 @@ from discovery.drafting.trials import trials
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
-from discovery.recordings.quantisation import quantum
+from discovery.recordings.quantisation import quantum, resolution
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording_columns import ARM_STEMS
 from discovery.rigs.kinds import KINDS
@@ -205,7 +205,7 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
         more += ', reads = "acceleration"'
     yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{_range(found.output)}"
     scatter, step = estimate_noise(found.output.values, time), quantum(found.output.values)
-    noise = max(scatter, step / np.sqrt(12.0))
+    noise = max(scatter, resolution(found.output.values) if step > 0.0 else 0.0)
     shown = figures(noise, 2) if noise > 0.0 else "0.1"
     unit = "" if found.output.unit == "1" else f" {found.output.unit}"
     if noise > scatter:

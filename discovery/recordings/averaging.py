@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from discovery.foundation.sampling import gaps, median_step
+from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import Flag
 from discovery.recordings.quantisation import lasting_rounding
 from discovery.recordings.recording import Recording
+from discovery.recordings.spectra import filled, spectrum
 from discovery.rigs.rig import Rig
 
 __all__ = ["averaged", "averaged_down"]
@@ -94,7 +97,7 @@ def _longest(recording: Recording, least: int, most: int) -> int:
     present, drive = np.asarray(np.isfinite(recording.output).all(axis=1)), recording.input
     if not present.any():
         return 1
-    outputs = [_filled(c) for c in recording.output.T]
+    outputs = [filled(c) for c in recording.output.T]
     spectra = [_Spectrum.of(c, sd) for c, sd in zip(outputs, _floors(recording), strict=True)]
     moved = None if drive is None or np.ptp(drive) == 0 else _Spectrum.of(drive / np.std(drive), 0.0)
     sizes, same = np.std(outputs, axis=1), _alike(recording)
@@ -112,16 +115,20 @@ def _longest(recording: Recording, least: int, most: int) -> int:
 
 def _together(recording: Recording) -> FloatArray:
     """Return how many neighbouring readings of each channel tell as much as one of independent noise."""
-    return np.array([1.0 if band is None else band.alike for band in recording.bands or (None,) * len(recording.noise)])
+    return np.array([1.0 if band is None else band.alike for band in _bands(recording)])
 
 
 def _floors(recording: Recording) -> list[float]:
     """Return the noise of each channel, as white noise that is as large as its own at any frequency."""
-    bands = recording.bands or (None,) * len(recording.noise)
     return [
         sd if band is None else max(sd, band.sd) * float(np.sqrt(_UNEVEN * band.alike))
-        for sd, band in zip(recording.noise.tolist(), bands, strict=True)
+        for sd, band in zip(recording.noise.tolist(), _bands(recording), strict=True)
     ]
+
+
+def _bands(recording: Recording) -> Sequence[BandNoise | None]:
+    """Return of each channel the noise whose neighbours err alike; None where it is white."""
+    return recording.bands or (None,) * len(recording.noise)
 
 
 def _alike(recording: Recording) -> FloatArray:
@@ -153,12 +160,6 @@ def _lost(present: npt.NDArray[np.bool_], length: int) -> float:
     return float(1 - whole / present.sum()) - (present.size - used) / present.size
 
 
-def _filled(channel: FloatArray) -> FloatArray:
-    """Return a channel with straight lines across its gaps."""
-    good = np.isfinite(channel)
-    return np.interp(np.arange(channel.size), np.flatnonzero(good), channel[good])
-
-
 @dataclass(frozen=True)
 class _Spectrum:
     """What stands out of the noise of a channel: angular frequencies a reading [rad], and the power of each."""
@@ -170,9 +171,7 @@ class _Spectrum:
     def of(cls, channel: FloatArray, noise: float) -> _Spectrum:
         """Return the spectrum of a channel without gaps."""
         n = channel.size
-        window = np.hanning(n)
-        line = np.polynomial.Polynomial.fit(np.arange(n), channel, 1)(np.arange(n))
-        power = 2 * np.abs(np.fft.rfft(window * (channel - line))) ** 2 / (n * np.sum(window**2))
+        power = 2 * np.abs(spectrum(channel)) ** 2 / n
         size = power.size // _LINES * _LINES
         bands = power[:size].reshape(-1, _LINES).mean(axis=1)
         floor = max(float(np.median(bands[bands.size // 2 :])), 2 * noise**2 / n)

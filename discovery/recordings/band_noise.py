@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.quantisation import resolution
+from discovery.recordings.spectra import filled, spectrum
 
 __all__ = ["BandNoise", "band_noise"]
 
@@ -81,11 +82,10 @@ def band_noise(
     BandNoise or None
         None where there is no such plateau, and for times that are not steady.
     """
-    good = np.isfinite(values)
-    if np.mean(good) < 1.0 - _MISSING or gaps(time).any():
+    if np.mean(np.isfinite(values)) < 1.0 - _MISSING or gaps(time).any():
         return None
-    read = np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
-    power = np.abs(_spectrum(read)) ** 2
+    read = filled(values)
+    power = np.abs(spectrum(read)) ** 2
     edges = _edges(values.size)
     sizes = [_typical(power[lower:upper]) for upper, lower in pairwise(edges)]
     found = _plateau(power, edges, sizes)
@@ -101,14 +101,6 @@ def band_noise(
     sized = _ROUNDED * resolution(values) < noise.sd < _SMALL * float(np.std(read))
     still = _moved(given, inside) * float(np.var(read)) <= _MOVED * variance
     return noise if clear and sized and still and _is_noise(read, inside) else None
-
-
-def _spectrum(values: FloatArray) -> npt.NDArray[np.complex128]:
-    """Return the spectrum of values less their trend in a window, of unit variance for white noise of that."""
-    n = values.size
-    window = np.hanning(n)
-    line = np.polynomial.Polynomial.fit(np.arange(n), values, 1)(np.arange(n))
-    return np.asarray(np.fft.rfft(window * (values - line)) / np.sqrt(np.sum(window**2)))
 
 
 def _typical(power: FloatArray) -> float:
@@ -140,9 +132,9 @@ def _plateau(power: FloatArray, edges: list[int], sizes: list[float]) -> tuple[i
 
 def _is_noise(values: FloatArray, inside: slice) -> bool:
     """Return whether what a band of lines holds has one size throughout, and the kurtosis of Gaussian noise."""
-    spectrum, window = _spectrum(values), np.hanning(values.size)
-    kept = np.zeros_like(spectrum)
-    kept[inside] = spectrum[inside]
+    lines, window = spectrum(values), np.hanning(values.size)
+    kept = np.zeros_like(lines)
+    kept[inside] = lines[inside]
     held = window > _INSIDE
     left = np.fft.irfft(kept, values.size)[held] / window[held]
     sizes = [float(np.std(part)) for part in np.array_split(left, _STRETCHES)]
@@ -154,5 +146,5 @@ def _moved(given: FloatArray | None, inside: slice) -> float:
     """Return which share of the power of an input a band of lines holds."""
     if given is None or np.ptp(given) == 0.0:
         return 0.0
-    power = np.abs(_spectrum(given)) ** 2
+    power = np.abs(spectrum(given)) ** 2
     return float(power[inside].sum() / power.sum())
