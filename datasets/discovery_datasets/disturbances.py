@@ -7,6 +7,7 @@ reports. Positions, velocities and forces in the plane are complex numbers ``x +
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, sin, tanh
 from typing import Any, ClassVar
@@ -23,6 +24,8 @@ class Disturbance:
 
     id: ClassVar[str] = ""
     quick_only: ClassVar[bool] = False  # acts through the compiled engine alone
+    #: Coefficients of `engine.Physics`, with the parameters here that they are.
+    acts: ClassVar[Mapping[str, str]] = {}
 
     def tip_force(self, time: float, position: complex, velocity: complex) -> complex:
         """Force on the disc [N]."""
@@ -54,7 +57,7 @@ class Disturbance:
 
     def physics(self) -> dict[str, float]:
         """Coefficients of `engine.Physics` that are not zero."""
-        return {}
+        return {coefficient: getattr(self, own) for coefficient, own in self.acts.items()}
 
     def push(self, time: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Force on the disc that depends on time alone [N]."""
@@ -95,16 +98,13 @@ class CoulombFriction(Disturbance):
     force: float
     speed: float = 2e-3
     id: ClassVar[str] = "coulomb_friction"
+    acts: ClassVar[Mapping[str, str]] = {"dry": "force", "dry_speed": "speed"}
 
     def tip_force(self, time: float, position: complex, velocity: complex) -> complex:
         """See the base class."""
         v = abs(velocity)
         ratio = tanh(v / self.speed) / v if v > 1e-12 else 1 / self.speed
         return -self.force * ratio * velocity
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"dry": self.force, "dry_speed": self.speed}
 
 
 @dataclass(frozen=True)
@@ -113,14 +113,11 @@ class QuadraticDrag(Disturbance):
 
     coefficient: float
     id: ClassVar[str] = "quadratic_drag"
+    acts: ClassVar[Mapping[str, str]] = {"drag": "coefficient"}
 
     def tip_force(self, time: float, position: complex, velocity: complex) -> complex:
         """See the base class."""
         return -self.coefficient * abs(velocity) * velocity
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"drag": self.coefficient}
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -29,10 +30,7 @@ class Magnet(QuickDisturbance):
     radius: float
     pull: float
     id: ClassVar[str] = "magnet"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"place_x": self.x, "place_y": self.y, "place_radius": self.radius, "place_pull": self.pull}
+    acts: ClassVar[Mapping[str, str]] = {"place_x": "x", "place_y": "y", "place_radius": "radius", "place_pull": "pull"}
 
 
 @dataclass(frozen=True)
@@ -44,10 +42,12 @@ class RoughPlace(QuickDisturbance):
     radius: float
     force: float
     id: ClassVar[str] = "rough_place"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"place_x": self.x, "place_y": self.y, "place_radius": self.radius, "place_friction": self.force}
+    acts: ClassVar[Mapping[str, str]] = {
+        "place_x": "x",
+        "place_y": "y",
+        "place_radius": "radius",
+        "place_friction": "force",
+    }
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,7 @@ class Cable(QuickDisturbance):
     slack: float
     stiffness: float
     id: ClassVar[str] = "cable"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"anchor_x": self.x, "anchor_y": self.y}
+    acts: ClassVar[Mapping[str, str]] = {"anchor_x": "x", "anchor_y": "y"}
 
     def tension(self, hub_angle: FloatArray) -> FloatArray:
         """See the base class."""

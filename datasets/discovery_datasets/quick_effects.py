@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -26,10 +27,7 @@ class MaterialNonlinearity(QuickDisturbance):
 
     cubic: float
     id: ClassVar[str] = "material_nonlinearity"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"cubic": self.cubic}
+    acts: ClassVar[Mapping[str, str]] = {"cubic": "cubic"}
 
 
 @dataclass(frozen=True)
@@ -38,10 +36,7 @@ class QuadraticStiffness(QuickDisturbance):
 
     quadratic: float
     id: ClassVar[str] = "quadratic_stiffness"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"quadratic": self.quadratic}
+    acts: ClassVar[Mapping[str, str]] = {"quadratic": "quadratic"}
 
 
 @dataclass(frozen=True)
@@ -53,10 +48,7 @@ class AmplitudeDependentDamping(QuickDisturbance):
 
     loss: float
     id: ClassVar[str] = "amplitude_dependent_damping"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"deflection_friction": self.loss}
+    acts: ClassVar[Mapping[str, str]] = {"deflection_friction": "loss"}
 
 
 @dataclass(frozen=True)
@@ -68,10 +60,7 @@ class NonlinearStructuralDamping(QuickDisturbance):
 
     loss: float
     id: ClassVar[str] = "nonlinear_structural_damping"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"deflection_loss": self.loss}
+    acts: ClassVar[Mapping[str, str]] = {"deflection_loss": "loss"}
 
 
 @dataclass(frozen=True)
@@ -81,10 +70,7 @@ class Hysteresis(QuickDisturbance):
     moment: float
     curvature: float
     id: ClassVar[str] = "hysteresis"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"fibre_moment": self.moment, "fibre_yield": self.curvature}
+    acts: ClassVar[Mapping[str, str]] = {"fibre_moment": "moment", "fibre_yield": "curvature"}
 
 
 @dataclass(frozen=True)
@@ -93,10 +79,7 @@ class TipRotaryInertia(QuickDisturbance):
 
     inertia: float
     id: ClassVar[str] = "tip_rotary_inertia"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"rotary_inertia": self.inertia}
+    acts: ClassVar[Mapping[str, str]] = {"rotary_inertia": "inertia"}
 
 
 @dataclass(frozen=True)
@@ -200,15 +183,12 @@ class StribeckFriction(QuickDisturbance):
     stribeck: float
     speed: float = 2e-3
     id: ClassVar[str] = "stribeck_friction"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {
-            "dry": self.force,
-            "breakaway": self.breakaway,
-            "stribeck_speed": self.stribeck,
-            "dry_speed": self.speed,
-        }
+    acts: ClassVar[Mapping[str, str]] = {
+        "dry": "force",
+        "breakaway": "breakaway",
+        "stribeck_speed": "stribeck",
+        "dry_speed": "speed",
+    }
 
 
 @dataclass(frozen=True)
@@ -217,10 +197,7 @@ class AsymmetricViscousDamping(QuickDisturbance):
 
     coefficient: float
     id: ClassVar[str] = "asymmetric_viscous_damping"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"asymmetry": self.coefficient}
+    acts: ClassVar[Mapping[str, str]] = {"asymmetry": "coefficient"}
 
 
 @dataclass(frozen=True)
@@ -246,10 +223,7 @@ class Taper(QuickDisturbance):
 
     share: float
     id: ClassVar[str] = "taper"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"taper": self.share}
+    acts: ClassVar[Mapping[str, str]] = {"taper": "share"}
 
 
 @dataclass(frozen=True)
@@ -259,10 +233,7 @@ class PowerFriction(QuickDisturbance):
     coefficient: float
     power: float
     id: ClassVar[str] = "power_friction"
-
-    def physics(self) -> dict[str, float]:
-        """See the base class."""
-        return {"power_loss": self.coefficient, "power": self.power}
+    acts: ClassVar[Mapping[str, str]] = {"power_loss": "coefficient", "power": "power"}
 
 
 QUICK_EFFECTS: dict[str, type[Disturbance]] = {
