@@ -70,6 +70,14 @@ def test_next_to_a_bound_the_normal_distribution_is_wrong() -> None:
     assert abs(sampled(problem, x, linear, SIZE, np.random.default_rng(1)).correction) > 0.5
 
 
+def test_beyond_a_bound_no_draw_is_lost() -> None:
+    beside, inside = (
+        [sampled(*fitted(damping, 2), SIZE, np.random.default_rng(seed)).error for seed in range(4)]
+        for damping in (-0.01, 0.3)
+    )
+    assert np.mean(beside) < 1.5 * np.mean(inside)
+
+
 def test_the_same_seed_gives_the_same_digits() -> None:
     problem, x, linear = fitted(0.3, 2)
     first, second = (sampled(problem, x, linear, SIZE, np.random.default_rng(7)) for _ in range(2))

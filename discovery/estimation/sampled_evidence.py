@@ -3,6 +3,8 @@
 Draws around the posterior mode are simulated and weighed by the likelihood under the noise and the model error, whose
 sizes stay those of the mode. The mean of their weights over the integral of Laplace's normal distribution corrects the
 log evidence; the shape of the largest weights tells whether it can be trusted, see `discovery.estimation.importance`.
+A parameter whose mode lies on a bound has half a normal distribution: it is mirrored there, the others with it as they
+hang together, which makes it whole.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ __all__ = ["Sampled", "sampled"]
 
 FloatArray = NDArray[np.float64]
 #: Draws of a round that adapts, and of the last one, and how often: together no more simulations than a fit takes.
-_PILOT, _DRAWS, _ROUNDS, _REPAIRS = 128, 256, 2, 1
+_PILOT, _DRAWS, _ROUNDS, _REPAIRS = 256, 384, 2, 3
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,12 @@ class _Target:
         scale = 1.0 / np.sqrt(np.diag(mode.precision))
         root = np.linalg.cholesky(mode.precision * np.outer(scale, scale))
         self.factor = scale[:, None] * np.linalg.inv(root).T
+        low, high = mode.step <= self.prior.low, mode.step >= self.prior.high
+        self.on_bound = low | high
+        self.bound = np.where(low, *self.problem.bounds)[self.on_bound, None]
+        self.inwards = np.where(low, 1.0, -1.0)[self.on_bound, None]
+        covariance = self.factor @ self.factor[self.on_bound].T
+        self.along = covariance @ np.linalg.inv(covariance[self.on_bound])
         left = ((c.time, c.columns[:, : x.size] @ mode.step + c.columns[:, -1]) for c in linear.train)
         squares = sum(float(np.sum(innovations(t, r[:, None], error)[0] ** 2)) for t, r in left)
         self.least = squares / self.white**2 + float(self._pulled(mode.step[:, None])[0])
@@ -97,12 +105,14 @@ class _Target:
         """Return the log density of points (k, p), minus infinity out of bounds and for what blows up."""
         x = self.centre[:, None] + self.factor @ points.T
         low, high = self.problem.bounds
+        beyond = np.maximum(-self.inwards * (x[self.on_bound] - self.bound), 0.0)
+        x += self.along @ (2 * self.inwards * beyond)
         inside = ((x >= low[:, None]) & (x <= high[:, None])).all(axis=0)
         found = np.full(len(points), -np.inf)
         if inside.any():
             near = x[:, inside]
             found[inside] = -0.5 * (self._squares(near) + self._pulled(near - self.origin[:, None]) - self.least)
-        return found
+        return found - len(self.bound) * float(np.log(2.0))  # each mirror doubles the integral
 
     def _pulled(self, step: FloatArray) -> FloatArray:
         off = step - self.prior.mean[:, None]
