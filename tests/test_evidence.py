@@ -84,6 +84,18 @@ def test_a_shape_that_the_draws_do_not_have_is_told():
         importance_sample(lambda z: np.full(len(z), -np.inf), 2, np.random.default_rng(2))
 
 
+def test_what_no_draw_hits_is_given_up():
+    asked = []
+
+    def needle(z):
+        asked.append(len(z))
+        return stats.norm.logpdf(z, scale=0.05).sum(axis=1)
+
+    drawn = importance_sample(needle, 8, np.random.default_rng(4), draws=384, pilot=256, rounds=2, repairs=3)
+    assert asked == [256, 256]
+    assert not drawn.reliable
+
+
 def test_standard_error_is_what_repetition_shows():
     def gamma(z):
         x = 3.0 + z[:, 0]

@@ -93,6 +93,8 @@ def importance_sample(
 ) -> Weighted:
     """Integrate a density that is roughly a standard normal one.
 
+    Where fewer draws count than it has dimensions, after all rounds that adapt, it is not: those draws are returned.
+
     Parameters
     ----------
     log_density : callable
@@ -121,6 +123,8 @@ def importance_sample(
             break
         last = first.error
         proposal = proposal.adapted(first.points, first.weights)
+    if first.effective < dimension:
+        return first
     drawn = weighed(log_density, proposal, rng, draws)
     for _ in range(repairs):
         if drawn.reliable:
