@@ -8,8 +8,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from discovery.declarations.effect import effect_name
-from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.registry import catalogue, effect_name, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
 from discovery.report.number_words import listed
