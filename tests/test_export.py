@@ -20,10 +20,10 @@ from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
 from discovery.declarations import registry, symbols
-from discovery.declarations.effect import ARM, Kinetic, effect_name
+from discovery.declarations.effect import ARM, Kinetic
 from discovery.declarations.effect import Drive as DriveEffect
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import catalogue, effect_name
 from discovery.equations.equation import equation_terms
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from discovery.declarations.effect import effect_name
+from discovery.declarations.registry import effect_name
 from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, Picture, new_figure, render, styled
 
 #: Title, colour and marker of a prediction.

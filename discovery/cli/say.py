@@ -62,7 +62,7 @@ def say_missing(missing: MissingForce | None) -> None:
 
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
-    from discovery.declarations.effect import effect_name
+    from discovery.declarations.registry import effect_name
     from discovery.report.sentences import effect_sentence
     from discovery.runs.loop_result import UPGRADES
 

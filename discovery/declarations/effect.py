@@ -47,24 +47,10 @@ __all__ = [
     "Potential",
     "Sensor",
     "Shape",
-    "effect_name",
 ]
 
 #: What an effect may need: a linear spring, an angle that nothing ties, a falling body, or a base that moves.
 SPRING, ROTOR, WEIGHT, SHAKEN = "spring", "rotor", "weight", "shaken"
-#: Names of people in those of effects, and an effect whose id is of one instrument only.
-_PEOPLE, _CALLED = {"coriolis", "coulomb", "stribeck"}, {"angle_offset": "zero offset of the sensor"}
-
-
-def effect_name(effect_id: str) -> str:
-    """Return an effect's id as words.
-
-    Examples
-    --------
-    >>> effect_name("coulomb_friction"), effect_name("angle_offset")
-    ('Coulomb friction', 'zero offset of the sensor')
-    """
-    return " ".join(w.capitalize() if w in _PEOPLE else w for w in _CALLED.get(effect_id, effect_id).split("_"))
 
 
 class Effect(ABC):
@@ -94,8 +80,8 @@ class Effect(ABC):
     #: Kinds of system on which the effect is meaningful.
     systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
     cite: ClassVar[str] = ""  #: Where the law comes from.
-    #: True for a law at the tip of an arm that stands for one spread along the rod: it idealises more than others.
-    lumped: ClassVar[bool] = False
+    #: Words for it where those of its id mislead.
+    called: ClassVar[str] = ""
     #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.
     pliable: ClassVar[bool] = False
     #: Ids of simpler effects that it is where one of its amplitudes vanishes.

@@ -17,7 +17,10 @@ from discovery.declarations.smooth_force import SmoothForce
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 
-__all__ = ["catalogue", "get_effect"]
+__all__ = ["catalogue", "effect_name", "get_effect"]
+
+#: Names of people in those of effects.
+_PEOPLE = {"coriolis", "coulomb", "stribeck"}
 
 
 def _modules() -> Iterator[ModuleType]:
@@ -52,6 +55,19 @@ def catalogue() -> dict[str, Effect]:
                     raise ValueError(f"two effects are called {member.id()!r}: {found[member.id()]!r} and {member!r}")
                 found[member.id()] = member()
     return dict(sorted(found.items()))
+
+
+def effect_name(effect_id: str) -> str:
+    """Return an effect's id, or another one, as words.
+
+    Examples
+    --------
+    >>> effect_name("coulomb_friction"), effect_name("angle_offset")
+    ('Coulomb friction', 'zero offset of the sensor')
+    """
+    effect = catalogue().get(effect_id)
+    words = effect.called if effect is not None and effect.called else effect_id
+    return " ".join(word.capitalize() if word in _PEOPLE else word for word in words.split("_"))
 
 
 def _speaks_of(effect: Effect, word: str) -> bool:

@@ -14,6 +14,7 @@ class AngleOffset(Sensor):
     Readings are shifted by it. Of an arm, the frame of the camera is turned against the encoder's zero.
     """
 
+    called = "zero offset of the sensor"
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"
     theta_0 = Parameter("q", "zero offset", (-0.5, 0.5), Normal(0.0, 0.02), starts=(0.003, -0.003), latex=r"\theta_0")
 

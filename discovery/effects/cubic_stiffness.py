@@ -13,7 +13,6 @@ class CubicStiffness(Potential):
     The restoring force is :math:`\beta \delta^3`, the paper's equation (15).
     """
 
-    lumped = True
     cite = "source paper, equation (15); Duffing (1918)"
     beta = Parameter(
         "s^-2 q^-2", "cubic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.1, -0.1), latex=r"\beta"

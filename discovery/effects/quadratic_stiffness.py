@@ -11,7 +11,6 @@ class QuadraticStiffness(Potential):
     .. math:: V = \tfrac13\, k_2\, \delta^3
     """
 
-    lumped = True
     cite = "Nayfeh and Mook, Nonlinear Oscillations (1979), section 2.1"
     k_2 = Parameter(
         "s^-2 q^-1", "quadratic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.03, -0.03), latex="k_2"

@@ -11,7 +11,6 @@ class QuinticStiffness(Potential):
     .. math:: V = \tfrac16\, k_5\, \delta^6
     """
 
-    lumped = True
     cite = "Nayfeh and Mook, Nonlinear Oscillations (1979), section 2.1"
     k_5 = Parameter(
         "s^-2 q^-4", "quintic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.05, -0.05), latex="k_5"

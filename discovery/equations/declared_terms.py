@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Effect, Expressed, Memory, effect_name
+from discovery.declarations.effect import Effect, Expressed, Memory
 from discovery.declarations.place import INERTIA, local
+from discovery.declarations.registry import effect_name
 from discovery.mechanics.declared import DeclaredBase
 from discovery.mechanics.declared_equations import INPUT, coordinates_of
 

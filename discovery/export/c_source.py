@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
 from discovery.equations.model import Model
-from discovery.export.c_text import INPUT_AT, INPUT_NODE, POWER
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import comment, origin
+from discovery.export.header import comment, composition, initial_states, origin
 from discovery.export.source import integration_step
 from discovery.export.source_text import ARM_WORDS, FREE_WORDS, MOVED_WORDS, OSCILLATOR_WORDS
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, needed, program_of
+from discovery.export.templates import filled, indented
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["to_c"]
 
-_HEADER, _SOURCE = (Path(__file__).with_name(f"c_{part}.txt") for part in ("header", "source"))
 #: Span of time over which the largest lateness is looked for [s].
 _SPAN = 100.0
 
@@ -80,12 +78,8 @@ def _body(
     lines += [f"const double {a.name} = {_printed(e)};" for a, e in assignments]
     lines += [f"(void){name};" for name in (*arrays, "parameters_", *unused)]
     if into == "return":
-        return _indented([*lines, f"return {_printed(results[0])};"])
-    return _indented([*lines, *(f"{into}[{k}] = {_printed(e)};" for k, e in enumerate(results))])
-
-
-def _indented(lines: Iterable[str]) -> str:
-    return "\n".join(f"    {line}" for line in lines)
+        return indented([*lines, f"return {_printed(results[0])};"])
+    return indented([*lines, *(f"{into}[{k}] = {_printed(e)};" for k, e in enumerate(results))])
 
 
 def _history(found: FittedModel, program: SymbolicModel, step: float) -> int:
@@ -100,9 +94,8 @@ def _history(found: FittedModel, program: SymbolicModel, step: float) -> int:
 def _head(found: FittedModel) -> str:
     """Return the comment at the top of both files."""
     effects = [f"{e.id()}: {e.title()}." for e in found.model.terms]
-    title = f"Equations of motion: base {found.model.base} with {', '.join(found.model.effects) or 'no effects'}."
-    starts = [f"{n}: deflection {d:.9g}, rate {r:.9g}" for n, (d, r) in found.initial.items()]
-    starts = ["", "Initial states of the recordings:", *starts] if starts else []
+    title = f"Equations of motion: base {composition(found)}."
+    starts = ["", *initial_states(found)] if found.initial else []
     return comment([title, "", *effects, "", *equation_text(found.model), *starts, "", *origin(found)])
 
 
@@ -111,7 +104,7 @@ def _places(found: FittedModel, name: str) -> str:
     for parameter, declared in found.model.parameters.items():
         about = comment([f"{found.unit_of(parameter)}: {declared.meaning}"]).removeprefix(" * ")
         rows.append(f"{name.upper()}_{parameter}, /* {about} */")
-    return _indented(rows)
+    return indented(rows)
 
 
 def _values(found: FittedModel) -> str:
@@ -120,7 +113,7 @@ def _values(found: FittedModel) -> str:
         sd = found.sd.get(parameter, math.nan)
         spread = f" +- {sd:.2g}" if math.isfinite(sd) else ""
         rows.append(f"{found.values[parameter]!r}, /* {parameter}{spread} */")
-    return _indented(rows or ["0.0"])
+    return indented(rows or ["0.0"])
 
 
 def _functions(program: SymbolicModel) -> dict[str, str]:
@@ -153,29 +146,31 @@ def _words(found: FittedModel, program: SymbolicModel) -> Mapping[str, str]:
     return OSCILLATOR_WORDS if sp.Symbol("u", real=True) in heard else FREE_WORDS
 
 
-def _fields(found: FittedModel, name: str) -> dict[str, str]:
-    """Return what replaces the fields of the templates, names excepted."""
-    program, step, moves = program_of(found.model), integration_step(found), found.model.mechanics.input_moves
+def _fields(found: FittedModel, name: str) -> dict[str, Any]:
+    """Return the fields of the templates."""
+    program, step = program_of(found.model), integration_step(found)
     words, functions = _words(found, program), _functions(program)
     return {
-        "POWER": POWER if any("power(" in body for body in functions.values()) else "",
-        "INPUT_AT": INPUT_AT[moves],
-        "INPUT_NODE": INPUT_NODE[moves],
+        "NAME": name,
+        "NAME_UPPER": name.upper(),
+        "HEAD": _head(found),
+        "POWER": any("power(" in body for body in functions.values()),
+        "MOVES": found.model.mechanics.input_moves,
         "STATES": ", ".join(y.name for y in program.states),
-        "N_STATES": str(len(program.states)),
+        "N_STATES": len(program.states),
         "INPUTS": words["INPUTS"],
-        "N_INPUTS": str(len(program.recorded)),
+        "N_INPUTS": len(program.recorded),
         "INPUT_ROWS": words["INPUTS"],
         "READINGS": words["READING_WORDS"],
-        "N_READINGS": str(len(program.reading)),
+        "N_READINGS": len(program.reading),
         "JUMPS": words["JUMPS"],
         "STEP": repr(step),
-        "HISTORY": str(_history(found, program, step)),
+        "HISTORY": _history(found, program, step),
         "PLACES": _places(found, name),
         "VALUES": _values(found),
         # C has no array of no elements.
         "AT_LEAST": "" if found.model.parameters else " + 1",
-        "N": str(program.n_coordinates),
+        "N": program.n_coordinates,
         **functions,
     }
 
@@ -209,15 +204,5 @@ def to_c(
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InputError(f"{name!r} is no name in C; take small letters, digits and underscores, a letter first.")
-    found = fitted_model(source, values)
-    fields = {**_fields(found, name), "NAME_UPPER": name.upper(), "NAME": name}
-    # Last: names from the rig file are no fields.
-    fields["HEAD"] = _head(found)
-    return _filled(_HEADER, fields), _filled(_SOURCE, fields)
-
-
-def _filled(template: Path, fields: Mapping[str, str]) -> str:
-    text = template.read_text(encoding="utf-8")
-    for key, value in fields.items():
-        text = text.replace(f"@{key}@", value)
-    return text
+    fields = _fields(fitted_model(source, values), name)
+    return filled("c_header.txt", fields), filled("c_source.txt", fields)

@@ -7,7 +7,8 @@ import re
 import sympy as sp
 import sympy.abc
 
-from discovery.declarations.effect import Drive, Sensor, effect_name
+from discovery.declarations.effect import Drive, Sensor
+from discovery.declarations.registry import effect_name
 from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
 from discovery.equations.model import Model
 from discovery.export.latex_writer import LatexLine

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import comment, origin
+from discovery.export.header import comment, composition, origin
 from discovery.export.symbolic import program_of
+from discovery.export.templates import filled
 from discovery.foundation.errors import InputError
 from discovery.simulation.kernel.compile import numpy_derivative
 
@@ -208,7 +209,7 @@ def feed_forward_c(found: FeedForward, source: FittedModel) -> str:
     """
     head = comment(
         [
-            f"Feed-forward: base {source.model.base} with {', '.join(source.model.effects) or 'no effects'}.",
+            f"Feed-forward: base {composition(source)}.",
             *[f"Warning: {w}" for w in found.warnings],
             "",
             *origin(source),
@@ -221,45 +222,5 @@ def feed_forward_c(found: FeedForward, source: FittedModel) -> str:
         f"static const double feed_forward_{name}[{a.size}] = {{\n    {', '.join(map(repr, a.tolist()))}\n}};"
         for name, a in arrays.items()
     )
-    text = _HEADER.replace("@SIZE@", str(found.rate.size)).replace("@OFFSET@", repr(found.offset))
-    return text.replace("@INERTIA@", repr(found.inertia)).replace("@TABLES@", tables).replace("@HEAD@", head)
-
-
-_HEADER = """/*
-@HEAD@
- */
-#ifndef FEED_FORWARD_H
-#define FEED_FORWARD_H
-
-@TABLES@
-
-static double feed_forward_between(const double *at, const double *command, double x)
-{
-    int low = 0, high = @SIZE@ - 1;
-    if (!(x > at[low])) {
-        return command[low];
-    }
-    if (x >= at[high]) {
-        return command[high];
-    }
-    while (high - low > 1) {
-        const int middle = (low + high) / 2;
-        if (at[middle] > x) {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    return command[low] + (x - at[low]) / (at[high] - at[low]) * (command[high] - command[low]);
-}
-
-/* Command of a wanted motion. */
-static double feed_forward(double position, double rate, double acceleration)
-{
-    return @OFFSET@ + @INERTIA@ * acceleration
-        + feed_forward_between(feed_forward_rate, feed_forward_friction, rate)
-        + feed_forward_between(feed_forward_position, feed_forward_spring, position);
-}
-
-#endif
-"""
+    fields = {"HEAD": head, "TABLES": tables, "SIZE": found.rate.size}
+    return filled("feed_forward.txt", {**fields, "OFFSET": repr(found.offset), "INERTIA": repr(found.inertia)})

@@ -19,8 +19,9 @@ from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.export.c_source import to_c
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import origin
+from discovery.export.header import composition, origin
 from discovery.export.source import integration_step
+from discovery.export.templates import filled
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,46 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["to_fmu"]
 
-_SOURCE = Path(__file__).with_name("fmi2_source.txt")
 _FILES = ("model.c", "fmi2.c")
-#: The input within a communication step: a motion goes on with its acceleration, a force with its derivative.
-_AFTER = {
-    True: """    input[0] = u[0] + s * (u[1] + s * (u[2] / 2.0 + s * rate[2] / 6.0));
-    input[1] = u[1] + s * (u[2] + s * rate[2] / 2.0);
-    input[2] = u[2] + s * rate[2];""",
-    False: "    input[0] = u[0] + s * rate[0];",
-}
-
-
-def _no_others() -> str:
-    """Return the functions for variables of types that there are none of."""
-    return "".join(
-        f"""EXPORT Status fmi2{way}{kind}(Component c, const Reference vr[], size_t n, {const}{ctype} value[])
-{{
-    (void)vr, (void)value;
-    return n == 0 ? OK : refused(c, "there are real variables only");
-}}
-
-"""
-        for kind, ctype in (("Integer", "int"), ("Boolean", "Boolean"), ("String", "String"))
-        for way, const in (("Get", ""), ("Set", "const "))
-    )
-
-
-def _no_status() -> str:
-    """Return the functions that ask for the state of a step under way: there never is one."""
-    return "".join(
-        f"""
-EXPORT Status fmi2Get{kind}Status(Component c, int what, {ctype} *value)
-{{
-    (void)c, (void)what, (void)value;
-    return DISCARD;
-}}
-"""
-        for kind, ctype in (
-            ("", "Status"), ("Real", "double"), ("Integer", "int"), ("Boolean", "Boolean"), ("String", "String")
-        )
-    )  # fmt: skip
 
 
 def _platform() -> tuple[str, str] | None:
@@ -120,9 +82,7 @@ def _variables(found: FittedModel) -> Iterable[dict[str, str]]:
 
 def _description(found: FittedModel, guid: str) -> bytes:
     """Return modelDescription.xml."""
-    about = " ".join(
-        [f"Base {found.model.base} with {', '.join(found.model.effects) or 'no effects'}.", *origin(found)]
-    )
+    about = " ".join([f"Base {composition(found)}.", *origin(found)])
     root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName="model", guid=guid, description=about)
     able = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"}
     able |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
@@ -176,12 +136,7 @@ def to_fmu(source: FittedModel | Fit | Model, values: Mapping[str, float] | None
     found = fitted_model(source, values)
     header, body = to_c(found)
     guid = hashlib.sha256((header + body).encode()).hexdigest()[:32]
-    interface = _SOURCE.read_text(encoding="utf-8")
-    for key, text in {
-        "GUID": guid, "INPUT_AFTER": _AFTER[found.model.mechanics.input_moves], "NO_OTHERS": _no_others(),
-        "STATUS": _no_status(),
-    }.items():  # fmt: skip
-        interface = interface.replace(f"@{key}@", text)
+    interface = filled("fmi2_source.txt", {"GUID": guid, "MOVES": found.model.mechanics.input_moves})
     sources = {"model.h": header, "model.c": body, "fmi2.c": interface}
     files: dict[str, str | bytes] = {"modelDescription.xml": _description(found, guid)}
     files |= {f"sources/{name}": text for name, text in sources.items()}

@@ -7,7 +7,18 @@ from collections.abc import Iterable
 from discovery.export.fitted import FittedModel
 from discovery.foundation.estimate_text import estimate_text
 
-__all__ = ["comment", "docstring", "origin"]
+__all__ = ["comment", "composition", "docstring", "initial_states", "origin"]
+
+
+def composition(found: FittedModel) -> str:
+    """Return the base of a model and its effects in words."""
+    return f"{found.model.base} with {', '.join(found.model.effects) or 'no effects'}"
+
+
+def initial_states(found: FittedModel) -> list[str]:
+    """Return lines that say from which states the recordings start; none without recordings."""
+    starts = [f"{n}: deflection {d:.9g}, rate {r:.9g}" for n, (d, r) in found.initial.items()]
+    return ["Initial states of the recordings:", *starts] if starts else []
 
 
 def origin(found: FittedModel) -> list[str]:

@@ -9,7 +9,8 @@ import numpy as np
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape, effect_name
+from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
+from discovery.declarations.registry import effect_name
 from discovery.equations.contributions import radius_of
 from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model

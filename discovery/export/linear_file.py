@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.export.fitted import FittedModel
-from discovery.export.header import docstring, origin
+from discovery.export.header import composition, docstring, origin
 from discovery.export.linear import LinearModel
 
 __all__ = ["linear_to_json", "linear_to_python"]
@@ -53,7 +53,7 @@ def linear_to_python(linear: LinearModel, source: FittedModel) -> str:
     late = f"The reading is {linear.delay:g} s old" if linear.delay else ""
     late += (", which no matrix knows." if linear.sample_time is None else ", which the matrices hold.") if late else ""
     text = docstring(
-        f"Base {source.model.base} with {', '.join(source.model.effects) or 'no effects'}, linearised, in {time}.",
+        f"Base {composition(source)}, linearised, in {time}.",
         f"Operating point:\n{point}",
         f"States: {', '.join(linear.states)}; input: {', '.join(linear.inputs)}; outputs: {', '.join(linear.outputs)}.",
         late,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -14,30 +13,16 @@ from sympy.printing.numpy import NumPyPrinter
 from discovery.declarations import symbols as s
 from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import docstring, origin
-from discovery.export.source_text import (
-    ARM_WORDS,
-    AT_SAMPLES,
-    FREE_WORDS,
-    INPUT_DRIVE,
-    LATE_INPUT,
-    MEMORY,
-    MOTION_DRIVE,
-    MOTOR,
-    MOVED_WORDS,
-    OSCILLATOR_WORDS,
-    RATES,
-    READ,
-    READ_LATE,
-)
+from discovery.export.header import composition, docstring, initial_states, origin
+from discovery.export.source_text import ARM_WORDS, FREE_WORDS, MOVED_WORDS, OSCILLATOR_WORDS
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, program_of, substituted
+from discovery.export.templates import filled, indented
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
 __all__ = ["integration_step", "to_numpy"]
 
-_TEMPLATE = Path(__file__).with_name("model_template.txt")
 _STACKED = "np.array(np.broadcast_arrays({}))"
 #: Where nothing in it need depend on the state.
 _SHAPED = "np.array(np.broadcast_arrays({}, state[0]))[:-1]"
@@ -74,7 +59,7 @@ def _body(
     lines += _received(printer, drive)
     lines += [f"{a.name} = {printer.doprint(e)}" for a, e in parts]
     lines.append(f"return {returns.format(', '.join(printer.doprint(e) for e in results))}")
-    return _indented(lines)
+    return indented(lines)
 
 
 def _slopes(
@@ -99,7 +84,7 @@ def _slopes(
     ]
     lines += _received(printer, drive)
     lines += [f"{a.name} = {printed(e)}" for a, e in program.assignments]
-    return names, _indented([*lines, f"return ({', '.join(map(printed, program.slopes))},)"])
+    return names, indented([*lines, f"return ({', '.join(map(printed, program.slopes))},)"])
 
 
 def _received(printer: NumPyPrinter, drive: Assignments) -> list[str]:
@@ -108,21 +93,16 @@ def _received(printer: NumPyPrinter, drive: Assignments) -> list[str]:
     return [f"{left} = {right}"] if left != right else []
 
 
-def _indented(lines: Iterable[str]) -> str:
-    return "\n".join(f"    {line}" for line in lines)
-
-
 def _text(found: FittedModel, arm: bool, inputs: str) -> str:
     """Return the docstring of the module."""
     effects = [f"{e.id()}: {e.title()}." for e in found.model.terms]
     unit = "q is the unit of the coordinate" if not arm else "deflection = theta_t - theta_m"
     use = f"{'x, y' if arm else '(output,)'} = simulate(time, {inputs})"
-    starts = [f"{n}: deflection {d:.9g}, rate {r:.9g}" for n, (d, r) in found.initial.items()]
     return docstring(
         "\n".join(effects),
         "\n".join(equation_text(found.model)),
         f"SI units, radians; {unit}. Needs numpy alone:\n\n    {use}",
-        "\n".join(["Initial states of the recordings:", *starts]) if starts else "",
+        "\n".join(initial_states(found)),
         "\n".join(origin(found)),
     )
 
@@ -196,12 +176,13 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     moving = memory or bool(seen & set(program.states[n : 2 * n]))
     sampled = program.states if memory else program.states[: 2 * n if moving else n]
     fields = {
-        "TITLE": f"Equations of motion: base {found.model.base} with {', '.join(found.model.effects) or 'no effects'}.",
+        "TITLE": f"Equations of motion: base {composition(found)}.",
+        "TEXT": _text(found, arm, words["INPUTS"]),
         "PARAMETERS": _parameters(found),
         "STEP": repr(integration_step(found)),
         "STATES": ", ".join(y.name for y in program.states),
-        "N_STATES": str(len(program.states)),
-        "N_READING": str(len(program.reading)),
+        "N_STATES": len(program.states),
+        "N_READING": len(program.reading),
         "NAMES": repr(tuple(names_of_slopes)),
         "SLOPES": slopes,
         "DERIVATIVE": _SLOPES[base.prescribed],
@@ -210,21 +191,16 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
         ),
         "LATENESS": body((program.lateness,), returns="{}"),
         "INITIAL": body(initial, parts=parts),
-        "DRIVE": MOTION_DRIVE if moves else INPUT_DRIVE,
-        "READ": (READ if program.lateness == 0 else READ_LATE)
-        .replace("@MOTOR@", MOTOR if arm else "")
-        .replace("@RATES@", (RATES if moving else "") + (MEMORY if memory else "")),
-        "SAMPLED": "".join(AT_SAMPLES[moves].format(k) for k in read),
-        "LATE_INPUT": "".join(LATE_INPUT[moves].format(k) for k in read),
+        "ARM": arm,
+        "MOVES": moves,
+        "LATE": program.lateness != 0,
+        "MOVING": moving,
+        "MEMORY": memory,
+        "READ": read,
         "READ_INPUT": "".join(f"{inputs[k]}, " for k in read),
         **words,
-        "N": str(n),
+        "N": n,
     }
     functions = ", ".join(sorted(printer.module_imports["numpy"]))
     fields["FUNCTIONS"] = f"from numpy import {functions}\n" if functions else ""
-    # Last: names from the rig file are no fields.
-    fields["TEXT"] = _text(found, arm, words["INPUTS"])
-    text = _TEMPLATE.read_text(encoding="utf-8")
-    for key, value in fields.items():
-        text = text.replace(f"@{key}@", value)
-    return text
+    return filled("model_template.txt", fields)

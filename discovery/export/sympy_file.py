@@ -10,7 +10,7 @@ import sympy as sp
 from sympy.printing.str import StrPrinter
 
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import docstring, origin
+from discovery.export.header import composition, docstring, origin
 from discovery.export.symbolic import SymbolicModel, in_parts, to_sympy
 
 if TYPE_CHECKING:
@@ -97,6 +97,6 @@ def to_sympy_file(source: FittedModel | Fit | Model, values: Mapping[str, float]
         "Evaluate drive, assignments and slopes (of states) in this order; reading is what the instrument reports of\n"
         "the state that is lateness old. initial is the state for a deflection and a rate. SI units, radians."
     )
-    title = f"Base {fitted.model.base} with {', '.join(fitted.model.effects) or 'no effects'}, as sympy."
+    title = f"Base {composition(fitted)}, as sympy."
     head = f'"""{docstring(title, words, chr(10).join(origin(fitted)))}\n"""\n'
     return "\n".join([head, f"from sympy import {', '.join(names)}\n", *declared, "", text]) + "\n"

@@ -9,7 +9,8 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Effect, Expressed, effect_name
+from discovery.declarations.effect import Effect, Expressed
+from discovery.declarations.registry import effect_name
 from discovery.equations.model import Model
 
 __all__ = ["shared"]

@@ -171,7 +171,7 @@ def error_bars(run: Run) -> dict[str, Any]:
         return round(100 * min(1.0, max(0.0, (math.log(value) - low) / (high - low))), 1) if value else 0.0
 
     def shown(value: float) -> str:
-        return "blows up" if math.isinf(value) else significant(value * scale.factor)
+        return "blows up" if math.isinf(value) else scale.text(value)
 
     rows = [
         {
@@ -187,6 +187,6 @@ def error_bars(run: Run) -> dict[str, Any]:
     return {
         "rows": rows,
         "unit": scale.symbol,
-        "floor": significant(floor * scale.factor) if floor else MISSING,
+        "floor": scale.text(floor) if floor else MISSING,
         "floor_at": place(floor),
     }

@@ -129,7 +129,7 @@ def _worst(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
     for row in sorted((row for row in rows if _left(row) > 0), key=_left, reverse=True)[:_WORST]:
         before, after = _error(row, "before"), _error(row, "after")
         scale = scale_for(row["unit"], after or 0.0)
-        shown = [significant(None if x is None else x * scale.factor) for x in (before, after, row["noise_floor"])]
+        shown = [scale.text(x) for x in (before, after, row["noise_floor"])]
         because = sentence(row.get("because") or "")
         cells.append([_case(folder, row["name"]), *shown, scale.symbol, significant(_left(row)), because])
         raw.append([row["name"], before, after, row["noise_floor"], row["unit"], _left(row), row.get("because")])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from discovery.declarations.effect import effect_name
+from discovery.declarations.registry import effect_name
 from discovery.foundation.estimate_text import figures
 
 __all__ = ["caution_sentence"]

@@ -238,10 +238,7 @@ def model_error_table(run: Run) -> Table:
     error = run.loop["model_error"]
     sizes = {"before": "declared model", "after": "final model", "held": "held out", "least": "counts as none, up to"}
     scale = scale_for(error["unit"], max((error[k] or 0.0 for k in sizes), default=0.0))
-    cells = [
-        [text, significant(None if error[key] is None else error[key] * scale.factor), scale.symbol]
-        for key, text in sizes.items()
-    ]
+    cells = [[text, scale.text(error[key]), scale.symbol] for key, text in sizes.items()]
     cells.append(["part that is left", share_words(error) or MISSING, ""])
     cells.append(["depends on", listed(map(effect_name, error["depends_on"])) or "nothing that was recorded", ""])
     raw = [[key, error[key], error["unit"]] for key in sizes]
@@ -272,7 +269,7 @@ def distortion_table(run: Run) -> Table | None:
     for d in multisine["distortions"]:
         scale = scale_for(unit, d["level"] or d["noise"] or 0.0)
         verdict = {True: "yes", False: "no"}.get(d["detected"], "cannot be judged")
-        levels = [significant(x and x * scale.factor) for x in (d["level"], d["noise"])]
+        levels = [scale.text(x) for x in (d["level"], d["noise"])]
         ratios = [significant(d["ratio_db"]), significant(d["limit_db"])]
         cells.append([d["parity"], d["basis"], f"{d['lines']}", *levels, scale.symbol, *ratios, verdict])
     head = (

@@ -14,7 +14,7 @@ from typing import Any
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.mechanics import get_base
-from discovery.report.numbers import scale_for_change, significant
+from discovery.report.numbers import scale_for_change
 from discovery.report.page import environment
 from discovery.report.results import read_run
 from discovery.report.sentences import chances
@@ -99,7 +99,6 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
     errors = loop["errors"]
     group = held_group(errors)
     scale = scale_for_change(errors["unit"], *(errors[when][group]["rms"] for when in ("before", "after")))
-    before, after = (errors[when][group]["rms"] * scale.factor for when in ("before", "after"))
     page = folder / "report.html"
     picture = _PICTURE.search(page.read_text(encoding="utf-8")) if page.is_file() else None
     return {
@@ -110,9 +109,9 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
         "verdict": loop["verdict"],
         "verdict_words": effect_name(loop["verdict"]),
         "found": [_effect(e, _coordinate(loop)) for e in loop["effects"]],
-        "before": significant(before),
-        "after": significant(after),
-        "floor": significant(errors["noise_floor"] * scale.factor),
+        "before": scale.text(errors["before"][group]["rms"]),
+        "after": scale.text(errors["after"][group]["rms"]),
+        "floor": scale.text(errors["noise_floor"]),
         "unit": scale.symbol,
         "where": "in training" if group == "train" else "held out",
         "picture": picture[1] if picture else "",

@@ -170,7 +170,7 @@ def patches_table(run: Run) -> Table | None:
     cells, raw = [], []
     for p in missing["patches"]:
         scale = scale_for(unit, p["before"] or 0.0)
-        errors = [significant(p[k] * scale.factor) if p[k] is not None else "–" for k in ("before", "after")]
+        errors = [scale.text(p[k]) for k in ("before", "after")]
         accepted = "accepted" if p["accepted"] else "refused"
         cells.append([p["kind"], _names(run, p["variables"]), *errors, scale.symbol, accepted])
         raw.append([p[k] for k in ("kind", "formula", "before", "after", "accepted", "reason")])
@@ -208,7 +208,7 @@ def sentences(run: Run) -> list[str]:
         found.append("No law of it predicts the held-out recordings well enough; no correction is applied.")
     else:
         scale = scale_for(run.loop["errors"]["unit"], patch["before"])
-        before, after = (significant(patch[k] * scale.factor) for k in ("before", "after"))
+        before, after = (scale.text(patch[k]) for k in ("before", "after"))
         law = f"a {patch['kind']} in the {_names(run, patch['variables'])}"
         found.append(
             f"A patch, not an explanation: with {law} the held-out rms error falls from {before} to "

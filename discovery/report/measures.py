@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.report.estimates import published
-from discovery.report.numbers import MISSING, Scale, scale_for, significant, uncertain, unit_text
+from discovery.report.numbers import Scale, scale_for, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import FITS, deflection_unit, effect_name, error_groups, error_scale
@@ -27,7 +27,7 @@ def recordings_table(run: Run) -> Table:
     keys = ("name", "role", "channels", "samples", "duration_s", "rate_hz", "largest_deflection")
     for r in run.results["recordings"]:
         noise = [scale_for(u, n) for u, n in zip(r["units"], r["noise"], strict=True)]
-        shown = dict.fromkeys(f"{significant(n * s.factor)} {s.symbol}" for n, s in zip(r["noise"], noise, strict=True))
+        shown = dict.fromkeys(f"{s.text(n)} {s.symbol}" for n, s in zip(r["noise"], noise, strict=True))
         cells.append(
             [
                 r["name"],
@@ -48,11 +48,11 @@ def recordings_table(run: Run) -> Table:
 
 def _largest(value: float, unit: str) -> str:
     scale = scale_for(unit, value)
-    return f"{significant(value * scale.factor)} {scale.symbol}"
+    return f"{scale.text(value)} {scale.symbol}"
 
 
 def _spread(values: Mapping[str, Any] | None, scale: Scale) -> list[str]:
-    return [significant((values or {}).get(m) and values[m] * scale.factor) for m in _MEASURES]  # type: ignore[index]
+    return [scale.text((values or {}).get(m)) for m in _MEASURES]
 
 
 def errors_table(run: Run) -> Table:
@@ -65,7 +65,7 @@ def errors_table(run: Run) -> Table:
     head = ("", *(f"{when}, {m} [{scale.symbol}]" for when in ("before", "after") for m in _MEASURES))
     raw = [[g, *(errors[w][g][m] for w in ("before", "after") for m in _MEASURES), errors["unit"]] for g in names]
     keys = ("group", *(f"{w}_{m}" for w in ("before", "after") for m in _MEASURES), "unit")
-    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}".rstrip()
+    floor = scale.quantity(errors["noise_floor"])
     what = (
         "distance between predicted and recorded tip"
         if run.system.has_rod and len(run.results["recordings"][0]["channels"]) == 2
@@ -130,10 +130,9 @@ def fits_table(run: Run) -> Table | None:
     for label, found in fits.items():
         row = [FITS.get(label, effect_name(label))]
         for kind, m in kinds:
-            row.append(significant(found[kind][m] * scales[kind].factor))
+            row.append(scales[kind].text(found[kind][m]))
             if any(f"{kind}_{m}" in other for other in paper.values()):
-                printed = paper.get(label, {}).get(f"{kind}_{m}")
-                row.append(MISSING if printed is None else significant(printed * scales[kind].factor))
+                row.append(scales[kind].text(paper.get(label, {}).get(f"{kind}_{m}")))
         cells.append(row)
     raw = [[label, *(found[k][m] for k, m in kinds)] for label, found in fits.items()]
     caption = "Errors of the fitted models on the training recordings" + (

@@ -46,6 +46,14 @@ class Scale:
     factor: float
     symbol: str
 
+    def text(self, value: float | None) -> str:
+        """Return an SI value in this unit, without it; a dash where there is none."""
+        return significant(None if value is None else value * self.factor)
+
+    def quantity(self, value: float | None) -> str:
+        """Return an SI value in this unit, with it."""
+        return f"{self.text(value)} {self.symbol}".rstrip()
+
 
 def scale_for(unit: str, typical: float) -> Scale:
     """Return the prefix under which values of a typical size are easy to read.

@@ -143,8 +143,7 @@ def coverage_table(run: Run) -> Table | None:
     cells, raw = [], []
     keys = ("recording", "part", "channel", "readings", "share", "width", "unit")
     for r in rows:
-        scale = scale_for(r["unit"], r["width"])
-        width = f"{significant(r['width'] * scale.factor)} {scale.symbol}".strip()
+        width = scale_for(r["unit"], r["width"]).quantity(r["width"])
         name = r["channel"].replace("_", " ")
         cells.append([r["recording"], r["part"], name, f"{r['readings']}", f"{100 * r['share']:.1f} %", width])
         raw.append([r[k] for k in keys])
@@ -173,7 +172,7 @@ def models_table(run: Run) -> Table | None:
                 f"{m['free']}",
                 f"{significant(-m['behind'], 4)} ± {significant(m['error'], 1)}",
                 significant(m["pareto_k"], 2) + unsure,
-                significant(m["held_out"] and m["held_out"] * scale.factor),
+                scale.text(m["held_out"]),
             ]
         )
     head = ("candidate", "effects", "free", "log evidence − best", "Pareto k", f"held out, rms [{scale.symbol}]")

@@ -56,8 +56,6 @@ class Trajectory:
         Motor angle [rad] or input of an oscillator; deflection [rad] or the output.
     fitted : ndarray of bool, shape (n,)
         Samples that were fitted.
-    clean : ndarray, shape (n, c), or None
-        The motion without noise, of a simulated recording.
     band : ndarray, shape (3, n, c), or None
         5, 50 and 95 % of the declared model's predictive distribution.
     """
@@ -72,7 +70,6 @@ class Trajectory:
     input: FloatArray | None
     deflection: FloatArray | None
     fitted: NDArray[np.bool_]
-    clean: FloatArray | None
     band: FloatArray | None
 
     def deflection_of(self, model: str) -> FloatArray | None:
@@ -207,10 +204,7 @@ class Run:
     @cached_property
     def draws(self) -> Mapping[str, FloatArray]:
         """Posterior draws by quantity, each (ensembles, draws, walkers); empty where no posterior was sampled."""
-        dataset = self._sampled
-        if dataset is None:
-            return {}
-        return by_name(dataset)
+        return {} if self._sampled is None else by_name(self._sampled)
 
     @cached_property
     def quantities_sampled(self) -> tuple[Mapping[str, Any], ...]:
@@ -226,6 +220,11 @@ class Run:
             if dataset is not None:
                 found.append(_trajectory(recording, dataset))
         return tuple(found)
+
+    @property
+    def judged(self) -> Trajectory | None:
+        """The first held-out recording of which both models are known, else the first recording of which they are."""
+        return next((t for t in (*self.held_out, *self.trajectories) if {"before", "after"} <= t.models.keys()), None)
 
     @cached_property
     def held_out(self) -> tuple[Trajectory, ...]:
@@ -265,7 +264,6 @@ def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory
         input=array("input"),
         deflection=array("deflection"),
         fitted=everything if fitted is None else fitted.astype(bool),
-        clean=array("clean"),
         band=band,
     )
 

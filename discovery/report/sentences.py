@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from discovery.declarations.effect import effect_name
+from discovery.declarations.registry import effect_name
 from discovery.report.failure_sentences import failure_sentence
 from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
 from discovery.report.number_words import listed, plain, sizes

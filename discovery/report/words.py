@@ -8,12 +8,11 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from discovery.declarations.effect import effect_name
-from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.registry import catalogue, effect_name, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
 from discovery.report.number_words import listed
-from discovery.report.numbers import Scale, power_of_ten, scale_for_change, significant, uncertain, unit_text
+from discovery.report.numbers import Scale, power_of_ten, scale_for_change, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
 from discovery.results.judging import held_group
@@ -202,8 +201,8 @@ def _errors_in_words(run: Run) -> tuple[str, str, str]:
     """Return the error that is left, the noise floor, and how the error changed."""
     errors, scale = run.loop["errors"], error_scale(run)
     group = held_group(errors)
-    before, after = (significant(errors[k][group]["rms"] * scale.factor) for k in ("before", "after"))
-    floor = f"{significant(errors['noise_floor'] * scale.factor)} {scale.symbol}".rstrip()
+    before, after = (scale.text(errors[k][group]["rms"]) for k in ("before", "after"))
+    floor = scale.quantity(errors["noise_floor"])
     seen = {
         "holdout_moving": "on motion that no fit saw",
         "holdout_inside": "on a recording that no fit saw",

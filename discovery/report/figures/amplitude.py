@@ -26,8 +26,7 @@ def draw(run: Run) -> Picture | None:
     top.set_ylabel(label("frequency", "Hz"))
     bottom.set_ylabel(label("decay rate", "1/s"))
     bottom.set_xlabel(label("amplitude", deflection_unit(run)))
-    handles, names = top.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=2)
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     recording = curves["measured"].attrs.get("recording", "a recording")
     return Picture(
         "amplitude",

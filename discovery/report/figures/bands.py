@@ -41,8 +41,7 @@ def _picture(run: Run, trajectory: Trajectory) -> Picture | None:
         axis.set_ylabel(label("minus median", scale.symbol))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
-    handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=2, markerscale=4)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=4)
     return Picture(
         f"bands_{trajectory.name}",
         figure,

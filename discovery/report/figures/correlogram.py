@@ -56,7 +56,7 @@ def fit_per_cent(measured: FloatArray, left: FloatArray) -> float:
 
 def draw(run: Run) -> Picture | None:
     """Return both correlations of the first held-out recording, of the first one otherwise, on its first channel."""
-    shown = next((t for t in (*run.held_out, *run.trajectories) if {"before", "after"} <= t.models.keys()), None)
+    shown = run.judged
     if shown is None or not np.isfinite(shown.measured[:, 0]).any():
         return None
     left = {m: shown.models[m][:, 0] - shown.measured[:, 0] for m in ("before", "after")}

@@ -43,8 +43,8 @@ def draw(run: Run) -> Picture | None:
     figure.legend(loc="outside upper left", ncols=2, fontsize=8, columnspacing=1.0)
     judged = held_group(errors)
     words = (
-        f"rms {significant(before[judged]['rms'] * scale.factor)} {scale.symbol} before and "
-        f"{significant(after[judged]['rms'] * scale.factor)} {scale.symbol} after; "
+        f"rms {scale.text(before[judged]['rms'])} {scale.symbol} before and "
+        f"{scale.text(after[judged]['rms'])} {scale.symbol} after; "
         f"the held-out noise floor is {significant(floor)} {scale.symbol}"
     )
     return Picture(

@@ -80,5 +80,4 @@ def _panels(laws: Any, law: str, taken_off: Any, curves: list[tuple[Any, dict[st
 
 
 def _legend(figure: Any, axis: Any, **style: Any) -> None:
-    handles, names = axis.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=2, **style)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2, **style)

@@ -54,8 +54,7 @@ def draw(run: Run) -> Picture | None:
             axis.set_title(f"contraction {near_one(contraction[p['name']])}", fontsize=8.5, color=GREY)
     for axis in axes[:: columns or 1]:
         axis.set_ylabel("over its largest [–]")
-    handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     shown = ", ".join(prose(p["name"]) for p in profiles)
     return Picture(
         "marginals",

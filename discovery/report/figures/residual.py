@@ -14,7 +14,7 @@ __all__ = ["draw", "draw_spectrum"]
 
 def draw(run: Run) -> Picture | None:
     """Return the residual of the first held-out recording (the first one otherwise), every channel before and after."""
-    shown = next((t for t in (*run.held_out, *run.trajectories) if {"before", "after"} <= t.models.keys()), None)
+    shown = run.judged
     if shown is None:
         return None
     count = len(shown.channels)

@@ -68,8 +68,7 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
         for axis in (whole, start):
             axis.set_ylabel(side_label(channel_name(run, channel), scale.symbol))
     _distances(figure.add_subplot(grid[2 * count, :]), trajectory)
-    handles, names = whole.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=2)
+    figure.legend(*whole.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     fitted = "fitted" if trajectory.fitted.all() else "first part fitted"
     role = "held out" if trajectory.role == "holdout" else fitted
     return Picture(
