@@ -117,14 +117,13 @@ def test_structure_of_the_papers_model(paper, noise, draws):
     assert plain == 0  # a threshold on coefficients cannot see a friction 200 times smaller than the stiffness
 
 
-@pytest.mark.parametrize(("rows", "tolerance"), [("response", 0.01), ("force", 0.06), ("power", 0.06)])
-def test_coefficients_are_good_starts_in_all_rows(quiet, rows, tolerance):
-    best = discover(quiet, rng=np.random.default_rng(0), rows=rows, trigonometric=False, resamples=10).best(3)
+def test_coefficients_are_good_starts(quiet):
+    best = discover(quiet, rng=np.random.default_rng(0), resamples=10).best(3)
     got = dict(zip(best.terms, best.coefficients, strict=True))
     assert set(got) == STRUCTURE
-    assert got["theta_t'"] == pytest.approx(XI, rel=tolerance)
-    assert got["delta"] == pytest.approx(ALPHA, rel=tolerance / 10)
-    assert got["delta^3"] == pytest.approx(BETA, rel=2 * tolerance)
+    assert got["theta_t'"] == pytest.approx(XI, rel=0.01)
+    assert got["delta"] == pytest.approx(ALPHA, rel=0.001)
+    assert got["delta^3"] == pytest.approx(BETA, rel=0.02)
 
 
 def test_result_says_what_each_term_is_and_how_sure(quiet):
@@ -137,8 +136,6 @@ def test_result_says_what_each_term_is_and_how_sure(quiet):
     assert abs(error) < 4 * rows["cubic_stiffness"]["sd"]
     assert result.best(3).probability > 0.9
     assert result.noise_ratio < 1.5
-    assert result.path[0][0] <= result.threshold < result.path[-1][0]
-    assert [len(terms) for _, terms in result.path] == sorted((len(terms) for _, terms in result.path), reverse=True)
     assert result.smoothers[0].name == "penalised quintic spline"
 
 
@@ -236,22 +233,15 @@ def test_driven_oscillator():
         assert got[name] == pytest.approx(value, rel=0.03)
 
 
-def test_bounds_by_name_are_honoured_or_refused(quiet):
-    rng = np.random.default_rng(0)
-    soft = discover(quiet, rng=rng, bounds={"cubic_stiffness": (-np.inf, 0.0)}, resamples=5)
-    for equation in soft.table:
-        assert all(c <= 0 for n, c in zip(equation.terms, equation.coefficients, strict=True) if n == "delta^3")
+def test_friction_never_drives():
+    driven = [simulate(1.4, lambda delta, v: -XI * v + ALPHA * delta)]
+    result = discover(motions(driven, 3e-4, 1), rng=np.random.default_rng(0), resamples=5)
+    for equation in result.table:
         assert all(c >= 0 for n, c in zip(equation.terms, equation.coefficients, strict=True) if n == "theta_t'")
-    assert set(soft.best(3).terms) != STRUCTURE
-    with pytest.raises(InputError, match="honours the sign"):
-        discover(quiet, rng=rng, bounds={"delta^3": (0.2, 0.6)})
-    with pytest.raises(InputError, match="no term or effect 'delat'"):
-        discover(quiet, rng=rng, bounds={"delat": (0.0, np.inf)})
+    assert "theta_t'" not in result.equation.terms
 
 
 def test_refusals(quiet):
-    with pytest.raises(InputError, match="'forces' rows"):
-        build_library(quiet, rows="forces")
     with pytest.raises(InputError, match="one kind of system"):
         build_library([])
     bare = Motion("b", "flexible_arm", quiet[0].coordinate, quiet[0].drive)
@@ -259,18 +249,18 @@ def test_refusals(quiet):
         discover_radius([bare], rng=np.random.default_rng(0))
 
 
-def test_rows_avoid_the_moving_base_and_can_be_told_not_to(quiet):
-    rests, whole = build_library(quiet), build_library(quiet, at_rest=False)
+def test_rows_avoid_the_moving_base_where_it_rests_for_long(quiet):
+    rests, moving = build_library(quiet), build_library(motions([simulate(0.06)], 3e-4, 0))
     assert rests.at_rest
-    assert not whole.at_rest
+    assert not moving.at_rest
     assert "delta'" not in rests.names
-    assert "delta'" in whole.names
-    assert whole.target.size == 2 * T.size
-    assert 0.85 * whole.target.size < rests.target.size < whole.target.size
+    assert "delta'" in moving.names
+    assert moving.target.size == T.size
+    assert 0.85 * 2 * T.size < rests.target.size < 2 * T.size
 
 
 def test_whitened_rows_leave_unit_noise(quiet):
-    library = build_library(quiet, trigonometric=False)
+    library = build_library(quiet)
     pick = [library.names.index(name) for name in ("theta_t'", "delta", "delta^3")]
     x = library.columns[:, pick]
     c = np.linalg.lstsq(x, library.target, rcond=None)[0]

@@ -55,7 +55,6 @@ class Discovered:
         found = {
             "terms": e.summary(),
             "status": e.status,
-            "rows": e.rows,
             "at_rest": e.at_rest,
             "threshold": e.threshold,
             "noise_ratio": e.noise_ratio,
@@ -66,7 +65,6 @@ class Discovered:
             "equation": described(e.equation),
             "rivals": [described(r) for r in e.rivals],
             "table": [described(r) for r in e.table],
-            "path": [{"threshold": t, "terms": terms} for t, terms in e.path],
             "best_three": described(e.best(3)),
         }
         law = self.radius

@@ -70,12 +70,12 @@ def _family(name: str, position: str) -> Family:
 class Candidates:
     """The candidate terms of one kind of system, built from pysindy's feature libraries.
 
+    An arm's coordinate is an angle: sin and cos of it and of twice as much are offered, too.
+
     Parameters
     ----------
     motions : sequence of Motion
         Recordings of one system.
-    trigonometric : bool
-        Offer sin and cos of the deflection and of twice the deflection, too.
     at_rest : bool
         The base of an arm rests: its delta' is theta_t' and is not offered beside it.
 
@@ -85,7 +85,7 @@ class Candidates:
         Without recordings, or with recordings of different kinds.
     """
 
-    def __init__(self, motions: Sequence[Motion], *, trigonometric: bool, at_rest: bool) -> None:
+    def __init__(self, motions: Sequence[Motion], *, at_rest: bool) -> None:
         if len({motion.kind for motion in motions}) != 1:
             raise InputError("SINDy needs one or more recordings of one kind of system.")
         arm = motions[0].system.has_rod
@@ -103,7 +103,7 @@ class Candidates:
                 [1],
             ),
         ]
-        if trigonometric:
+        if arm:
             functions = [lambda x: np.sin(x), lambda x: np.sin(2.0 * x), lambda x: np.cos(x), lambda x: np.cos(2.0 * x)]
             labels = [lambda x: f"sin({x})", lambda x: f"sin(2 {x})", lambda x: f"cos({x})", lambda x: f"cos(2 {x})"]
             parts.append((pysindy.CustomLibrary(functions, labels), [0]))

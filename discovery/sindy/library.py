@@ -1,7 +1,7 @@
 """Rows of the sparse regression from all recordings: candidate terms on smoothed motion against the measured motion.
 
 The equation is theta_t'' + sum_j c_j f_j = 0 for an arm (the paper's form, equation 15) and q'' + sum_j c_j f_j = b u
-for an oscillator; `discovery.sindy.rows` describes the three kinds of rows.
+for an oscillator, seen through the oscillator nearest to it, see `discovery.sindy.rows`.
 
 While the base of an arm moves, inertial forces act that depend on its rate and acceleration and that no candidate in
 delta and theta_t' describes; they would be spread over those that are there. Rows of an arm are therefore taken where
@@ -10,9 +10,8 @@ the base rests, if it does for long enough.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from discovery.foundation.errors import InputError
 from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.candidates import Candidates, Term
-from discovery.sindy.rows import RowKind, Rows, force_rows, power_rows, response_rows
+from discovery.sindy.rows import response_rows
 
 __all__ = ["Library", "build_library", "stretches"]
 
@@ -42,8 +41,6 @@ class Library:
         Left-hand side in standard deviations of the row.
     blocks : ndarray of int, shape (n,)
         Contiguous stretch of a recording to which the row belongs; stretches are resampled whole.
-    rows : str
-        "response", "force" or "power".
     at_rest : bool
         Only rows where an arm's base rests were taken.
     """
@@ -52,7 +49,6 @@ class Library:
     columns: FloatArray
     target: FloatArray
     blocks: np.ndarray
-    rows: RowKind
     at_rest: bool
 
     @property
@@ -77,25 +73,15 @@ def _rests_half_the_time(motions: Sequence[Motion]) -> bool:
     return 2 * at_rest >= sum(motion.coordinate.time.size for motion in motions)
 
 
-def build_library(
-    motions: Sequence[Motion],
-    *,
-    rows: RowKind = "response",
-    trigonometric: bool | None = None,
-    at_rest: bool | None = None,
-) -> Library:
+def build_library(motions: Sequence[Motion]) -> Library:
     """Evaluate the candidate terms on smoothed recordings.
+
+    Rows of an arm are taken only where its base rests, if that leaves half of the samples.
 
     Parameters
     ----------
     motions : sequence of Motion
         Recordings of one system.
-    rows : str
-        "response", "force" or "power".
-    trigonometric : bool, optional
-        See `Candidates`; by default for an arm, whose coordinate is an angle.
-    at_rest : bool, optional
-        Take rows of an arm only where its base rests. By default, if that leaves half of the samples.
 
     Returns
     -------
@@ -105,27 +91,24 @@ def build_library(
     Raises
     ------
     InputError
-        For unknown rows, recordings of different kinds, or if no row is left.
+        Without recordings, with recordings of different kinds, or if no row is left.
     """
-    if rows not in ("response", "force", "power"):
-        raise InputError(f"There are no {rows!r} rows; choose 'response', 'force' or 'power'.")
     arm = bool(motions) and motions[0].system.has_rod
-    at_rest = arm and _rests_half_the_time(motions) if at_rest is None else at_rest
-    trigonometric = arm if trigonometric is None else trigonometric
-    candidates = Candidates(motions, trigonometric=trigonometric, at_rest=at_rest)
+    at_rest = arm and _rests_half_the_time(motions)
+    candidates = Candidates(motions, at_rest=at_rest)
     oscillator = candidates.nearest_oscillator(motions)
     longest = max(float(motion.coordinate.time[-1] - motion.coordinate.time[0]) for motion in motions)
     period = 2.0 * np.pi / np.sqrt(oscillator[0]) if oscillator[0] > 0.0 else longest
-    respond = partial(response_rows, oscillator=oscillator)
-    makers: dict[str, Callable[..., Rows]] = {"response": respond, "force": force_rows, "power": power_rows}
-    parts: list[Rows] = [
-        makers[rows](motion, cut, candidates)
+    parts = [
+        response_rows(motion, cut, candidates, oscillator)
         for motion in motions
         for run in _runs(motion, at_rest, min(period / 2.0, longest / 5.0))
         for cut in np.array_split(run, -(-run.size // _WINDOW))
     ]
     if not parts:
-        raise InputError("The base never rests for half a period; ask for rows of the whole recording (at_rest=False).")
+        raise InputError(
+            "The base never rests for half a period. Use `discovery loop`, which compares free-run predictions."
+        )
     # Stretches that are resampled whole last about a period.
     stretch = float(np.clip(period, longest / 50.0, longest / 5.0))
     return Library(
@@ -133,7 +116,6 @@ def build_library(
         columns=np.vstack([part[1] for part in parts]),
         target=np.concatenate([part[2] for part in parts]),
         blocks=stretches([part[0] for part in parts], stretch),
-        rows=rows,
         at_rest=at_rest,
     )
 

@@ -1,24 +1,14 @@
 """Rows of the sparse regression on one run of samples, each divided by its own standard deviation.
 
-Three kinds say the same thing, theta_t'' + sum_j c_j f_j = 0 of an arm or q'' + sum_j c_j f_j = b u of an
-oscillator:
-
-``response``
-    the equation seen through the linear oscillator that is nearest to it: the coordinate itself on the left, the
-    oscillator's response to each candidate on the right. No derivative of a measured signal is needed beyond the rate,
-    and the noise of the rows is the white noise of the camera. The default.
-``force``
-    the smoothed acceleration on the left, the candidates on the right: classical SINDy.
-``power``
-    the energy balance between times: half the squared rate on the left, the work of each candidate on the right.
+They are the equation, theta_t'' + sum_j c_j f_j = 0 of an arm or q'' + sum_j c_j f_j = b u of an oscillator, seen
+through the linear oscillator that is nearest to it: the coordinate itself on the left, the oscillator's response to
+each candidate on the right. No derivative of a measured signal is needed beyond the rate, and the noise of the rows is
+the white noise of the camera.
 """
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
-from scipy.integrate import cumulative_simpson
 from scipy.linalg import solve_banded
 
 from discovery.foundation.sampling import median_step
@@ -26,9 +16,7 @@ from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.candidates import Candidates
 
-__all__ = ["RowKind", "Rows", "force_rows", "power_rows", "propagate", "response_rows"]
-
-RowKind = Literal["response", "force", "power"]
+__all__ = ["Rows", "propagate", "response_rows"]
 
 
 def propagate(t: FloatArray, stiffness: float, damping: float, load: FloatArray) -> FloatArray:
@@ -98,24 +86,3 @@ def response_rows(motion: Motion, run: np.ndarray, candidates: Candidates, oscil
     rows = np.column_stack([answer[:, :-3], track.observed[run] / track.noise[run] - answer[:, -3]])
     rows -= free @ (free.T @ rows)
     return track.time[run], rows[:, :-1], rows[:, -1]
-
-
-def force_rows(motion: Motion, run: np.ndarray, candidates: Candidates) -> Rows:
-    """Rows of the equation itself, one for each sample of the run."""
-    track = motion.coordinate
-    columns = candidates.evaluate(motion.state(track.time[run]))
-    return track.time[run], columns / track.sd[2][run, None], track.q_ddot[run] / track.sd[2][run]
-
-
-def power_rows(motion: Motion, run: np.ndarray, candidates: Candidates) -> Rows:
-    """Rows of the energy balance, one for every second degree of freedom of the smoother."""
-    track = motion.coordinate
-    count = max(int(track.smoother.degrees_of_freedom / 2.0 * run.size / track.time.size), 4)
-    ends = np.linspace(track.time[run[0]], track.time[run[-1]], count + 1)
-    fine, where = _refine(ends, (ends[-1] - ends[0]) / (8.0 * run.size))
-    state = motion.state(fine)
-    work = cumulative_simpson(candidates.evaluate(state) * state.q_dot[:, None], x=fine, axis=0, initial=0.0)[where]
-    rate, sd = state.q_dot[where], np.interp(ends, track.time, track.sd[1])
-    variance = rate**2 * sd**2 + 0.5 * sd**4  # of half the squared rate
-    noise = np.sqrt(variance[1:] + variance[:-1])
-    return ends[:-1], np.diff(work, axis=0) / noise[:, None], 0.5 * np.diff(rate**2) / noise

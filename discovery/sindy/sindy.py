@@ -12,53 +12,26 @@ S. L. Brunton, J. L. Proctor, J. N. Kutz, PNAS 113 (2016) 3932 (SINDy); U. Fasel
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
-from discovery.foundation.errors import InputError
 from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.evidence import Choice, loudness
 from discovery.sindy.library import Library, build_library
-from discovery.sindy.rows import RowKind
 from discovery.sindy.structure import Discovery, Equation, status_of
-from discovery.sindy.subset import best_subsets, residual_sums, stopping_size
+from discovery.sindy.subset import best_subsets, residual_sums
 
-__all__ = ["FALSE_ALARM", "PHYSICAL_BOUNDS", "discover"]
+__all__ = ["FALSE_ALARM", "PASSIVE", "discover"]
 
-PHYSICAL_BOUNDS: dict[str, tuple[float, float]] = {
-    "viscous_damping": (0.0, np.inf),
-    "structural_damping": (0.0, np.inf),
-    "coulomb_friction": (0.0, np.inf),
-    "quadratic_drag": (0.0, np.inf),
-}
-"""Passive friction takes energy out of the motion."""
+PASSIVE = ("viscous_damping", "structural_damping", "coulomb_friction", "quadratic_drag")
+"""Friction takes energy out of the motion: its coefficients are not negative."""
 
 FALSE_ALARM = 1e-3
 """Probability that noise alone adds a term, over the whole library."""
-
-
-def _signs(library: Library, bounds: Mapping[str, tuple[float, float]]) -> np.ndarray:
-    signs = np.zeros(len(library.terms), int)
-    known = {key for term in library.terms for key in (term.name, term.effect) if key}
-    for key, (low, high) in bounds.items():
-        if key not in known and key not in PHYSICAL_BOUNDS:
-            raise InputError(
-                f"There is no term or effect {key!r} to bound; the library has {', '.join(sorted(known))}."
-            )
-        sign = {(0.0, np.inf): 1, (-np.inf, 0.0): -1, (-np.inf, np.inf): 0}.get((float(low), float(high)))
-        if sign is None:
-            raise InputError(
-                f"SINDy honours the sign of {key!r} but not the bounds {low:g} to {high:g}; bound it by zero here "
-                "and leave the rest to the fit on trajectories."
-            )
-        for j, term in enumerate(library.terms):
-            if key in (term.name, term.effect):
-                signs[j] = sign
-    return signs
 
 
 def _block_grams(library: Library) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -72,9 +45,6 @@ def discover(
     motions: Sequence[Motion],
     *,
     rng: np.random.Generator,
-    rows: RowKind = "response",
-    trigonometric: bool | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
     resamples: int = 200,
 ) -> Discovery:
     """Discover the terms of the equation of motion.
@@ -85,12 +55,6 @@ def discover(
         One or more smoothed recordings of one system.
     rng : numpy.random.Generator
         Source of the resamples.
-    rows : str
-        "response", "force" or "power", see `discovery.sindy.rows`.
-    trigonometric : bool, optional
-        See `discovery.sindy.library.build_library`.
-    bounds : mapping of str to (float, float), optional
-        Signs by name of a term or id of an effect, as bounds from or to zero; added to `PHYSICAL_BOUNDS`.
     resamples : int
         Number of resamples of whole stretches, with replacement.
 
@@ -102,10 +66,10 @@ def discover(
     Raises
     ------
     InputError
-        For bounds that name nothing or cannot be honoured, and for unknown rows.
+        See `discovery.sindy.library.build_library`.
     """
-    library = build_library(motions, rows=rows, trigonometric=trigonometric)
-    signs = _signs(library, {**PHYSICAL_BOUNDS, **(bounds or {})})
+    library = build_library(motions)
+    signs = np.array([int(term.effect in PASSIVE) for term in library.terms])
     # Five terms, and the input where there is one.
     max_terms = 5 + any(term.family == "input" for term in library.terms)
     subsets = _Subsets.build(library, _best_subsets(library, max_terms, signs))
@@ -125,10 +89,8 @@ def discover(
         rivals=rivals,
         inclusion={name: float(n / resamples) for name, n in zip(library.names, included, strict=True)},
         table=tuple(equation(k, i) for k, i in subsets.ranking()),
-        path=tuple(subsets.path()),
         threshold=float(choice.price * noise[size] / subsets.energy),
         noise_ratio=float(noise[size]),
-        rows=rows,
         at_rest=library.at_rest,
         smoothers=tuple(motion.coordinate.smoother for motion in motions),
         stretches=choice.stretches,
@@ -198,14 +160,6 @@ class _Subsets:
             first = self.choice.preferred(self.rss, k)
             others = (i for i in range(min(6, len(found))) if i != first)
             yield from ((k, i) for i in [first, *others][:5])
-
-    def path(self) -> Iterator[tuple[float, tuple[str, ...]]]:
-        """Return the terms that are preferred at each threshold of explained variance."""
-        best = np.array([self.energy, *(values.min() for values in self.rss)])
-        for threshold in np.geomspace(self.choice.price / self.energy, 0.5, 40):
-            if k := stopping_size(best, np.full(best.size, threshold * self.energy)):
-                terms = self.sets[k - 1][self.choice.preferred(self.rss, k)]
-                yield float(threshold), tuple(self.library.names[j] for j in terms)
 
 
 def _solve(library: Library, terms: np.ndarray) -> tuple[FloatArray, FloatArray, FloatArray]:

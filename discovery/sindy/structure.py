@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from discovery.signals.differentiate import Smoother
 from discovery.sindy.evidence import MISFIT
-from discovery.sindy.rows import RowKind
 
 __all__ = ["Discovery", "Equation", "status_of"]
 
@@ -59,13 +58,11 @@ class Discovery:
         Share of the resamples of whole stretches in which a term is part of the chosen equation.
     table : tuple of Equation
         The best equations of each size, preferred one first.
-    path : tuple of (float, tuple of str)
-        Chosen terms against the threshold in explained variance.
     threshold : float
         Share of the variance that a term must explain, at the size chosen.
     noise_ratio : float
         Variance of what is left over that of the instrument's noise, at the frequencies of the motion.
-    rows, at_rest, smoothers, stretches, resamples
+    at_rest, smoothers, stretches, resamples
         How the regression was made.
     status : str
         The result as a sentence.
@@ -75,10 +72,8 @@ class Discovery:
     rivals: tuple[Equation, ...]
     inclusion: dict[str, float]
     table: tuple[Equation, ...]
-    path: tuple[tuple[float, tuple[str, ...]], ...]
     threshold: float
     noise_ratio: float
-    rows: RowKind
     at_rest: bool
     smoothers: tuple[Smoother, ...]
     stretches: int
