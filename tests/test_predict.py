@@ -319,7 +319,7 @@ def test_held_out_recordings_get_their_initial_state_only() -> None:
     other = simulated(PAPER, (0.0, 0.3), seed=5, name="i")
     model = Model("constant_radius", DECLARED, {"length": 1.0})
     together = bench([noisy, other])
-    good, bad = held_out([(model, right), (model, wrong)], [noisy, other], together, UNITS)
+    good, bad = held_out([(model, right), (model, wrong)], together, UNITS)
     assert [p.shape for p in good] == [(401, 2), (401, 2)]
     # Two numbers from 802 readings.
     distance = np.abs(good[0] - clean.recording.output)
@@ -335,8 +335,8 @@ def test_a_rival_beside_it_does_not_change_a_prediction() -> None:
     model = Model("constant_radius", DECLARED, {"length": 1.0})
     delayed = (model.with_effect("sensor_delay"), {**PAPER, "tau": 0.02})
     together = bench([noisy])
-    (alone,) = held_out([(model, PAPER)], [noisy], together, UNITS)
-    both = held_out([(model, PAPER), delayed], [noisy], together, UNITS)
+    (alone,) = held_out([(model, PAPER)], together, UNITS)
+    both = held_out([(model, PAPER), delayed], together, UNITS)
     np.testing.assert_array_equal(alone[0], both[0][0])
     assert np.abs(both[1][0] - both[0][0]).max() > 1e-4
 
@@ -351,5 +351,5 @@ def test_the_instruments_effects_are_in_what_it_would_read() -> None:
     model = Model("oscillator", (*LINEAR, "angle_offset"))
     b = Bench("oscillator", every_effect("oscillator"), [e], 0.02)
     values = {"g": 1.0, "xi": 0.1, "alpha": 9.0, "theta_0": 0.03}
-    ((found,),) = held_out([(model, values)], [e], b, NaturalUnits(1 / 3, 0.3, 1.0))
+    ((found,),) = held_out([(model, values)], b, NaturalUnits(1 / 3, 0.3, 1.0))
     np.testing.assert_allclose(found[:, 0], 0.03, atol=1e-6)

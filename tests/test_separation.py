@@ -251,19 +251,12 @@ def test_what_no_manoeuvre_decides_is_said_and_no_course_is_written(tmp_path: Pa
     assert sorted(p.name for p in tmp_path.iterdir()) == ["loop.json", "manoeuvre_2.csv"]
 
 
-def test_the_same_seed_gives_the_same_manoeuvre_and_progress_is_told() -> None:
+def test_the_same_seed_gives_the_same_manoeuvre() -> None:
     pair = ("table_tilt", "encoder_ripple")
-    told: list[tuple[int, float]] = []
-    first, second = (
-        separate(rivals(pair), np.random.default_rng(7), evaluations=20, on_progress=lambda *a: told.append(a))
-        for _ in range(2)
-    )
+    first, second = (separate(rivals(pair), np.random.default_rng(7), evaluations=20) for _ in range(2))
     assert first.moves == second.moves
     assert first.designed == second.designed
-    assert [count for count, _ in told[: first.evaluations]] == list(range(1, first.evaluations + 1))
-    best = [merit for _, merit in told[: first.evaluations]]
-    assert best == sorted(best)
-    # By default the motor does nothing that it has not shown, and a longer search finds no worse.
+    # By default the motor does nothing that it has not shown.
     assert first.limits == demonstrated_limits([old(pair)])
 
 
@@ -394,7 +387,7 @@ def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.Mo
     monkeypatch.setattr("discovery.diagnosis.move_search.minimize", watched)
     for evaluations in (1, 2, 5, 20, 50, 100):
         for seed in range(6):
-            search = MoveSearch(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
+            search = MoveSearch(Bowl(), LIMITS)  # type: ignore[arg-type]
             search.run(evaluations, np.random.default_rng(seed))
             assert search.count == evaluations
             assert search.moves
@@ -408,7 +401,7 @@ def test_few_trials_find_more_than_chance_and_than_an_unfinished_simplex(monkeyp
     def missed() -> float:
         merits = []
         for seed in range(60):
-            search = MoveSearch(Bowl(), LIMITS, lambda: None)  # type: ignore[arg-type]
+            search = MoveSearch(Bowl(), LIMITS)  # type: ignore[arg-type]
             search.run(20, np.random.default_rng(seed))
             merits.append(search.merit)
         return float(np.log(2) - np.mean(merits))
@@ -424,11 +417,11 @@ def test_few_trials_find_more_than_chance_and_than_an_unfinished_simplex(monkeyp
 def test_three_rivals_are_separated_at_once() -> None:
     pair = ("table_tilt", "encoder_ripple")
     three = {**rivals(pair), "structural_damping": fitted([old(pair)], "structural_damping")}
-    found = separate(three, np.random.default_rng(2), limits=LIMITS, evaluations=12)
+    found = separate(three, np.random.default_rng(2), evaluations=12)
     assert found.rivals == ("structural_damping", "table_tilt", "encoder_ripple")
     assert found.similarities.shape == (3, 3)
     # The nearest pair decides.
-    two = separate(rivals(pair), np.random.default_rng(2), limits=LIMITS, evaluations=12)
+    two = separate(rivals(pair), np.random.default_rng(2), evaluations=12)
     assert found.given.chi2 <= two.given.chi2 + 1e-9
 
 

@@ -99,7 +99,6 @@ class _Prior:
     memory: float
     gain: float
     covariance: FloatArray
-    gram: FloatArray
 
     @classmethod
     def likeliest(cls, columns: FloatArray, residual: FloatArray, spacing: float, period: float) -> _Prior:
@@ -124,7 +123,7 @@ class _Prior:
         assert best is not None
         root = best[1] * best[3]
         inner = np.linalg.inv(np.eye(k) + root.T @ gram @ root)
-        return cls(best[1], best[2], best[0], root @ inner @ root.T, gram)
+        return cls(best[1], best[2], best[0], root @ inner @ root.T)
 
 
 def _parameters(fit: Fit, index: int) -> FloatArray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
@@ -23,8 +21,8 @@ _STEP = 0.1
 class MoveSearch:
     """The best of the manoeuvres tried within limits, as a point of the unit cube."""
 
-    def __init__(self, trial: Trial, limits: MotorLimits, tell: Callable[[], None]) -> None:
-        self._trial, self._limits, self._tell = trial, limits, tell
+    def __init__(self, trial: Trial, limits: MotorLimits) -> None:
+        self._trial, self._limits = trial, limits
         self._best: FloatArray = np.empty(0)
         self.merit, self.count = -np.inf, 0
 
@@ -54,7 +52,6 @@ class MoveSearch:
             merit = float(np.log1p(distance.chi2)) if deflection <= most else most / deflection - 1
         if merit > self.merit:
             self.merit, self._best = merit, unit.copy()
-        self._tell()
         return -merit
 
     def _simplex(self, count: int) -> None:

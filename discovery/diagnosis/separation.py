@@ -9,7 +9,7 @@ and Reiner, Technometrics 7 (1965) 307).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -146,15 +146,10 @@ def similarity_matrix(fits: Sequence[Fit]) -> FloatArray:
     return matrix
 
 
-def separate(
-    rivals: Mapping[str, Fit],
-    rng: np.random.Generator,
-    *,
-    limits: MotorLimits | None = None,
-    evaluations: int = 400,
-    on_progress: Callable[[int, float], None] | None = None,
-) -> Separation:
+def separate(rivals: Mapping[str, Fit], rng: np.random.Generator, *, evaluations: int = 400) -> Separation:
     """Design the manoeuvre that separates rival effects.
+
+    The input is allowed what the rig file states and the recordings show, see `allowed_limits`.
 
     Parameters
     ----------
@@ -162,14 +157,10 @@ def separate(
         Fits of the rivals to the same recordings, by catalogue id; two or more. They may be on different bases.
     rng : numpy.random.Generator
         Source of the manoeuvres that are tried at random: the same state gives the same design.
-    limits : MotorLimits, optional
-        What the input allows; by default what the rig file states and the recordings show, see `allowed_limits`.
     evaluations : int
         Manoeuvres to try: the first ones at random, the others from the best of those, by the simplex of Nelder and
         Mead (Computer Journal 7 (1965) 308) or, where its corners would take most of them, by random steps. So many
         within what the recordings show to be safe, and as many more where the limits are others.
-    on_progress : callable, optional
-        Called after every trial with their number and the best chi-square difference so far.
 
     Raises
     ------
@@ -183,18 +174,12 @@ def separate(
     if all(e.drive is None for e in experiments):
         return _let_go(names, fits)
     shown = demonstrated_limits(experiments)
-    limits = limits or _short(allowed_limits(experiments), fits[0])
+    limits = _short(allowed_limits(experiments), fits[0])
     trial = Trial(fits, limits.duration)
-    searches: list[MoveSearch] = []
-
-    def tell() -> None:
-        if on_progress is not None:
-            on_progress(sum(s.count for s in searches), float(np.expm1(max(0.0, *(s.merit for s in searches)))))
-
     # Wider limits are no reason to find less than without them.
-    for within in dict.fromkeys((known_part(limits, shown), limits)):
-        searches.append(MoveSearch(trial, within, tell))
-        searches[-1].run(evaluations, rng)
+    searches = [MoveSearch(trial, within) for within in dict.fromkeys((known_part(limits, shown), limits))]
+    for search in searches:
+        search.run(evaluations, rng)
     best = max(searches, key=lambda s: s.merit)
     distance, deflection = trial.compare(best.moves)
     if deflection > limits.deflection:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from discovery.estimation.start_values import own_parameters
 from discovery.foundation.sampling import median_step
-from discovery.foundation.workers import in_threads
 from discovery.recordings.experiment import Experiment
 from discovery.simulation import simulate
 from discovery.simulation.classical_step import classical_step
@@ -24,7 +23,7 @@ FloatArray = NDArray[np.float64]
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7
 #: Residuals at once that stay in the cache.
-_CACHED = 400_000
+_CACHED = 4e5
 #: What the kernel makes of the tip position, see `discovery.simulation.simulate.Misses`.
 _CHANNELS: dict[tuple[str, ...], int] = {("tip_angle",): 1, ("tip_deflection",): 2}
 
@@ -143,67 +142,22 @@ class Bench:
     def chi2(self, parameters: FloatArray, initial: FloatArray) -> FloatArray:
         """Return the sum of squared residuals of every experiment, shape (experiments, k), infinite for a blow-up.
 
-        Nothing is stored on the way: the quickest answer, and memory does not grow with samples or sets.
+        Nothing is stored on the way, but for a view, whose filter needs the residuals: of a few sets at a time.
         """
-        return np.array([each.sum(axis=0) for each in self.chi2_by_channel(parameters, initial)])
+        viewed = any(e.rig.view is not None for e in self.experiments)
+        parts = self.pieces(parameters.shape[1], _CACHED) if viewed else (slice(None),)
+        each = [self._chi2(parameters[:, part], initial[:, :, part], viewed=viewed) for part in parts]
+        return each[0] if len(each) == 1 else np.concatenate(each, axis=1)
 
-    def chi2_by_channel(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
-        """Return the same of every channel, shape (c, k), one array an experiment."""
-        if any(e.rig.view is not None for e in self.experiments):
-            return self.reduced(parameters, initial, lambda _, r: np.einsum("nck,nck->ck", r, r))
-        sums = [own for _, own in simulate.simulated(self._asked(parameters, initial, None), stored=False)]
-        bad = self._blown(sums)
-        for each in sums:
-            each[:, bad] = np.inf
-        return [each[:-1] for each in sums]
-
-    def reduced(
-        self, parameters: FloatArray, initial: FloatArray, reduce: Callable[[int, FloatArray], FloatArray]
-    ) -> list[FloatArray]:
-        """Return what is made of the residuals of every experiment, of which a few blocks at most exist at a time.
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (p, k)
-            In the order of `names`.
-        initial : ndarray, shape (experiments, 2 + own, k)
-            As for `predict`.
-        reduce : callable
-            Gets the number of an experiment and its residuals (n, c, j) of a few sets, zero where nothing is fitted
-            and infinite where a trial blew up; returns (s, j). It is called from several threads, and what it gets is
-            overwritten afterwards.
-
-        Returns
-        -------
-        list of ndarray, shape (s, k)
-            One an experiment.
-        """
-        batches = self._batches(parameters, initial)
-        lanes, blocks = batches[0].lanes, batches[0].blocks
-        together = max(1, min(_CACHED // (self.n_rows * lanes), -(-blocks // simulate.THREADS)))
-        found: list[dict[int, FloatArray]] = [{} for _ in self.experiments]
-
-        def work(waiting: Iterator[range]) -> None:
-            buffers = [np.empty(each.target.size * together * lanes) for each in self._compared]
-            sums = [np.empty((each.target.shape[1] + 1, blocks * lanes)) for each in self._compared]
-            for part in waiting:
-                columns = slice(part[0] * lanes, (part[-1] + 1) * lanes)
-                residuals = []
-                for i, (simulator, batch, misses) in enumerate(
-                    zip(self.simulators, batches, self._compared, strict=True)
-                ):
-                    shape = (*misses.target.shape, len(part) * lanes)
-                    out = buffers[i][: np.prod(shape)].reshape(shape)
-                    simulator.run(batch, misses, out, sums[i], part)
-                    residuals.append(self._filtered(i, out, sums[i][:, columns]))
-                bad = self._blown([each[:, columns] for each in sums])
-                for i, residual in enumerate(residuals):
-                    residual[:, :, bad] = np.inf
-                    found[i][part[0]] = reduce(i, residual)
-
-        in_threads(work, blocks, threads=simulate.THREADS, together=together)
-        joined = [np.concatenate([each[first] for first in sorted(each)], axis=1) for each in found]
-        return [batch.restored(each) for batch, each in zip(batches, joined, strict=True)]
+    def _chi2(self, parameters: FloatArray, initial: FloatArray, *, viewed: bool) -> FloatArray:
+        answers = simulate.simulated(self._asked(parameters, initial, None), stored=viewed)
+        if viewed:
+            for i, each in enumerate(answers):
+                self._filtered(i, *each)
+        sums = [own for _, own in answers]
+        found = np.array([own[:-1].sum(axis=0) for own in sums])
+        found[:, self._blown(sums)] = np.inf
+        return found
 
     def _batches(self, parameters: FloatArray, initial: FloatArray) -> list[Batch]:
         return [s.batch(*self.started(parameters, own)) for s, own in zip(self.simulators, initial, strict=True)]
@@ -247,9 +201,9 @@ class Bench:
         good = [np.isfinite(each[:-1]).all(axis=0) & (each[-1] < self._absurd) for each in sums]
         return ~np.logical_and.reduce(good)
 
-    def pieces(self, columns: int) -> Iterator[slice]:
-        """Yield parts of so many columns whose residuals together need a bounded memory only."""
-        width = max(64, int(_PIECE / max(1, self.n_rows)))
+    def pieces(self, columns: int, numbers: float = _PIECE) -> Iterator[slice]:
+        """Yield parts of so many columns whose residuals together are about so many numbers at most."""
+        width = max(64, int(numbers / max(1, self.n_rows)))
         for first in range(0, columns, width):
             yield slice(first, first + width)
 

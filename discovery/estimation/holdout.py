@@ -73,7 +73,7 @@ class HoldOut:
         if self.continued:
             return [on_train for _, _, on_train in models]
         sets = [(model, values) for model, values, _ in models]
-        return held_out(sets, self.separate, self.simulators(bench, sets, self.separate), self.units)
+        return held_out(sets, self.simulators(bench, sets, self.separate), self.units)
 
     def simulators(
         self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float]]], experiments: Sequence[Experiment]

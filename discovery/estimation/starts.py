@@ -14,7 +14,6 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
-from discovery.recordings.experiment import Experiment
 
 __all__ = ["fitted_states", "held_out"]
 
@@ -44,12 +43,9 @@ def fitted_states(problems: Sequence[Problem]) -> list[FloatArray]:
 
 
 def held_out(
-    candidates: Sequence[tuple[Model, Mapping[str, float]]],
-    experiments: Sequence[Experiment],
-    bench: Bench,
-    units: NaturalUnits,
+    candidates: Sequence[tuple[Model, Mapping[str, float]]], bench: Bench, units: NaturalUnits
 ) -> list[list[FloatArray]]:
-    """Return predictions of recordings that were not fitted: parameters held, only the initial state is fitted.
+    """Return predictions of a bench's recordings, not fitted: parameters held, only the initial state is fitted.
 
     Returns
     -------

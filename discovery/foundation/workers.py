@@ -38,23 +38,21 @@ def _helpers(threads: int) -> ThreadPoolExecutor:
 os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
-def in_threads(work: Callable[[Iterator[range]], None], blocks: int, *, threads: int, together: int = 1) -> None:
+def in_threads(work: Callable[[Iterator[int]], None], blocks: int, *, threads: int) -> None:
     """Do the work on all blocks in this thread and in others.
 
     Parameters
     ----------
     work : callable
-        Called once in each thread with an iterator over consecutive blocks. The threads share it, so each gets what
+        Called once in each thread with an iterator over the blocks. The threads share it, so each gets what
         is next as it finishes: blocks differ in what they cost.
     blocks : int
         How many there are.
     threads : int
         At most so many, this one included.
-    together : int
-        Blocks that are handed out at once.
     """
-    waiting = iter([range(first, min(first + together, blocks)) for first in range(0, blocks, together)])
-    others = min(threads - 1, -(-blocks // together) - 1)
+    waiting = iter(range(blocks))
+    others = min(threads - 1, blocks - 1)
     helpers = [_helpers(threads - 1).submit(work, waiting) for _ in range(others)]
     try:
         work(waiting)

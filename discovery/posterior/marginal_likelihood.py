@@ -60,12 +60,6 @@ class Evidence:
             name: self.drawn.quantiles(column) for name, column in zip(self.target.names, self.values.T, strict=True)
         }
 
-    def resampled(self, count: int, rng: Generator) -> FloatArray:
-        """Return draws of equal weight in SI units, shape (count, d), with repetitions where weights are large."""
-        edges = np.cumsum(self.drawn.weights)
-        places = (np.arange(count) + rng.random(count)) / count
-        return rng.permutation(self.values[np.minimum(np.searchsorted(edges, places * edges[-1]), edges.size - 1)])
-
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready row."""
         return {

@@ -41,7 +41,7 @@ def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> l
         return list(train)
     bench = fitted.problem.bench
     other = bench.of_others(dataset.holdout)
-    (held,) = held_out([(fitted.model, fitted.values)], dataset.holdout, other, fitted.problem.units)
+    (held,) = held_out([(fitted.model, fitted.values)], other, fitted.problem.units)
     return [*train, *held]
 
 

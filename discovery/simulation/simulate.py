@@ -279,8 +279,8 @@ def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[Floa
         size = 1 if stored else max(1, batch.blocks // (4 * THREADS))
         jobs += [(i, range(first, min(first + size, batch.blocks))) for first in range(0, batch.blocks, size)]
 
-    def work(waiting: Iterator[range]) -> None:
-        for i, blocks in (jobs[j] for part in waiting for j in part):
+    def work(waiting: Iterator[int]) -> None:
+        for i, blocks in (jobs[j] for j in waiting):
             simulator, batch, misses, motion = asked[i]
             place = blocks[0] * batch.lanes if stored else 0
             simulator.run(batch, misses, *found[i], blocks, place, motion=motion, plays=motion is not None)

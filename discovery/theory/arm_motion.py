@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,11 @@ from discovery.simulation.grid import DriveLike
 from discovery.theory.coupling import Arm, effective_inertia
 
 if TYPE_CHECKING:
-    from discovery.equations.model import Model
     from discovery.estimation.fit import Fit
+    from discovery.export import FittedModel
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["ArmMotion", "NumberedModel", "check_start", "fitted_coupling", "integrate", "move_arm"]
+__all__ = ["ArmMotion", "check_start", "fitted_coupling", "integrate", "move_arm"]
 
 FloatArray = NDArray[np.float64]
 
@@ -178,27 +178,8 @@ def move_arm(
     )
 
 
-class NumberedModel(Protocol):
-    """A model with its numbers, detached from its recordings: what `discovery.FittedModel` is."""
-
-    @property
-    def model(self) -> Model:
-        """The model."""
-        ...
-
-    @property
-    def values(self) -> Mapping[str, float]:
-        """Every parameter by name [SI]."""
-        ...
-
-    @property
-    def initial(self) -> Mapping[str, tuple[float, float]]:
-        """Deflection [rad] and rate [rad/s] at the first sample, by recording."""
-        ...
-
-
 def fitted_coupling(
-    fitted: Fit | NumberedModel, experiments: Sequence[Experiment] | None = None, *, inertia: float | None = None
+    fitted: Fit | FittedModel, experiments: Sequence[Experiment] | None = None, *, inertia: float | None = None
 ) -> list[ArmMotion]:
     """Return the motion of a fitted model with its coupling torque (10), on each recording.
 

@@ -94,7 +94,7 @@ def free_run(found: Any, held: Any) -> FloatArray:
     if held.system.has_rod:
         return predict(found, held)[0]
     bench = found.problem.bench.of_others([held])
-    ((predicted,),) = held_out([(found.model, found.values)], [held], bench, found.problem.units)
+    ((predicted,),) = held_out([(found.model, found.values)], bench, found.problem.units)
     return predicted
 
 
