@@ -13,7 +13,13 @@ from discovery.foundation.errors import InputError
 from discovery.rigs.rig import Quantity, Rig
 from discovery.rigs.rig_file import read_rig
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
-from discovery.theory.elastica.static_law import DEFLECTION_MAX, radius_law, spring_law, static_law, torque_law
+from discovery.theory.elastica.static_law import (
+    DEFLECTION_MAX,
+    StaticLaw,
+    fitted_law,
+    perpendicular_law,
+    usable_deflections,
+)
 from discovery.theory.prediction import LAWS, MASSES, Prediction, predict
 
 PAPER_RIG = Rig(
@@ -23,6 +29,10 @@ PAPER_RIG = Rig(
     beam_mass=Quantity(0.01245, 0.02 * 0.01245),
     flexural_rigidity=Quantity(31.65e9 * 3.98e-12, 0.05 * 31.65e9 * 3.98e-12),
 )
+
+
+def static_law(delta_max: float | None = None, deflection: object = None) -> StaticLaw:
+    return fitted_law(usable_deflections(delta_max, deflection))
 
 
 @pytest.fixture(scope="module")
@@ -195,10 +205,11 @@ def test_comparison_with_itself_is_zero(prediction: Prediction) -> None:
 
 def test_laws_for_drawing() -> None:
     delta = np.linspace(-0.3, 0.3, 61)
-    np.testing.assert_allclose(spring_law(delta), delta + 13.0 / 210.0 * delta**3, atol=6e-5)
-    np.testing.assert_allclose(torque_law(delta), delta + (13.0 / 210.0 - 0.1) * delta**3, atol=6e-5)
-    np.testing.assert_allclose(radius_law(delta), 1.0 - delta**2 / 10.0, atol=6e-5)
-    np.testing.assert_allclose(radius_law(delta), np.cos(delta / np.sqrt(5.0)), atol=6e-5)
+    force, rho = perpendicular_law(delta)
+    np.testing.assert_allclose(force / 3.0, delta + 13.0 / 210.0 * delta**3, atol=6e-5)
+    np.testing.assert_allclose(rho * force / 3.0, delta + (13.0 / 210.0 - 0.1) * delta**3, atol=6e-5)
+    np.testing.assert_allclose(rho, 1.0 - delta**2 / 10.0, atol=6e-5)
+    np.testing.assert_allclose(rho, np.cos(delta / np.sqrt(5.0)), atol=6e-5)
 
 
 def test_prediction_from_a_rig_file(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from discovery.posterior.correlations import quantities
 
 if TYPE_CHECKING:
-    from discovery.posterior.sample import Sample
+    from discovery.posterior.draws import Posterior
 
 __all__ = ["Autocorrelation", "autocorrelation"]
 
@@ -44,12 +44,12 @@ class Autocorrelation:
         return {"lags": self.lags.tolist(), "functions": functions, "tau": dict(self.tau)}
 
 
-def autocorrelation(posterior: Sample) -> Autocorrelation:
+def autocorrelation(posterior: Posterior) -> Autocorrelation:
     """Return the autocorrelation of a posterior's draws; initial states are left out.
 
     Parameters
     ----------
-    posterior : Sample
+    posterior : Posterior
         Draws (ensembles, draws, walkers, d), `thin` steps apart.
     """
     thin = int(posterior.provenance.get("thin", 1))

@@ -13,7 +13,7 @@ from discovery.foundation.start_names import is_start
 from discovery.posterior.parameter_roles import shared
 
 if TYPE_CHECKING:
-    from discovery.posterior.sample import Sample
+    from discovery.posterior.draws import Posterior
 
 __all__ = ["NOTABLE", "Correlations", "correlations", "quantities"]
 
@@ -53,12 +53,12 @@ class Correlations:
         }
 
 
-def quantities(posterior: Sample) -> tuple[str, ...]:
+def quantities(posterior: Posterior) -> tuple[str, ...]:
     """Return the names of the sampled quantities but for the initial states."""
     return tuple(n for n in posterior.names if not is_start(n))
 
 
-def correlations(posterior: Sample) -> Correlations:
+def correlations(posterior: Posterior) -> Correlations:
     """Return the correlations of a posterior; initial states are left out."""
     names = quantities(posterior)
     flat = posterior.flat()
@@ -68,7 +68,7 @@ def correlations(posterior: Sample) -> Correlations:
     return Correlations(names, matrix, {pair: _meaning(posterior, *pair) for pair in told})
 
 
-def _meaning(posterior: Sample, first: str, second: str) -> str:
+def _meaning(posterior: Posterior, first: str, second: str) -> str:
     physical = posterior.model.parameters
     if first in physical and second in physical:
         return shared(posterior.model, first, second)

@@ -22,10 +22,10 @@ from discovery.recordings.one_system import check_model
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
-    from discovery.posterior.sample import Sample
+    from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["QUANTILES", "Band", "errors", "fitted_starts", "noise_factor", "predictive", "simulated"]
+__all__ = ["QUANTILES", "Band", "degrees", "errors", "fitted_starts", "noise_factor", "predictive", "simulated"]
 
 FloatArray = NDArray[np.float64]
 QUANTILES = (0.05, 0.5, 0.95)
@@ -73,7 +73,7 @@ class Band:
 
 
 def predictive(
-    posterior: Sample,
+    posterior: Posterior,
     experiments: Recordings,
     n: int = 200,
     *,
@@ -84,7 +84,7 @@ def predictive(
 
     Parameters
     ----------
-    posterior : Sample
+    posterior : Posterior
         Draws, or what was read from their file.
     experiments : Dataset or sequence of Experiment
         The training recordings of a data set, or any others.
@@ -161,7 +161,7 @@ def _check_initial(initial: object, experiments: Sequence[Experiment], *, own: b
 
 
 def simulated(
-    posterior: Sample,
+    posterior: Posterior,
     experiments: Sequence[Experiment],
     draws: Mapping[str, FloatArray],
     initial: Mapping[str, tuple[float, ...]] | None = None,
@@ -193,14 +193,17 @@ def errors(
     channels: tuple[str, ...], draws: Mapping[str, FloatArray], shape: tuple[int, ...], rng: Generator
 ) -> FloatArray:
     """Return errors of unit scale: of Student's t where its degrees of freedom were sampled, else Gaussian."""
-    for name in noise_names(channels):
-        degrees = draws.get(name.replace("sigma", "nu", 1))
-        if degrees is not None:
-            return rng.standard_t(degrees, shape)
-    return rng.standard_normal(shape)
+    nu = degrees(channels, draws)
+    return rng.standard_normal(shape) if nu is None else rng.standard_t(nu, shape)
 
 
-def fitted_starts(posterior: Sample, experiments: Sequence[Experiment]) -> dict[str, tuple[float, ...]]:
+def degrees(channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray | None:
+    """Return the degrees of freedom of the errors of channels by draw; None where they were not sampled."""
+    found = (draws.get(name.replace("sigma", "nu", 1)) for name in noise_names(channels))
+    return next((values for values in found if values is not None), None)
+
+
+def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> dict[str, tuple[float, ...]]:
     """Return deflection [q], rate [q/s] and what `Bench.own` lists of recordings that were not fitted, by name.
 
     They are fitted to the readings with the parameters held at their posterior medians; a band that starts there holds
@@ -217,7 +220,7 @@ def fitted_starts(posterior: Sample, experiments: Sequence[Experiment]) -> dict[
     return {e.recording.name: tuple(start[:, 0].tolist()) for e, start in zip(experiments, starts, strict=True)}
 
 
-def noise_factor(posterior: Sample, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
+def noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
     """Return the noise of channels by draw, as a factor on what is stated.
 
     Raises

@@ -14,15 +14,14 @@ from scipy.special import log_ndtr
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.start_names import start_of
-from discovery.posterior.instrument import noise_names
 from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
 from discovery.posterior.noise.quantised import Quantised
 from discovery.posterior.noise.student_t import StudentT
-from discovery.posterior.predictive import errors, noise_factor, simulated
+from discovery.posterior.predictive import degrees, errors, noise_factor, simulated
 from discovery.recordings.quantisation import quantum
 
 if TYPE_CHECKING:
-    from discovery.posterior.sample import Sample
+    from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["Replicated", "check_pointwise", "replicated"]
@@ -75,13 +74,13 @@ def check_pointwise(noise: str) -> None:
 
 
 def replicated(
-    posterior: Sample, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
+    posterior: Posterior, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
 ) -> list[Replicated]:
     """Return the fitted readings of recordings beside what draws make of them.
 
     Parameters
     ----------
-    posterior : Sample
+    posterior : Posterior
         Where the draws are from.
     experiments : sequence of Experiment
         Recordings that were fitted.
@@ -107,14 +106,14 @@ def replicated(
         scale = np.broadcast_to(r.scatter[:, :, None] * noise_factor(posterior, r.channels, draws), shape)
         half = np.broadcast_to(0.5 * np.array([quantum(column) for column in r.output.T])[:, None], shape)
         again = motion + scale * errors(r.channels, draws, shape, rng)
-        score = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, _degrees(r.channels, draws))
+        score = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, degrees(r.channels, draws))
         rows, columns = np.nonzero(seen)
         channel = tuple(r.channels[c] for c in columns)
         found.append(Replicated(r.name, r.time[rows], channel, r.output[seen], again[seen], score[seen]))
     return found
 
 
-def _check_fitted(posterior: Sample, experiment: Experiment) -> None:
+def _check_fitted(posterior: Posterior, experiment: Experiment) -> None:
     name = experiment.recording.name
     if posterior.model.mechanics.prescribed or experiment.initial_names[0] in posterior.names:
         return
@@ -122,17 +121,12 @@ def _check_fitted(posterior: Sample, experiment: Experiment) -> None:
     raise InputError(f"The recording {name!r} was not fitted: the posterior is of {', '.join(known)}. Give those.")
 
 
-def _degrees(channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray | None:
-    found = (draws.get(name.replace("sigma", "nu", 1)) for name in noise_names(channels))
-    return next((values for values in found if values is not None), None)
-
-
 def _log_density(
-    noise: str, error: FloatArray, scale: FloatArray, half: FloatArray, degrees: FloatArray | None
+    noise: str, error: FloatArray, scale: FloatArray, half: FloatArray, nu: FloatArray | None
 ) -> FloatArray:
     """Return the log density of errors (n, c, k), NaN where they depend on each other."""
-    if noise == StudentT.name and degrees is not None:
-        return np.asarray(stats.t.logpdf(error / scale, degrees) - np.log(scale))
+    if noise == StudentT.name and nu is not None:
+        return np.asarray(stats.t.logpdf(error / scale, nu) - np.log(scale))
     if noise == Quantised.name:
         # The probability of the cell, from the tail in which both its ends lie.
         near, far = log_ndtr((half - np.abs(error)) / scale), log_ndtr((-half - np.abs(error)) / scale)

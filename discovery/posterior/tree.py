@@ -26,7 +26,7 @@ from discovery.posterior.replication import replicated
 if TYPE_CHECKING:
     import xarray as xr
 
-    from discovery.posterior.sample import Sample
+    from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["as_tree", "fields_of", "readings", "sampled", "some"]
@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 _DIAGNOSTICS = ("r_hat", "tau", "ess", "ess_tail")
 
 
-def as_tree(posterior: Sample, groups: Mapping[str, xr.Dataset]) -> xr.DataTree:
+def as_tree(posterior: Posterior, groups: Mapping[str, xr.Dataset]) -> xr.DataTree:
     """Return groups as one tree, with the prior."""
     import xarray as xr
 
@@ -44,7 +44,7 @@ def as_tree(posterior: Sample, groups: Mapping[str, xr.Dataset]) -> xr.DataTree:
     return xr.DataTree.from_dict({**groups, **({"prior": arranged(prior, said)} if prior else {})})
 
 
-def some(posterior: Sample, draws: int) -> Sample:
+def some(posterior: Posterior, draws: int) -> Posterior:
     """Return the posterior of some draws, evenly from all ensembles, each as a walker of its own."""
     ensembles, d = len(posterior.draws), posterior.draws.shape[-1]
     every = posterior.draws.swapaxes(1, 2).reshape(ensembles, -1, d)
@@ -61,7 +61,7 @@ def some(posterior: Sample, draws: int) -> Sample:
     )
 
 
-def sampled(posterior: Sample) -> dict[str, xr.Dataset]:
+def sampled(posterior: Posterior) -> dict[str, xr.Dataset]:
     """Return the groups of the draws alone."""
     import xarray as xr
 
@@ -74,7 +74,7 @@ def sampled(posterior: Sample) -> dict[str, xr.Dataset]:
     }
 
 
-def readings(posterior: Sample, experiments: Sequence[Experiment], *, pointwise: bool) -> dict[str, xr.Dataset]:
+def readings(posterior: Posterior, experiments: Sequence[Experiment], *, pointwise: bool) -> dict[str, xr.Dataset]:
     """Return the groups of single readings, for all draws."""
     ensembles = len(posterior.draws)
     draws = {name: as_chains(posterior.draws[..., i])[1].ravel() for i, name in enumerate(posterior.names)}
@@ -99,7 +99,7 @@ def readings(posterior: Sample, experiments: Sequence[Experiment], *, pointwise:
     return groups
 
 
-def _attributes_of(posterior: Sample, name: str) -> dict[str, Any]:
+def _attributes_of(posterior: Posterior, name: str) -> dict[str, Any]:
     value, sd = posterior.reference[name]
     attributes = {key: getattr(posterior, key)[name] for key in _DIAGNOSTICS}
     attributes |= {"units": posterior.units[name], "fit_value": value, "fit_sd": sd}
@@ -112,7 +112,7 @@ def _natural_units(stored: dict[str, Any]) -> NaturalUnits:
     return NaturalUnits(**stored | {"places": tuple(tuple(place) for place in stored["places"])})
 
 
-def _attributes(posterior: Sample) -> dict[str, Any]:
+def _attributes(posterior: Posterior) -> dict[str, Any]:
     return {
         "interval": posterior.interval,
         "status": posterior.status,

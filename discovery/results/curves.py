@@ -96,13 +96,14 @@ def laws(posterior, delta_max: float) -> xr.Dataset:
     The spring is the torque on the deflection per unit of linear stiffness: for the paper's model
     delta + (beta/alpha) delta^3, for the elastica rho F_n / 3, and F_n / 3 for the force alone.
     """
-    from discovery.theory.elastica.static_law import radius_law, spring_law, torque_law
+    from discovery.theory.elastica.static_law import perpendicular_law
 
     delta = np.linspace(0.0, 1.15 * delta_max, 120)
+    force, rho = perpendicular_law(delta)
     variables: dict[str, Any] = {
-        "elastica_spring": (("delta",), spring_law(delta)),
-        "elastica_torque": (("delta",), torque_law(delta)),
-        "elastica_radius": (("delta",), radius_law(delta)),
+        "elastica_spring": (("delta",), force / 3.0),
+        "elastica_torque": (("delta",), rho * force / 3.0),
+        "elastica_radius": (("delta",), rho),
     }
     draws = posterior.flat() if posterior is not None else {}
     thin = slice(None, None, max(1, len(next(iter(draws.values()), [])) // 2000))

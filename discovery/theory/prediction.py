@@ -177,8 +177,8 @@ def predict(
     seed : int or numpy.random.Generator
         Of the draws.
     delta_max, deflection : optional
-        As in :func:`discovery.theory.elastica.static_law.static_law`; without either, the law ``static_least_squares``
-        is left out.
+        As in `discovery.theory.elastica.static_law.usable_deflections`; without either, the law
+        ``static_least_squares`` is left out.
     draws : int
         Number of draws, n.
 

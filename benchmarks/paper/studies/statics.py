@@ -12,7 +12,7 @@ from benchmarks.paper.theory.elastica.beam import tip_under_load
 from benchmarks.paper.theory.elastica.force_map import load_at_tip
 from benchmarks.paper.theory.elastica.series import elastica_series
 from benchmarks.paper.theory.elastica.small_deflection import small_deflection_tip
-from discovery.theory.elastica.static_law import perpendicular_law, static_law
+from discovery.theory.elastica.static_law import fitted_law, perpendicular_law, usable_deflections
 
 __all__ = ["MATTIASSON", "boundary_value", "statics"]
 
@@ -53,7 +53,7 @@ def statics() -> dict[str, Any]:
     off = np.abs(tip_under_load(small, np.pi / 2).y - small_deflection_tip(small))
     loads = np.array([row[0] for row in MATTIASSON])
     cantilever = tip_under_load(loads, np.pi / 2)
-    law = static_law(0.85)
+    law = fitted_law(usable_deflections(0.85))
     series = elastica_series()
     delta = np.array([0.2, 0.4, 0.85])
     exact_force, exact_radius = perpendicular_law(delta)

@@ -25,10 +25,6 @@ __all__ = [
     "StaticLaw",
     "fitted_law",
     "perpendicular_law",
-    "radius_law",
-    "spring_law",
-    "static_law",
-    "torque_law",
     "usable_deflections",
 ]
 
@@ -60,25 +56,6 @@ class StaticLaw:
 
 SMALL_DEFLECTION = StaticLaw(1.0, float(Fraction(13, 210)), 1.0 / np.sqrt(5.0))
 """The law to third order in the deflection."""
-
-
-def static_law(delta_max: float | None = None, deflection: npt.ArrayLike | None = None) -> StaticLaw:
-    """Least-squares cubic of (15) and cosine of (16) through the elastica's force and radius.
-
-    Parameters
-    ----------
-    delta_max : float, optional
-        Largest deflection that counts [rad].
-    deflection : array_like, optional
-        Deflections at which the laws are compared, as a recording has them [rad]; NaN is left out. By default they are
-        equally spaced up to `delta_max`.
-
-    Raises
-    ------
-    InputError
-        If neither is given, no deflection is left, or they reach beyond the elastica's domain or less than 1e-3 rad.
-    """
-    return fitted_law(usable_deflections(delta_max, deflection))
 
 
 def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -126,30 +103,21 @@ def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     return np.sign(angle) * b.t**2, 2.0 * w * b.tau / b.t
 
 
-def spring_law(delta: npt.ArrayLike) -> FloatArray:
-    """Force of the elastica across the radius over its linear stiffness, ``F_n / 3`` [rad], at deflections [rad].
+def usable_deflections(delta_max: float | None = None, deflection: npt.ArrayLike | None = None) -> FloatArray:
+    """Return the deflections at which the laws are compared, none negative [rad].
 
-    Comparable with the discovered ``delta + (beta / alpha) delta^3`` of eq. (14) of the paper.
+    Parameters
+    ----------
+    delta_max : float, optional
+        Largest deflection that counts [rad].
+    deflection : array_like, optional
+        Deflections as a recording has them [rad]; NaN is left out. By default equally spaced up to `delta_max`.
+
+    Raises
+    ------
+    InputError
+        If neither is given, no deflection is left, or they reach beyond the elastica's domain or less than 1e-3 rad.
     """
-    return perpendicular_law(delta)[0] / 3.0
-
-
-def torque_law(delta: npt.ArrayLike) -> FloatArray:
-    """Torque (11) of that force about the clamp over its linear stiffness, ``rho F_n / (3 l)`` [rad].
-
-    It is the generalised force of the dynamic reduction: the derivative of the bending energy along the tip's curve.
-    """
-    force, rho = perpendicular_law(delta)
-    return rho * force / 3.0
-
-
-def radius_law(delta: npt.ArrayLike) -> FloatArray:
-    """Radius of the elastica's tip, ``rho_t / l``; comparable with ``cos(gamma delta)`` of eq. (16) of the paper."""
-    return perpendicular_law(delta)[1]
-
-
-def usable_deflections(delta_max: float | None, deflection: npt.ArrayLike | None) -> FloatArray:
-    """Return the deflections [rad] at which the laws are compared, none negative; see :func:`static_law`."""
     if deflection is None and delta_max is None:
         raise InputError("The least-squares law of the elastica needs the largest deflection or the deflections.")
     if deflection is None:
@@ -167,7 +135,13 @@ def usable_deflections(delta_max: float | None, deflection: npt.ArrayLike | None
 
 
 def fitted_law(delta: FloatArray) -> StaticLaw:
-    """Return the least-squares cubic and cosine through the elastica's force and radius at deflections (n,) [rad]."""
+    """Least-squares cubic of (15) and cosine of (16) through the elastica's force and radius.
+
+    Parameters
+    ----------
+    delta : ndarray, shape (n,)
+        Deflections at which they are compared [rad], see `usable_deflections`.
+    """
     force, rho = perpendicular_law(delta)
     (stiffness, cubic), *_ = np.linalg.lstsq(np.stack([delta, delta**3], axis=1), force / 3.0)
 
