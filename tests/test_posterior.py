@@ -19,12 +19,11 @@ from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.foundation.errors import ComputationError, InputError, NotConverged, NotIdentifiable
 from discovery.posterior import ensembles, sampling
-from discovery.posterior.checkpoint import densities
+from discovery.posterior.checkpoint import Remembered, densities
 from discovery.posterior.draws import Posterior
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import NOISE_PRIOR, log_posterior
 from discovery.posterior.predictive import predictive
-from discovery.posterior.remembered import Remembered
 from discovery.posterior.sampling import METHODS, sample
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
@@ -223,7 +222,7 @@ def test_interrupted_proposals_go_on_to_the_same_draws(linear, tmp_path, monkeyp
             return super().__call__(points)
 
     with monkeypatch.context() as patch:
-        patch.setattr("discovery.posterior.remembered._KEPT_AFTER", 0.0)
+        patch.setattr("discovery.posterior.checkpoint._KEPT_AFTER", 0.0)
         patch.setattr(sampling, "Remembered", Interrupted)
         with pytest.raises(KeyboardInterrupt):
             sample(linear, seed=11, backend_path=path)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal
-from discovery.posterior.marginal_priors import MarginalPrior
 from discovery.posterior.prior_sensitivity import prior_effects
+from discovery.posterior.priors import MarginalPrior
 
 EVERYWHERE = (-math.inf, math.inf)
 

@@ -21,8 +21,15 @@ from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
 from discovery.declarations.systems import ARM
-from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive, moves_from_unit, reach
-from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits
+from discovery.diagnosis.manoeuvre_design import (
+    MotorLimits,
+    Move,
+    allowed_limits,
+    demonstrated_limits,
+    hub_drive,
+    moves_from_unit,
+    reach,
+)
 from discovery.diagnosis.move_search import MoveSearch
 from discovery.diagnosis.rival_distance import Distance, _absorbed
 from discovery.diagnosis.separation import Separation, separate, similarity_matrix

@@ -17,9 +17,8 @@ from discovery.recordings.smooth_input import build_drive
 from discovery.rigs.rig_file import read_rig
 from discovery.signals.differentiate import smooth
 from discovery.signals.motion import Motion, motion_of
-from discovery.sindy.library import build_library, stretches
+from discovery.sindy.library import build_library, propagate, stretches
 from discovery.sindy.radius import discover_radius
-from discovery.sindy.rows import propagate
 from discovery.sindy.sindy import discover
 from discovery.sindy.structure import Equation, status_of
 from discovery.sindy.subset import best_subsets

@@ -16,8 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.diagnosis.manoeuvre_design import MotorLimits, Move, hub_drive
-from discovery.diagnosis.motor_limits import allowed_limits, demonstrated_limits, known_part
+from discovery.diagnosis.manoeuvre_design import (
+    MotorLimits,
+    Move,
+    allowed_limits,
+    demonstrated_limits,
+    hub_drive,
+    known_part,
+)
 from discovery.diagnosis.move_search import MoveSearch
 from discovery.diagnosis.rival_distance import Distance, Trial, distance_on_given
 from discovery.estimation.fit import Fit

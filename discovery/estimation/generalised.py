@@ -1,4 +1,4 @@
-"""Generalised least squares: several problems fitted, each under a model error of a size."""
+"""Generalised least squares: problems fitted, each under a model error of a size, to parts of recordings or to all."""
 
 from __future__ import annotations
 
@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
 
-__all__ = ["generalised"]
+__all__ = ["fitted_to_all", "generalised"]
+
+#: Rounds in which a fit to a part becomes one to all.
+_ITERATIONS = 25
 
 
 def generalised(
@@ -38,3 +43,24 @@ def _in_noise(problem: Problem, minimum: Minimum) -> Minimum:
     data = problem.bench.residuals(*problem.expand(x))[:, 0]
     residual = np.append(data, problem.prior_residuals(x)[:, 0])
     return replace(minimum, residual=residual, cost=0.5 * float(residual @ residual))
+
+
+def fitted_to_all(found: Fit, error: float, bench: Bench) -> Fit:
+    """Return the same model fitted to other recordings by generalised least squares, from where it is.
+
+    Intervals stay those of the part: a model error in a parameter's direction does not average out, and without one
+    they are wider than all readings would give.
+
+    Parameters
+    ----------
+    found : Fit
+        On parts of the recordings; it is returned where the motion blows up beyond them.
+    error : float
+        Size of the model error [noise sds].
+    bench : Bench
+        Simulators of the recordings, of the same names.
+    """
+    problem = replace(found.problem, bench=bench)
+    start = problem.start(found.values)
+    (minimum,) = generalised([problem], [start], [error], iterations=_ITERATIONS, tolerance=1e-6)
+    return replace(found, problem=problem, minimum=minimum) if np.isfinite(minimum.cost) else found

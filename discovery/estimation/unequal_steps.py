@@ -14,8 +14,7 @@ from scipy.optimize import brentq
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.solver_error import Probe
-from discovery.estimation.step import choose_step
+from discovery.estimation.step import Probe, choose_step
 from discovery.foundation.workers import at_once
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.pace import Pace

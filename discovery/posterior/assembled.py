@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from discovery.posterior.diagnostics import Convergence, tail_effective
 from discovery.posterior.draws import Posterior
-from discovery.posterior.prior_draws import prior_draws
+from discovery.posterior.priors import prior_draws
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.posterior.marginal_priors import MarginalPrior
+from discovery.posterior.priors import MarginalPrior
 
 __all__ = ["FACTORS", "LIMIT", "PriorEffect", "prior_effects"]
 

@@ -17,14 +17,13 @@ from discovery.foundation.arguments import as_path, check_number, check_seed, ch
 from discovery.foundation.errors import InputError, NotConverged
 from discovery.foundation.progress import Progress, Tell, teller
 from discovery.posterior.assembled import PACKAGES, of_chains, of_ensembles
-from discovery.posterior.checkpoint import densities, fingerprint, restore, save
+from discovery.posterior.checkpoint import Remembered, densities, fingerprint, restore, save
 from discovery.posterior.diagnostics import LENGTH_IN_TAU, Convergence, convergence
 from discovery.posterior.draws import Posterior
 from discovery.posterior.ensembles import TEMPERED, Ensemble, grow, start_ensembles
 from discovery.posterior.independence import Chains, independence_chains
 from discovery.posterior.likelihood import LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN
-from discovery.posterior.remembered import Remembered
 
 __all__ = ["sample"]
 

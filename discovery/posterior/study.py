@@ -12,12 +12,11 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from discovery.foundation.errors import SimulationFailure
-from discovery.posterior.autocorrelation import Autocorrelation, autocorrelation
-from discovery.posterior.correlations import Correlations, correlations
+from discovery.posterior.correlations import Autocorrelation, Correlations, autocorrelation, correlations
 from discovery.posterior.likelihood import log_posterior
-from discovery.posterior.marginal_priors import MarginalPrior, marginal_priors
 from discovery.posterior.predictive import Band, fitted_starts, predictive
 from discovery.posterior.prior_sensitivity import PriorEffect, prior_effects
+from discovery.posterior.priors import MarginalPrior, marginal_priors
 from discovery.posterior.profile_likelihood import CUT, Profile, profiles
 
 if TYPE_CHECKING:

@@ -14,12 +14,12 @@ from discovery.estimation.bent_intervals import without_bent
 from discovery.estimation.declared import rig_uncertainty
 from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit
+from discovery.estimation.generalised import fitted_to_all
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine, variance_left
-from discovery.estimation.solver_error import error_unit
-from discovery.estimation.whole import fitted_to_all
+from discovery.estimation.step import error_unit
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.progress import Tell, teller
 from discovery.foundation.workers import at_once, single_algebra

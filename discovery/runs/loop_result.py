@@ -17,9 +17,9 @@ from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
+from discovery.estimation.generalised import fitted_to_all
 from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
-from discovery.estimation.whole import fitted_to_all
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import UNDERSTATED, impossible
