@@ -10,7 +10,7 @@ import driven_oscillator as bench
 import numpy as np
 import pytest
 
-from discovery.diagnosis.left_over import burst, like_noise, not_carried, scattered
+from discovery.diagnosis.caution import burst, like_noise, not_carried, scattered
 from discovery.equations.model import Model
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.residual import examine

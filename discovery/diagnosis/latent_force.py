@@ -54,8 +54,8 @@ class LatentForce:
         What it may depend on, along the motion that follows the recording; see `SlowModel.variables`.
     equivalent : mapping of str to ndarray, shape (n,)
         For every fitted parameter, the force that imitates a change of it by one unit.
-    size, memory : float
-        Standard deviation [s^-2 q] and correlation time [s] of the process, by maximum likelihood.
+    memory : float
+        Correlation time of the process, by maximum likelihood [s].
     gain : float
         Twice the logarithm of the likelihood ratio of this force against none.
     rms : tuple of float
@@ -68,7 +68,6 @@ class LatentForce:
     sd: FloatArray
     variables: Mapping[str, FloatArray]
     equivalent: Mapping[str, FloatArray]
-    size: float
     memory: float
     gain: float
     rms: tuple[float, float]
@@ -93,9 +92,8 @@ def _matern(lag: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Prior:
-    """Size and memory of the process with the highest marginal likelihood, and the posterior that follows."""
+    """Memory of the process with the highest marginal likelihood, and the posterior that follows."""
 
-    size: float
     memory: float
     gain: float
     covariance: FloatArray
@@ -123,7 +121,7 @@ class _Prior:
         assert best is not None
         root = best[1] * best[3]
         inner = np.linalg.inv(np.eye(k) + root.T @ gram @ root)
-        return cls(best[1], best[2], best[0], root @ inner @ root.T)
+        return cls(best[2], best[0], root @ inner @ root.T)
 
 
 def _parameters(fit: Fit, index: int) -> FloatArray:
@@ -206,7 +204,6 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
         sd=np.sqrt(np.einsum("ij,jk,ik->i", shown, prior.covariance, shown)),
         variables={n: np.interp(time, chain.time, v) for n, v in along.items()},
         equivalent=dict(zip(problem.free, (shown @ imitating).T, strict=True)),
-        size=prior.size,
         memory=prior.memory,
         gain=prior.gain,
         rms=tuple(float(np.sqrt(np.mean(r[newton.used] ** 2))) for r in (before, left)),  # type: ignore[arg-type]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from discovery.declarations.effect import Mode, Sensor
-from discovery.diagnosis.slow_model import Law, SlowModel, values_of
-from discovery.estimation.problem import Problem
+from discovery.diagnosis.slow_model import Law, SlowModel
+from discovery.estimation.problem import Problem, values_of
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import Simulator, check_finite
 

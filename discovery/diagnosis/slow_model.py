@@ -23,10 +23,11 @@ from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
 from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import values_of
 from discovery.mechanics import get_base
 from discovery.simulation.kernel.compile import numpy_derivative
 
-__all__ = ["Law", "SlowModel", "values_of"]
+__all__ = ["Law", "SlowModel"]
 
 FloatArray = NDArray[np.float64]
 #: Base that follows the slow motion of a base with several coordinates.
@@ -81,15 +82,6 @@ def _mathematics(base: str, effects: tuple[str, ...]) -> tuple[Program, Callable
         for expressions in (program.reading, output, [program.lateness])
     )
     return program, numpy_derivative(program), functions
-
-
-def values_of(
-    names: Sequence[str], base: str, effects: Sequence[str], units: NaturalUnits, known: Mapping[str, float]
-) -> FloatArray:
-    """Return the values of parameters in this order; those that are not known are at their defaults."""
-    declared = {p.name: p for p in get_base(base).parameters()}
-    declared.update({p.name: p for e in effects for p in get_effect(e).parameters()})
-    return np.array([known[n] if n in known else declared[n].default * units.scale(declared[n]) for n in names])
 
 
 def _smoothed(effects: Sequence[str], units: NaturalUnits, known: Mapping[str, float]) -> dict[str, float]:

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.estimation.bench import Bench
+from discovery.estimation.differences import half_step
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
-from discovery.estimation.resolution import half_step
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import leaps

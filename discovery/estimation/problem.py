@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,9 +16,10 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.model_error import ModelError, innovations
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.start_values import StartValue, start_values
+from discovery.mechanics import get_base
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["LIGHT_ROD", "Problem", "conventions", "known_values"]
+__all__ = ["LIGHT_ROD", "Problem", "conventions", "known_values", "values_of"]
 
 FloatArray = NDArray[np.float64]
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
@@ -59,6 +60,15 @@ def conventions(effects: Iterable[str], units: NaturalUnits) -> dict[str, tuple[
     """
     held = [p for e in effects for p in get_effect(e).parameters() if p.fixed and p.shape]
     return {p.name: (p.default * units.scale(p), p.prior.width * units.scale(p)) for p in held}
+
+
+def values_of(
+    names: Sequence[str], base: str, effects: Sequence[str], units: NaturalUnits, known: Mapping[str, float]
+) -> FloatArray:
+    """Return the values of parameters in this order; those that are not known are at their defaults."""
+    declared = {p.name: p for p in get_base(base).parameters()}
+    declared.update({p.name: p for e in effects for p in get_effect(e).parameters()})
+    return np.array([known[n] if n in known else declared[n].default * units.scale(declared[n]) for n in names])
 
 
 @dataclass(frozen=True)
@@ -153,14 +163,8 @@ class Problem:
 
     @cached_property
     def _template(self) -> tuple[FloatArray, NDArray[np.int64]]:
-        declared = {p.name: p for p in self.model.mechanics.parameters()}
-        for effect in self.bench.effects:
-            declared.update({p.name: p for p in get_effect(effect).parameters()})
-        values = [
-            self.model.known[n] if n in self.model.known else declared[n].default * self.units.scale(declared[n])
-            for n in self.bench.names
-        ]
-        return np.array(values), np.array([self.bench.names.index(n) for n in self.free], dtype=np.int64)
+        values = values_of(self.bench.names, self.model.base, self.bench.effects, self.units, self.model.known)
+        return values, np.array([self.bench.names.index(n) for n in self.free], dtype=np.int64)
 
     def expand(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return kernel parameters (p, k) and starts (experiments, 2 + own, k), see `Bench`, of free vectors (m, k)."""

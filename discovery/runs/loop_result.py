@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
+from discovery.diagnosis.caution import Caution, at_edges, burst, like_noise, missed, not_carried, scattered, strayed
 from discovery.diagnosis.contradiction import ContradictionReport
-from discovery.diagnosis.left_over import burst, like_noise, not_carried, scattered
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.bench import Bench
