@@ -41,10 +41,8 @@ class Choice:
 
     Parameters
     ----------
-    sets : tuple of ndarray of int
-        For each size k the candidate equations, shape (m, k).
     complexity : tuple of ndarray
-        Their complexities, each of shape (m,).
+        Of the candidate equations, for each size k, shape (m,).
     noise : ndarray, shape (k_max + 1,)
         Variance of what is left over that of the instrument's noise at each size, index zero for no term.
     stretches : int
@@ -53,7 +51,6 @@ class Choice:
         Chi squared that a term must gain.
     """
 
-    sets: tuple[np.ndarray, ...]
     complexity: tuple[FloatArray, ...]
     noise: FloatArray
     stretches: int

@@ -127,7 +127,6 @@ class _Subsets:
         left = (library.target, *(_solve(library, s[0])[2] for s in sets))
         noise = np.array([loudness(r, library.target) for r in left])
         choice = Choice(
-            sets,
             complexity=tuple(np.array([[library.terms[j].complexity for j in s] for s in k]).sum(axis=1) for k in sets),
             noise=noise,
             stretches=np.unique(library.blocks).size,
