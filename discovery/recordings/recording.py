@@ -26,6 +26,7 @@ from discovery.recordings.quantisation import resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import estimate_noise, noise_flags
 from discovery.recordings.recording_columns import ARM_STEMS
+from discovery.recordings.rounded_stamps import on_its_clock
 from discovery.recordings.time_jitter import estimate_jitter, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
@@ -159,7 +160,7 @@ def read_recording(
     rig = _rig(rig)
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
-    checked = _checked(rig, found)
+    checked = _checked(rig, found) + on_its_clock(rig, found)
     guessed = found.table.guessed
     flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
     flags += [*time_flags(found.time, rig.columns.time.assumed), *checked]
@@ -168,7 +169,8 @@ def read_recording(
     noise, bands, more = _cleaned(rig, found, stated)
     found.check(rig)
     jitter = _jitter(rig, found, noise)
-    more += _told_of_jitter(rig, found, jitter)
+    if jitter > 0.0 and rig.columns.time.jitter is None:
+        more.append(Flag("stamps_err", numbers={"jitter": jitter, "step": median_step(found.time)}))
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
@@ -251,13 +253,6 @@ def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> float:
         return rig.columns.time.jitter
     read = np.column_stack([found.outputs[channel] for channel in found.channels])
     return estimate_jitter(found.time, read, np.array(noise))
-
-
-def _told_of_jitter(rig: Rig, found: Signals, jitter: float) -> list[Flag]:
-    """Tell that stamps err where nobody stated it."""
-    if jitter == 0.0 or rig.columns.time.jitter is not None:
-        return []
-    return [Flag("stamps_err", numbers={"jitter": jitter, "step": median_step(found.time)})]
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:
