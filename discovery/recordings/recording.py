@@ -169,8 +169,7 @@ def read_recording(
     noise, bands, more = _cleaned(rig, found, stated)
     found.check(rig)
     jitter = _jitter(rig, found, noise)
-    if jitter > 0.0 and rig.columns.time.jitter is None:
-        more.append(Flag("stamps_err", numbers={"jitter": jitter, "step": median_step(found.time)}))
+    more += _told_of_jitter(rig, found, jitter)
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
@@ -253,6 +252,12 @@ def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> float:
         return rig.columns.time.jitter
     read = np.column_stack([found.outputs[channel] for channel in found.channels])
     return estimate_jitter(found.time, read, np.array(noise))
+
+
+def _told_of_jitter(rig: Rig, found: Signals, jitter: float) -> list[Flag]:
+    """Tell that stamps err where nobody stated it."""
+    numbers = {"jitter": jitter, "step": median_step(found.time)}
+    return [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 and rig.columns.time.jitter is None else []
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:
