@@ -184,11 +184,18 @@ def test_a_cell_that_is_no_number_is_named(cell: str, words: str, tmp_path: Path
 
 def test_lines_above_a_table_are_told_from_its_rows(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("Date: 3.4.2025\nOperator: me\n\nt [s], x [mm]\n0.0, 1.0\n0.1, 2.0\n")
+    path.write_text("Date, Monday, noon\nt [s], x [mm]\n0.0, 1.0\n0.1, 2.0\n")
     with pytest.raises(InputError, match="delete the lines above the names, or begin each of them with #"):
         draft([path], tmp_path)
     path.write_text("t [s], x [mm]\n0.0, 1.0\n")
     with pytest.raises(InputError, match=r"too few rows of readings \(1\)"):
+        draft([path], tmp_path)
+
+
+def test_a_table_with_both_decimal_marks_names_the_cell(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t;x\n0.000;3,10\n" + "".join(f"0,{k};3,{k}\n" for k in range(101, 130)))
+    with pytest.raises(InputError, match=r"'t', row 2 .*: '0,101' is not a number.*decimal point"):
         draft([path], tmp_path)
 
 

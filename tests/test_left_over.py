@@ -46,6 +46,8 @@ def test_a_jump_of_readings_is_told_with_its_place() -> None:
     first, last = bench.TIME[place], bench.TIME[place + COUNT // 50]
     assert first - 0.1 < found.numbers["start"] < found.numbers["stop"] < last + 0.1
     assert f"half of what is left of {found.about} lies between" in caution_sentence(found.summary())
+    reading = replace(found, numbers={"start": 0.0, "stop": 0.0})
+    assert "lies at 0 s" in caution_sentence(reading.summary())
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,17 @@ def test_layouts(tmp_path, layout, comment, named):
     assert "line" in table.where(0)
 
 
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_titles_above_the_names_are_passed_over(tmp_path, layout):
+    path = tmp_path / "r.txt"
+    separator = {"comma": ",", "tab": "\t", "padded tab": " \t "}.get(layout, "  ")
+    path.write_text("mass_A\n\nRun 2\n" + separator.join("txv") + "\n" + LAYOUTS[layout])
+    table = read_table(path)
+    np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in "txv"]), VALUES)
+    assert table.where(0).endswith("(line 5 of the file)")
+    assert unnamed_columns(path) == ()
+
+
 @pytest.mark.parametrize("separator", [";", "\t", "  "])
 @pytest.mark.parametrize("named", [True, False])
 def test_numbers_with_a_decimal_comma(tmp_path, separator, named):

@@ -178,12 +178,12 @@ def _numbers(table: Table, used: set[str] | None) -> dict[str, FloatArray]:
 
 
 def _mostly_numbers(column: NDArray[Any]) -> bool:
-    """Whether a column that does not hold numbers only holds them nearly everywhere."""
+    """Whether a column that does not hold numbers only holds them nearly everywhere, with either decimal mark."""
     cells = column[:: max(1, column.size // _LOOKED)]
 
     def is_number(cell: Any) -> bool:
         try:
-            return bool(np.isfinite(float(cell)))
+            return bool(np.isfinite(float(str(cell).replace(",", "."))))
         except (TypeError, ValueError):
             return False
 

@@ -22,6 +22,8 @@ __all__ = ["parse_text", "unnamed_columns"]
 _BLANKS = r"\s+"
 #: Rows in which a decimal comma is looked for.
 _LOOKED = 200
+#: Lines of titles that a program may write above a table.
+_TITLES = 5
 _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 #: May be a thousand or more as well as a number with three decimals.
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -39,7 +41,7 @@ def parse_text(
     text : str
         What the file holds. Commas, semicolons, tabs or runs of blanks separate its columns; lines that begin with
         ``#`` or ``%`` are comments. Where no comma separates columns, numbers may have a decimal comma. Where the first
-        row holds numbers, the comment above it may name the columns.
+        row holds numbers, the comment above it may name the columns. Lines of titles may stand above the names.
     header : sequence of str, optional
         Names of the columns, from left to right, where the file has no line of names.
 
@@ -61,6 +63,8 @@ def parse_text(
     if lines.size == 0:
         raise InputError(f"{path} is empty but for comments. Export the recording again.")
     rows = [every[number - 1] for number in lines]
+    titles = _titles(rows) if header is None else 0
+    rows, lines = rows[titles:], lines[titles:]
     separator = _separator(rows, header)
     first = _cells(rows[0], separator)
     told = _commented_names(every[: int(lines[0]) - 1], separator, first) if header is None else []
@@ -110,6 +114,17 @@ def _separator(rows: Sequence[str], header: Sequence[str] | None) -> str:
     found = first.count(separator) + 1
     alone = found == wanted if header is not None else found > 1
     return _BLANKS if not alone and 1 < wanted == len(first.split()) else separator
+
+
+def _titles(rows: Sequence[str]) -> int:
+    """Return how many lines, each of fewer cells, stand above the names of the columns and a first row of numbers."""
+    for above in range(min(_TITLES, len(rows) - 2) + 1):
+        separator = _separator(rows[above : above + 2], None)
+        *titles, names, first = (_cells(row, separator) for row in rows[: above + 2])
+        if len(names) == len(first) > 1 and all(map(_is_either_number, first)):
+            fewer = not any(map(_is_either_number, names)) and all(len(title) < len(names) for title in titles)
+            return above if fewer else 0
+    return 0
 
 
 def _cells(row: str, separator: str) -> list[str]:

@@ -73,6 +73,11 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "The time stamps {kind}: their steps lie between {shortest:.4g} and {longest:.4g} s. They are taken as they "
         "are.",
     ),
+    "times_rounded": (
+        "note",
+        "The time stamps are rounded to {rounding:.2g} s: a steady clock of {rate:.4g} readings a second explains all "
+        "of them. Its times are used; jitter = 0 in the rig file keeps the stamps.",
+    ),
     "times_long": (
         "note",
         "The samples are {step:.4g} s apart. If the times are in milliseconds, they are too long by a thousand: "

@@ -26,6 +26,7 @@ from discovery.recordings.quantisation import resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import estimate_noise, noise_flags
 from discovery.recordings.recording_columns import ARM_STEMS
+from discovery.recordings.rounded_stamps import on_its_clock
 from discovery.recordings.time_jitter import estimate_jitter, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
@@ -159,7 +160,7 @@ def read_recording(
     rig = _rig(rig)
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
-    checked = _checked(rig, found)
+    checked = _checked(rig, found) + on_its_clock(rig, found)
     guessed = found.table.guessed
     flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
     flags += [*time_flags(found.time, rig.columns.time.assumed), *checked]
@@ -255,9 +256,8 @@ def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> float:
 
 def _told_of_jitter(rig: Rig, found: Signals, jitter: float) -> list[Flag]:
     """Tell that stamps err where nobody stated it."""
-    if jitter == 0.0 or rig.columns.time.jitter is not None:
-        return []
-    return [Flag("stamps_err", numbers={"jitter": jitter, "step": median_step(found.time)})]
+    numbers = {"jitter": jitter, "step": median_step(found.time)}
+    return [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 and rig.columns.time.jitter is None else []
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:

@@ -63,9 +63,10 @@ def _missed(found: Record) -> str:
 
 def _burst(found: Record) -> str:
     start, stop = (figures(found["numbers"][k], 4) for k in ("start", "stop"))
+    when = f"at {start} s" if start == stop else f"between {start} and {stop} s"
     return (
-        f"half of what is left of {found['about']} lies between {start} and {stop} s: was it pushed there, did it hit "
-        "something, or did readings jump?"
+        f"half of what is left of {found['about']} lies {when}: was it pushed there, did it hit something, or did "
+        "readings jump?"
     )
 
 

@@ -1,0 +1,62 @@
+"""Time stamps that a file rounds: a steady clock explains them, and readings fit it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discovery.recordings.recording import read_recording
+from discovery.recordings.rounded_stamps import steady_clock
+from discovery.rigs.rig_file import read_rig
+
+FILM = 2.7 + np.delete(np.arange(150), [40, 41, 90]) / 29.97  # three pictures are lost
+NOISE = np.random.default_rng(1).normal(0.0, 1e-3, FILM.size)
+
+
+def swing(time: np.ndarray) -> np.ndarray:
+    return np.asarray(np.cos(7.0 * time))
+
+
+@pytest.mark.parametrize("form", ["%.2f", "%.3g"])
+@pytest.mark.parametrize("unit", [1.0, 1e3], ids=["s", "ms"])
+def test_times_of_a_film_are_found_again(form: str, unit: float) -> None:
+    stamps = np.array([float(form % time) for time in FILM]) * unit
+    found = steady_clock(stamps, [swing(FILM) + NOISE])
+    assert found is not None
+    assert np.abs(found.time / unit - FILM).max() < 0.1 * np.abs(stamps / unit - FILM).max()
+    assert unit / found.step == pytest.approx(29.97, rel=2e-3)
+    assert found.rounding == pytest.approx(0.01 * unit)
+
+
+def test_where_samples_are_not_steady_no_clock_is_made() -> None:
+    uneven = FILM + np.random.default_rng(2).normal(0.0, 4e-3, FILM.size)
+    assert steady_clock(np.round(uneven, 2), [swing(uneven) + NOISE]) is None
+    assert steady_clock(uneven, [swing(uneven) + NOISE]) is None
+
+
+def test_readings_that_were_taken_at_the_stamps_keep_them() -> None:
+    ticks = np.round(FILM, 2)  # a computer that reads at the tick of its clock
+    assert steady_clock(ticks, [np.zeros(FILM.size), swing(ticks) + NOISE]) is None
+    assert steady_clock(ticks, [swing(FILM) + NOISE]) is not None
+
+
+def test_stamps_that_are_off_by_nothing_that_matters_stay() -> None:
+    assert steady_clock(np.round(FILM, 5)) is None
+    assert steady_clock(np.arange(100) / 50) is None
+
+
+def test_a_recording_takes_the_times_of_the_clock_and_says_so(tmp_path: Path) -> None:
+    data, rig = tmp_path / "film.csv", tmp_path / "rig.toml"
+    np.savetxt(data, np.column_stack([FILM, swing(FILM) + NOISE]), ["%.2f", "%.6f"], ",", header="t,q", comments="")
+    columns = 'time = {{ name = "t"{} }}\noutput = {{ name = "q", unit = "m" }}'
+    text = f'name = "film"\nkind = "oscillator"\n[columns]\n{columns}'
+    rig.write_text(text.format(""))
+    found = read_recording(data, read_rig(rig))
+    assert np.abs(found.time - FILM).max() < 1e-3
+    assert any("rounded to 0.01 s: a steady clock of 29.9" in note for note in found.notes)
+    assert not any("jitter:" in note for note in found.notes)
+    rig.write_text(text.format(", jitter = 0"))
+    kept = read_recording(data, read_rig(rig))
+    assert kept.time == pytest.approx(np.round(FILM, 2))
