@@ -65,17 +65,16 @@ def straight_line(text: str, functions: Mapping[str, Any]) -> Any:
     callable
         It takes an array of float, an index, and a tuple of the names that `received` tells; it changes the array.
     """
-    statements = ast.parse(text).body
-    names = received(text.splitlines())
 
     @intrinsic
     def run(typing, w, i, given):
         def build(context, builder, signature, arguments):
             array, index, values = arguments
             data = context.make_array(signature.args[0])(context, builder, array).data
-            known = {name: builder.extract_value(values, k) for k, name in enumerate(names)}
+            # Only here: a function whose machine code is on disk is never built.
+            known = {name: builder.extract_value(values, k) for k, name in enumerate(received(text.splitlines()))}
             translation = _Translation(context, builder, functions, known, data, index)
-            for statement in statements:
+            for statement in ast.parse(text).body:
                 translation.run(statement)
             return context.get_dummy_value()
 
