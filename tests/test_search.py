@@ -151,7 +151,7 @@ def test_the_evidence_does_not_depend_on_the_order_or_the_company() -> None:
 
 
 def test_the_budget_ends_a_search() -> None:
-    search = begun(context(settings=LoopSettings(budget=Budget(most_effects=1)), beta=1.0, f_c=0.02))
+    search = begun(context(settings=LoopSettings(budget=Budget(most_effects=1)), beta=1.0, f_c=0.004))
     search.run()
     assert len(search.best.added) == 1
     assert [d.code for d in search.decisions if d.action == "stop"] == ["budget"]
