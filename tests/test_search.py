@@ -175,7 +175,8 @@ def test_a_law_that_its_last_fit_reduces_gives_way_to_what_it_contains(effects: 
 
 
 def odds(**changed: float) -> Odds:
-    return Odds(**{"train": 50.0, "held": 20.0, "ahead": 20.0, "size": 9.0, "against_error": 40.0, "gain": 200.0, **changed})
+    scores = {"train": 50.0, "held": 20.0, "ahead": 20.0, "size": 9.0, "against_error": 40.0, "gain": 200.0}
+    return Odds(**{**scores, **changed})
 
 
 @pytest.mark.parametrize(

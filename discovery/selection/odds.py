@@ -68,8 +68,8 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
         gains = [getattr(larger.evidence, n) - getattr(smaller.evidence, n) for n in ("train", "held", "ahead")]
     size = max(_size(larger, smaller, root, settings, judged=judged) for judged in (False, True))
     against = 0.5 * (size / _form(larger, smaller, settings)) ** 2
-    told = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in gains)
-    return Odds(*told, size, against, float(smaller.chi2 - larger.chi2))
+    train, held, ahead = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in gains)
+    return Odds(train, held, ahead, size, against, float(smaller.chi2 - larger.chi2))
 
 
 def between_rivals(found: Contender, rival: Contender, settings: LoopSettings) -> float:
