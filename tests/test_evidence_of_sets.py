@@ -173,6 +173,20 @@ def test_a_model_that_is_wrong_on_the_held_out_part_loses_there() -> None:
     assert wrong.error_held > 5 * wrong.error
 
 
+def test_what_could_be_fitted_to_the_held_out_part_does_not_predict_it() -> None:
+    # Held out, the first parameter is of the other sign; beside a model error its interval is wide.
+    y, held = SLOPES @ [20.0, 0.5] + drawn(5.0, 3), SLOPES @ [-20.0, 0.5] + drawn(5.0, 4)
+    found, without = (
+        evidence_of(replace(problem(slopes, y, held=held, width=50.0), form=1.4)) for slopes in (SLOPES, SLOPES[:, 1:])
+    )
+    assert found.held > without.held + 20
+    assert found.ahead < without.ahead - 20
+    # Where the parameters are known, the two scores are one.
+    y, held = (SLOPES @ [1.0, 0.5] + drawn(0.0, seed) for seed in (7, 8))
+    known = evidence_of(problem(SLOPES, y, held=held))
+    assert known.ahead == pytest.approx(known.held, abs=5.0)
+
+
 def test_what_lies_on_a_bound_does_not_move() -> None:
     y = SLOPES @ [-0.5, 1.0] + drawn(0.0, 9)
     whole = problem(SLOPES, y)

@@ -1334,3 +1334,18 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
     from discovery.report.figures.corner_plot import _tens
 
     assert _tens(np.array([0.0, -largest])) == power
+
+
+@pytest.mark.parametrize(
+    ("held", "ahead", "said"),
+    [
+        (-4.25, -3.0, "but loses 4.25 on"),
+        (1.25, 2.0, "but only 1.25 on"),
+        (200.0, -381.0, "but its estimate alone loses 381 on"),
+        (200.0, 1.25, "but its estimate alone gains only 1.25 on"),
+    ],
+)
+def test_what_is_missed_held_out_is_told(held: float, ahead: float, said: str) -> None:
+    numbers = {**synthetic_run.odds(50.0, held), "ahead": ahead}
+    step = synthetic_run.decision("add", "wind", accepted=False, code="held_out", numbers=numbers)
+    assert said in sentences.decision_sentence(step)

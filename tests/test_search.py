@@ -151,7 +151,7 @@ def test_the_evidence_does_not_depend_on_the_order_or_the_company() -> None:
 
 
 def test_the_budget_ends_a_search() -> None:
-    search = begun(context(settings=LoopSettings(budget=Budget(most_effects=1)), beta=1.0, f_c=0.02))
+    search = begun(context(settings=LoopSettings(budget=Budget(most_effects=1)), beta=1.0, f_c=0.004))
     search.run()
     assert len(search.best.added) == 1
     assert [d.code for d in search.decisions if d.action == "stop"] == ["budget"]
@@ -175,7 +175,8 @@ def test_a_law_that_its_last_fit_reduces_gives_way_to_what_it_contains(effects: 
 
 
 def odds(**changed: float) -> Odds:
-    return Odds(**{"train": 50.0, "held": 20.0, "size": 9.0, "against_error": 40.0, "gain": 200.0, **changed})
+    scores = {"train": 50.0, "held": 20.0, "ahead": 20.0, "size": 9.0, "against_error": 40.0, "gain": 200.0}
+    return Odds(**{**scores, **changed})
 
 
 @pytest.mark.parametrize(
@@ -184,6 +185,7 @@ def odds(**changed: float) -> Odds:
         ({}, "accepted"),
         ({"train": 2.0}, "training"),
         ({"held": -1.0}, "held_out"),
+        ({"ahead": -1.0}, "held_out"),
         ({"against_error": 1.0}, "size"),
         ({"gain": 90.0}, "chance"),
         ({"train": -np.inf}, "finite"),
@@ -195,8 +197,8 @@ def test_an_effect_is_refused_for_what_it_lacks(changed: dict[str, float], code:
 
 def test_what_was_accepted_stays_until_the_held_out_part_speaks_against_it() -> None:
     settings = LoopSettings()
-    codes = [odds(held=held).code(settings, 100.0, least=-0.5) for held in (-0.4 * settings.nats, -0.6 * settings.nats)]
-    assert codes == ["accepted", "held_out"]
+    lost = [{n: -x * settings.nats} for n in ("held", "ahead") for x in (0.4, 0.6)]
+    assert [odds(**each).code(settings, 100.0, least=-0.5) for each in lost] == ["accepted", "held_out"] * 2
 
 
 def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> None:
@@ -257,7 +259,7 @@ def test_a_set_against_itself_has_no_odds() -> None:
     search = searched(beta=1.0, f_c=0.02)
     best: Contender = search.best
     found = odds_of(best, best, search.root, LoopSettings())
-    assert (found.train, found.held, found.gain, found.size) == (0.0, 0.0, 0.0, 0.0)
+    assert (found.train, found.held, found.ahead, found.gain, found.size) == (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

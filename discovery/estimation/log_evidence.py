@@ -25,6 +25,8 @@ __all__ = ["Evidence", "Linearised", "evidence_of"]
 
 FloatArray = NDArray[np.float64]
 _LOG_2PI = float(np.log(2 * np.pi))
+#: Times as sure of its parameters as its intervals say, a set predicts by its estimate alone.
+_SURE = 1e8
 #: Smallest size of a model error that is told from none [noise sds]; factor between the first sizes that are tried.
 _LEAST, _FACTOR = 0.02, 4.0
 
@@ -89,6 +91,9 @@ class Evidence:
         Log evidence of the training recordings [nats].
     held : float
         Log predictive score of the held-out ones, given the training ones; zero where nothing is held out [nats].
+    ahead : float
+        The same of the one prediction that the estimate makes. Where parameters are uncertain, the score is also high
+        for a law that misses what is held out but could be fitted to it.
     error, error_held : float
         Size of the model error in training and held out, at its mode, over all recordings [noise sds].
     white : float
@@ -109,6 +114,7 @@ class Evidence:
 
     train: float
     held: float
+    ahead: float
     error: float
     error_held: float
     white: float
@@ -127,7 +133,7 @@ class Evidence:
     @classmethod
     def none(cls) -> Evidence:
         """Return the evidence of a motion that blows up."""
-        return cls(-np.inf, 0.0, np.inf, np.inf, 1.0, 0.0, 0.0, np.empty(0), np.empty((0, 0)))
+        return cls(-np.inf, 0.0, 0.0, np.inf, np.inf, 1.0, 0.0, 0.0, np.empty(0), np.empty((0, 0)))
 
 
 @dataclass
@@ -204,11 +210,13 @@ def evidence_of(problem: Linearised) -> Evidence:
     covariance = _covariance(problem, train)
     # Predictions are as uncertain as the intervals say.
     predictive = replace(at, precision=_inverse(covariance))
-    held = [_Sizes(problem, part, predictive) for part in problem.held]
+    sure = replace(predictive, precision=_SURE * predictive.precision)
+    held, ahead = ([_Sizes(problem, part, given) for part in problem.held] for given in (predictive, sure))
     counts = [sum(c.time.size for c in part) for part in problem.held]
     return Evidence(
         train=first,
         held=sum(h.integrated for h in held),
+        ahead=sum(a.integrated for a in ahead),
         error=size,
         error_held=float(np.sqrt(np.average([h.size**2 for h in held], weights=counts))) if held else 0.0,
         white=at.white,

@@ -3,7 +3,8 @@
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
 the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2. A share of what laws
-moved is model error, too. What is added must gain half the nats held out; it stays until it loses as much there.
+moved is model error, too. What is added must gain half the nats held out, and the prediction by the estimate alone as
+much; it stays until one of them loses as much there.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ class Odds:
 
     Parameters
     ----------
-    train, held : float
-        What the training recordings and the held-out ones gain.
+    train, held, ahead : float
+        What the training recordings and the held-out ones gain, and the held-out ones by the estimate alone.
     size : float
         Movement of the residual over the model error that the larger set leaves.
     against_error : float
@@ -38,6 +39,7 @@ class Odds:
 
     train: float
     held: float
+    ahead: float
     size: float
     against_error: float
     gain: float
@@ -53,7 +55,7 @@ class Odds:
             return "accepted" if self.train + self.held > 0 else "finite"
         if self.train < settings.nats:
             return "training"
-        if self.held < least * settings.nats:
+        if min(self.held, self.ahead) < least * settings.nats:
             return "held_out"
         if self.against_error < settings.nats:
             return "size"
@@ -63,13 +65,11 @@ class Odds:
 def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Odds:
     """Return the log odds of a larger set against a smaller one; `root` is the model without any added effect."""
     with np.errstate(invalid="ignore"):
-        train = larger.evidence.train - smaller.evidence.train
-        held = larger.evidence.held - smaller.evidence.held
-    gain = smaller.chi2 - larger.chi2
+        gains = [getattr(larger.evidence, n) - getattr(smaller.evidence, n) for n in ("train", "held", "ahead")]
     size = max(_size(larger, smaller, root, settings, judged=judged) for judged in (False, True))
     against = 0.5 * (size / _form(larger, smaller, settings)) ** 2
-    train, held = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in (train, held))
-    return Odds(train, held, size, against, float(gain))
+    train, held, ahead = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in gains)
+    return Odds(train, held, ahead, size, against, float(smaller.chi2 - larger.chi2))
 
 
 def between_rivals(found: Contender, rival: Contender, settings: LoopSettings) -> float:
