@@ -227,8 +227,10 @@ class Search:
         settings, before = self.context.settings, self.best
         told = tuple(candidacy(c, before, self.root, settings) for c in offered[:_TOLD])
         for contender in self._simplest_first(offered)[:_TRIED]:
-            odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
+            odds, code = self._judged(contender, before)
+            if code == "accepted" and len(new) > 1:
+                odds, code = self._together(contender, new, odds)
             self.decisions.append(Decision("add", new, code == "accepted", code, _numbers(odds), told))
             if code == "accepted":
                 self.best = contender
@@ -256,6 +258,14 @@ class Search:
         if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
             code = odds.code(settings, self._chance(smaller, larger), least=least)
         return odds, code
+
+    def _together(self, pair: Contender, new: Sequence[str], odds: Odds) -> tuple[Odds, str]:
+        """Return the odds of an accepted pair, or those of a member that the other makes needless, with its code."""
+        for effect in new:
+            own, code = self._judged(pair, self.neighbours.without(pair, effect), stays=True)
+            if code != "accepted":
+                return own, code
+        return odds, "accepted"
 
     def _backward(self, before: Contender) -> None:
         """Take out members that the others make needless; exchange those that another effect serves better."""
