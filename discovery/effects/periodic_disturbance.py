@@ -35,7 +35,7 @@ class PeriodicDisturbance(Load):
     The first force keeps its direction in the plane while the arm turns under it; it swings along a line or an
     ellipse. The second one turns with the arm and pushes across it. An oscillator has one direction, and the first pair
     acts on it. Recordings begin at any moment, so each has a phase :math:`\psi` of its own, counted from that of the
-    first; that of a held-out one is fitted with its start. A prediction from an input alone takes the phase of the first.
+    first; that of a held-out one is fitted with its start, and a prediction from inputs alone takes that of the first.
     Near the arm's own frequency the force imitates any slow change of a free decay.
     """
 

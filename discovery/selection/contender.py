@@ -18,7 +18,7 @@ from discovery.estimation.sampled_evidence import Sampled, sampled
 from discovery.foundation.workers import at_once
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
-from discovery.selection.linearise import Slopes, linearised
+from discovery.selection.linearise import linearised
 from discovery.simulation.simulate import THREADS
 
 __all__ = ["Contender", "contenders", "integrated"]
@@ -158,15 +158,12 @@ def _weighed_together(context: Context, bench: Bench, sets: Sequence[tuple[tuple
     """Return sets of one bench with their evidence, linearised in one simulation."""
     good = [r for _, r in sets if np.isfinite(r.chi2)]
     slopes = dict(zip(good, linearised(context, bench, good), strict=True))
-    each = at_once([partial(_evidence, slopes.get(r)) for _, r in sets], threads=THREADS)
+    known = [slopes.get(r) for _, r in sets]
+    each = at_once([partial(evidence_of, k.problem) if k else Evidence.none for k in known], threads=THREADS)
     found = []
-    for (added, r), own in zip(sets, each, strict=True):
-        if (known := slopes.get(r)) is not None:
-            jacobian = np.concatenate([known.jacobian, r.minimum.jacobian[bench.n_rows :]])
+    for (added, r), slope, own in zip(sets, known, each, strict=True):
+        if slope is not None:
+            jacobian = np.concatenate([slope.jacobian, r.minimum.jacobian[bench.n_rows :]])
             r = replace(r, minimum=replace(r.minimum, jacobian=jacobian))
         found.append(Contender(added, r, own))
     return found
-
-
-def _evidence(slopes: Slopes | None) -> Evidence:
-    return Evidence.none() if slopes is None else evidence_of(slopes.problem)

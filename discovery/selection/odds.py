@@ -3,8 +3,7 @@
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
 the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2. A share of what laws
-moved is model error, too. What is added must gain half the nats held out, and the prediction by the estimate alone as
-much; it stays until one of them loses as much there.
+moved is model error too. Held out it must gain half the nats, also by the estimate alone; it stays until it loses them.
 """
 
 from __future__ import annotations

@@ -227,10 +227,8 @@ class Search:
         settings, before = self.context.settings, self.best
         told = tuple(candidacy(c, before, self.root, settings) for c in offered[:_TOLD])
         for contender in self._simplest_first(offered)[:_TRIED]:
-            new = tuple(e for e in contender.added if e not in before.added)
             odds, code = self._judged(contender, before)
-            if code == "accepted" and len(new) > 1:
-                odds, code = self._together(contender, new, odds)
+            new = tuple(e for e in contender.added if e not in before.added)
             self.decisions.append(Decision("add", new, code == "accepted", code, _numbers(odds), told))
             if code == "accepted":
                 self.best = contender
@@ -257,15 +255,11 @@ class Search:
         # Chance removes no more than all that is left.
         if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
             code = odds.code(settings, self._chance(smaller, larger), least=least)
+        if code == "accepted" and len(new := [e for e in larger.added if e not in smaller.added]) > 1:
+            # Neither of two may be needless beside the other.
+            each = (self._judged(larger, self.neighbours.without(larger, e), stays=True) for e in new)
+            return next((own for own in each if own[1] != "accepted"), (odds, code))
         return odds, code
-
-    def _together(self, pair: Contender, new: Sequence[str], odds: Odds) -> tuple[Odds, str]:
-        """Return the odds of an accepted pair, or those of a member that the other makes needless, with its code."""
-        for effect in new:
-            own, code = self._judged(pair, self.neighbours.without(pair, effect), stays=True)
-            if code != "accepted":
-                return own, code
-        return odds, "accepted"
 
     def _backward(self, before: Contender) -> None:
         """Take out members that the others make needless; exchange those that another effect serves better."""
