@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.linalg.lapack import dposv
 from scipy.optimize import lsq_linear
 
 from discovery.estimation.belief import Belief
@@ -23,8 +22,6 @@ FloatArray = NDArray[np.float64]
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
 _NOISE_SCALE, _ROUNDS = 0.1, 3
-#: A Cholesky factor whose diagonal falls below this is nearly that of a singular matrix.
-_REGULAR = 1e-5
 
 
 @dataclass(frozen=True)
@@ -138,18 +135,10 @@ def bounded_step(
     """Return the step that minimises a quadratic form within bounds."""
     step = np.zeros(push.size)
     own, pushed = (matrix, push) if free.all() else (matrix[np.ix_(free, free)], push[free])
-    step[free] = -_solved(own, pushed)
+    step[free] = -np.linalg.lstsq(own, pushed, rcond=1e-13)[0]
     if ((step < low) | (step > high)).any():
         root = np.linalg.cholesky(own + 1e-10 * np.eye(pushed.size))
         limits = np.minimum(low[free], 0.0), np.maximum(high[free], 1e-300)
         step[free] = lsq_linear(root.T, -np.linalg.solve(root, pushed), limits, method="bvls").x
         step[free] = np.clip(step[free], *limits)  # its solver may miss a bound by a rounding
     return step
-
-
-def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solution of a symmetric system of diagonal one, the shortest where it is singular."""
-    factor, solution, failed = dposv(matrix, right)
-    if failed or np.diag(factor).min() < _REGULAR:
-        solution = np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
-    return np.asarray(solution, np.float64)
