@@ -236,6 +236,17 @@ def test_sets_that_give_way_to_each_other_in_turn_end_with_the_likeliest(monkeyp
     assert search.decisions[-1].code == "exhausted"
 
 
+@pytest.mark.parametrize(("dry", "code"), [(0.02, "accepted"), (0.0, "training")])
+def test_a_pair_is_accepted_only_if_neither_is_needless(dry: float, code: str) -> None:
+    search = begun(context(beta=1.0, f_c=dry))
+    (first,) = (c for c in search.offers.beside(search.root) if c.added == ("cubic_stiffness",))
+    # The best set of both, or of the cubic spring with what does least harm beside it.
+    pair = search.offers.beside(first)[0]
+    told = odds_of(pair, search.root, search.root, search.context.settings)
+    assert told.code(search.context.settings, 0.0) == "accepted"
+    assert search._judged(pair, search.root)[1] == code
+
+
 def test_of_sets_that_serve_as_well_the_simplest_comes_first() -> None:
     search = begun(context(f_c=0.02))
     offered = search.offers.beside(search.root)
