@@ -201,9 +201,9 @@ class Bench:
         good = [np.isfinite(each[:-1]).all(axis=0) & (each[-1] < self._absurd) for each in sums]
         return ~np.logical_and.reduce(good)
 
-    def pieces(self, columns: int, numbers: float = _PIECE) -> Iterator[slice]:
-        """Yield parts of so many columns whose residuals together are about so many numbers at most."""
-        width = max(64, int(numbers / max(1, self.n_rows)))
+    def pieces(self, columns: int, numbers: float | None = None) -> Iterator[slice]:
+        """Yield parts of so many columns whose residuals together are about so many numbers, or fit into memory."""
+        width = max(64, int((numbers or _PIECE) / max(1, self.n_rows)))
         for first in range(0, columns, width):
             yield slice(first, first + width)
 

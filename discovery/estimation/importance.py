@@ -30,6 +30,8 @@ LEAST_EFFECTIVE = 0.15
 # A round is good, or not worth another, by its error.
 _WELL, _GAIN = 0.8, 0.9
 _QUANTILES = (0.05, 0.5, 0.95)
+# Draws that count below which more of them are in vain.
+_ALONE = 2.0
 # Draws below which no Pareto distribution can be fitted to the largest weights.
 _TAIL = 25
 
@@ -93,7 +95,7 @@ def importance_sample(
 ) -> Weighted:
     """Integrate a density that is roughly a standard normal one.
 
-    Where fewer draws count than it has dimensions, after all rounds that adapt, it is not: those draws are returned.
+    Where hardly more than one draw counts after all rounds that adapt, it is not: those draws are returned.
 
     Parameters
     ----------
@@ -123,7 +125,7 @@ def importance_sample(
             break
         last = first.error
         proposal = proposal.adapted(first.points, first.weights)
-    if first.effective < dimension:
+    if first.effective < _ALONE:
         return first
     drawn = weighed(log_density, proposal, rng, draws)
     for _ in range(repairs):
