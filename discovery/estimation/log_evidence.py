@@ -264,4 +264,4 @@ def _inverse(precision: FloatArray) -> FloatArray:
 
 def _left(channels: Sequence[Channel], step: FloatArray) -> float:
     """Return the sum of squares that is left of channels after a step of the first parameters [noise variances]."""
-    return sum(float(np.sum((c.columns[:, : step.size] @ step + c.columns[:, -1]) ** 2)) for c in channels)
+    return sum(float(np.sum(c.left(step) ** 2)) for c in channels)

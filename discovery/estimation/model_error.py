@@ -112,3 +112,7 @@ class Channel:
             return self.columns.T @ self.columns, 0.0
         white, logarithms = innovations(self.time, self.columns, error)
         return white.T @ white, logarithms
+
+    def left(self, step: FloatArray) -> FloatArray:
+        """Return the residual (n,) after a step of the first parameters [noise sds]."""
+        return self.columns[:, : step.size] @ step + self.columns[:, -1]

@@ -97,8 +97,8 @@ class _Target:
         self.inwards = np.where(low, 1.0, -1.0)[self.on_bound, None]
         covariance = self.factor @ self.factor[self.on_bound].T
         self.along = covariance @ np.linalg.inv(covariance[self.on_bound])
-        left = ((c.time, c.columns[:, : x.size] @ mode.step + c.columns[:, -1]) for c in linear.train)
-        squares = sum(float(np.sum(innovations(t, r[:, None], error)[0] ** 2)) for t, r in left)
+        left = (innovations(c.time, c.left(mode.step)[:, None], error)[0] for c in linear.train)
+        squares = sum(float(np.sum(white**2)) for white in left)
         self.least = squares / self.white**2 + float(self._pulled(mode.step[:, None])[0])
 
     def __call__(self, points: FloatArray) -> FloatArray:
