@@ -207,3 +207,12 @@ def test_a_bounded_step_is_that_of_bounded_least_squares(seed: int) -> None:
     cost, least = (np.sum((matrix @ x + target) ** 2) for x in (found, exact))
     assert np.all((found >= low) & (found <= high))
     assert cost <= 1.0001 * least
+
+
+def test_a_bound_moves_nothing_along_what_hangs_together_closely() -> None:
+    # Two parameters that are all but one, their difference told at a ten-thousand-millionth; a third on its bound.
+    form = np.array([[1.0, 1.0 - 1e-10, 0.0], [1.0 - 1e-10, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    push = np.array([-0.5e-10, 0.5e-10, 1.0])
+    low, high = np.array([-np.inf, -np.inf, 0.0]), np.full(3, np.inf)
+    found = bounded_step(form, push, low, high, np.ones(3, bool))
+    assert found == pytest.approx([0.5, -0.5, 0.0], abs=1e-4)

@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
 _NOISE_SCALE, _ROUNDS = 0.1, 3
+#: A direction of which the readings tell less than this share of the best told one is left where it is.
+_BLIND = 1e-13
 
 
 @dataclass(frozen=True)
@@ -135,10 +137,13 @@ def bounded_step(
     """Return the step that minimises a quadratic form within bounds."""
     step = np.zeros(push.size)
     own, pushed = (matrix, push) if free.all() else (matrix[np.ix_(free, free)], push[free])
-    step[free] = -np.linalg.lstsq(own, pushed, rcond=1e-13)[0]
+    step[free] = -np.linalg.lstsq(own, pushed, rcond=_BLIND)[0]
     if ((step < low) | (step > high)).any():
-        root = np.linalg.cholesky(own + 1e-10 * np.eye(pushed.size))
+        # A root of the form without the directions that the free step leaves alone: bounds may move nothing along them.
+        told, axes = np.linalg.eigh(own)
+        kept = told > _BLIND * told[-1]
+        root, axes = np.sqrt(told[kept]), axes[:, kept]
         limits = np.minimum(low[free], 0.0), np.maximum(high[free], 1e-300)
-        step[free] = lsq_linear(root.T, -np.linalg.solve(root, pushed), limits, method="bvls").x
+        step[free] = lsq_linear((axes * root).T, -(pushed @ axes) / root, limits, method="bvls").x
         step[free] = np.clip(step[free], *limits)  # its solver may miss a bound by a rounding
     return step
