@@ -28,21 +28,21 @@ def fitted(step: float) -> Fit:
 
 def test_fine_steps_resolve_dry_friction() -> None:
     fine = fitted(2.5e-4)
-    assert half_step(fine.problem, fine.minimum.x, np.sqrt(np.diag(fine.covariance))).resolves_slopes
+    assert half_step(fine.problem, fine.minimum, np.sqrt(np.diag(fine.covariance))).resolves_slopes
     assert fine.solver_shift < SHIFT
 
 
 def test_steps_on_which_friction_chatters_are_told_by_the_shift() -> None:
     coarse, fine = fitted(0.02), fitted(2.5e-4)
     assert coarse.sd["f_c"] < 0.5 * fine.sd["f_c"]
-    assert not half_step(coarse.problem, coarse.minimum.x, np.sqrt(np.diag(coarse.covariance))).resolves_slopes
+    assert not half_step(coarse.problem, coarse.minimum, np.sqrt(np.diag(coarse.covariance))).resolves_slopes
     assert coarse.solver_shift > 10 * SHIFT
     assert "still shifts" in coarse.status
 
 
 def test_what_has_no_interval_is_not_judged() -> None:
     coarse = fitted(0.02)
-    assert half_step(coarse.problem, coarse.minimum.x, np.full(coarse.minimum.x.size, np.nan)).resolves_slopes
+    assert half_step(coarse.problem, coarse.minimum, np.full(coarse.minimum.x.size, np.nan)).resolves_slopes
 
 
 def test_the_minimum_is_simulated_once_on_half_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +50,7 @@ def test_the_minimum_is_simulated_once_on_half_the_step(monkeypatch: pytest.Monk
     coarse, finer, made = fitted(0.02), Bench.finer, []
     fine = coarse.problem.bench.finer(2)
     monkeypatch.setattr(Bench, "finer", lambda self, times: made.append(times) or finer(self, times))
-    halved = half_step(coarse.problem, coarse.minimum.x, np.sqrt(np.diag(coarse.covariance)))
+    halved = half_step(coarse.problem, coarse.minimum, np.sqrt(np.diag(coarse.covariance)))
     assert solver_shift(coarse.problem, coarse.minimum, coarse.covariance) == coarse.solver_shift
     assert made == [2, 2]
     apart = fine.residuals(*coarse.problem.expand(coarse.minimum.x[:, None]))[:, 0] - coarse.minimum.residual

@@ -137,7 +137,7 @@ def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> 
     known = np.isfinite(np.diag(covariance))
     if not known.any():
         return float("nan")
-    halved = half_step(problem, minimum.x, np.sqrt(np.diag(covariance)))
+    halved = half_step(problem, minimum, np.sqrt(np.diag(covariance)))
     if not halved.resolves_slopes:
         return float(np.linalg.norm(halved.change))
     # What is known beside the recordings does not move.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.estimation.bench import Bench
+from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.recordings.experiment import Experiment
 
@@ -87,20 +88,20 @@ class HalfStep:
     resolves_slopes: bool
 
 
-def half_step(problem: Problem, x: FloatArray, sd: FloatArray) -> HalfStep:
+def half_step(problem: Problem, minimum: Minimum, sd: FloatArray) -> HalfStep:
     """Return what half the step changes, from one simulation on either.
 
     Parameters
     ----------
     problem : Problem
         On the simulators in question.
-    x : ndarray, shape (p,)
-        Where.
+    minimum : Minimum
+        Where, with the derivatives of which intervals were made.
     sd : ndarray, shape (p,)
         Standard deviations of the parameters, by which they are moved; what has none, NaN, is not judged.
     """
     known = np.isfinite(sd) & (sd > 0)
-    probe = Probed.around(problem, x, np.where(known, sd, _LITTLE * problem.scale))
+    probe = Probed.around(problem, minimum.x, np.where(known, sd, _LITTLE * problem.scale))
     with np.errstate(over="ignore", invalid="ignore"):
         (own,), (finer,) = (simulated(b, [problem], [probe]) for b in (problem.bench, problem.bench.finer(2)))
         size, apart = (sd * _sizes(each) for each in (finer, [a - b for a, b in zip(own, finer, strict=True)]))
@@ -108,9 +109,12 @@ def half_step(problem: Problem, x: FloatArray, sd: FloatArray) -> HalfStep:
     # What is so uncertain that the motion blows up within it tells nothing of the steps.
     judged = known & np.isfinite(size) & np.isfinite(apart)
     # By one standard deviation readings move by about their noise; by less where something else tells the parameter.
-    resolved = bool(np.all(apart[judged] <= _ERROR * np.maximum(size, 1.0)[judged]))
+    resolved = apart <= _ERROR * np.maximum(size, 1.0)
+    # Of two slopes that chatter the difference over one deviation is chance; those of which this was made are not.
+    promised = sd * np.linalg.norm(minimum.jacobian[: problem.bench.n_rows], axis=0)
+    resolved &= size >= _ERROR * promised
     fitted = [np.where(here, m[: len(here)], 0.0) for m, (_, here) in zip(moved, problem.bench.blocks(), strict=True)]
-    return HalfStep(np.concatenate([each.reshape(-1) for each in fitted]), resolved)
+    return HalfStep(np.concatenate([each.reshape(-1) for each in fitted]), bool(resolved[judged].all()))
 
 
 def _sizes(columns: Sequence[FloatArray]) -> FloatArray:
