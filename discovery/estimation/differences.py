@@ -110,9 +110,9 @@ def half_step(problem: Problem, minimum: Minimum, sd: FloatArray) -> HalfStep:
     judged = known & np.isfinite(size) & np.isfinite(apart)
     # By one standard deviation readings move by about their noise; by less where something else tells the parameter.
     resolved = apart <= _ERROR * np.maximum(size, 1.0)
-    # Of two slopes that chatter the difference over one deviation is chance; those of which this was made are not.
+    # Two that chatter may agree by chance, but move readings by far less than those of which the deviation was made.
     promised = sd * np.linalg.norm(minimum.jacobian[: problem.bench.n_rows], axis=0)
-    resolved &= size >= _ERROR * promised
+    resolved &= size >= _ERROR * np.minimum(promised, 1.0)
     fitted = [np.where(here, m[: len(here)], 0.0) for m, (_, here) in zip(moved, problem.bench.blocks(), strict=True)]
     return HalfStep(np.concatenate([each.reshape(-1) for each in fitted]), bool(resolved[judged].all()))
 
