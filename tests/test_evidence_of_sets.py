@@ -159,7 +159,7 @@ def test_the_held_out_score_is_that_of_the_posterior_predictive() -> None:
     y, held = SLOPES @ [1.0, 0.5] + drawn(0.0, 7), SLOPES @ [1.0, 0.5] + drawn(0.0, 8)
     both = problem(SLOPES, y, held=held)
     train = both.mode(0.0)
-    judged = both.mode(0.0, both.held[0], train)
+    judged = both.mode(0.0, both.held[0], both.prior.after(train, both.belief))
     dense = np.eye(TIME.size) + SLOPES @ np.linalg.inv(train.precision) @ SLOPES.T
     exact = multivariate_normal.logpdf(held, SLOPES @ train.step, dense)
     assert judged.log_evidence == pytest.approx(exact, abs=3.0)

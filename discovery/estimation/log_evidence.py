@@ -64,14 +64,17 @@ class Linearised:
     stated: float = 0.0
     form: float = 0.0
 
-    def mode(self, size: float, blocks: Sequence[Channel] | None = None, after: Mode | None = None) -> Mode:
+    @cached_property
+    def prior(self) -> Prior:
+        """What is believed before the training recordings."""
+        return Prior.of(self.belief, self.fitted)
+
+    def mode(self, size: float, blocks: Sequence[Channel] | None = None, prior: Prior | None = None) -> Mode:
         """Return the posterior for a size of the model error over the noise.
 
-        From the training recordings, or from a held-out one, given their posterior as `after`.
+        From the training recordings, or from a held-out one, given what is believed after these.
         """
-        blocks = self.train if blocks is None else blocks
-        prior = Prior.of(self.belief, self.fitted)
-        prior = prior if after is None else prior.after(after, self.belief)
+        blocks, prior = self.train if blocks is None else blocks, self.prior if prior is None else prior
         gram, logarithms = np.zeros(()), 0.0
         for block in blocks:
             own, log = block.gram(ModelError.of(size, self.natural_time))
@@ -142,7 +145,7 @@ class _Sizes:
 
     problem: Linearised
     channels: Sequence[Channel]
-    after: Mode | None = None
+    prior: Prior
 
     def __post_init__(self) -> None:
         self.modes: dict[float, Mode] = {}
@@ -150,7 +153,7 @@ class _Sizes:
     def mode(self, size: float) -> Mode:
         """Return the posterior of the parameters for a size."""
         if size not in self.modes:
-            self.modes[size] = self.problem.mode(size, self.channels, self.after)
+            self.modes[size] = self.problem.mode(size, self.channels, self.prior)
         return self.modes[size]
 
     def density(self, log_size: float) -> float:
@@ -205,13 +208,14 @@ class _Sizes:
 
 def evidence_of(problem: Linearised) -> Evidence:
     """Return the evidence of a linearised set; its held-out score is zero where nothing is held out."""
-    train = _Sizes(problem, problem.train)
+    train = _Sizes(problem, problem.train, problem.prior)
     first, size, at = train.integrated, train.size, train.likeliest
     covariance = _covariance(problem, train)
     # Predictions are as uncertain as the intervals say.
     predictive = replace(at, precision=_inverse(covariance))
     sure = replace(predictive, precision=_SURE * predictive.precision)
-    held, ahead = ([_Sizes(problem, part, given) for part in problem.held] for given in (predictive, sure))
+    given = (problem.prior.after(mode, problem.belief) for mode in (predictive, sure))
+    held, ahead = ([_Sizes(problem, part, prior) for part in problem.held] for prior in given)
     counts = [sum(c.time.size for c in part) for part in problem.held]
     return Evidence(
         train=first,
@@ -239,7 +243,7 @@ def _covariance(problem: Linearised, train: _Sizes) -> FloatArray:
     covariance = _inverse(train.mode(float(np.hypot(size, problem.stated)) / at.white).precision)
     if train.nil > 0:
         none, count = train.mode(0.0), sum(c.time.size for c in problem.train)
-        moved = _moved(none.precision, Prior.of(problem.belief, problem.fitted).precision) / none.white**2
+        moved = _moved(none.precision, problem.prior.precision) / none.white**2
         covariance = covariance + (problem.form * size) ** 2 * count * moved
     return covariance
 
