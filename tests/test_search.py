@@ -187,18 +187,29 @@ def odds(**changed: float) -> Odds:
         ({"held": -1.0}, "held_out"),
         ({"ahead": -1.0}, "held_out"),
         ({"against_error": 1.0}, "size"),
-        ({"gain": 90.0}, "chance"),
         ({"train": -np.inf}, "finite"),
     ],
 )
 def test_an_effect_is_refused_for_what_it_lacks(changed: dict[str, float], code: str) -> None:
-    assert odds(**changed).code(LoopSettings(), chance=100.0) == code
+    assert odds(**changed).code(LoopSettings(), 0.5) == code
 
 
 def test_what_was_accepted_stays_until_the_held_out_part_speaks_against_it() -> None:
     settings = LoopSettings()
     lost = [{n: -x * settings.nats} for n in ("held", "ahead") for x in (0.4, 0.6)]
-    assert [odds(**each).code(settings, 100.0, least=-0.5) for each in lost] == ["accepted", "held_out"] * 2
+    assert [odds(**each).code(settings, -0.5) for each in lost] == ["accepted", "held_out"] * 2
+
+
+@pytest.mark.parametrize(
+    ("train", "held", "ahead", "chance"), [(9.0, -9.0, 9.0, True), (9.0, 9.0, 9.0, False), (0.5, 99.0, 99.0, True)]
+)
+def test_what_a_set_predicts_counts_against_chance_as_much_as_training(
+    train: float, held: float, ahead: float, *, chance: bool
+) -> None:
+    # Of a friction that removes as much of chi-square as the best of the catalogue would of noise.
+    search = begun(context(f_c=0.002))
+    (found,) = (c for c in search.offers.beside(search.root) if c.added == ("coulomb_friction",))
+    assert search.offers.is_chance(found, search.root, odds(train=train, held=held, ahead=ahead)) == chance
 
 
 def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> None:
@@ -243,7 +254,7 @@ def test_a_pair_is_accepted_only_if_neither_is_needless(dry: float, code: str) -
     # The best set of both, or of the cubic spring with what does least harm beside it.
     pair = search.offers.beside(first)[0]
     told = odds_of(pair, search.root, search.root, search.context.settings)
-    assert told.code(search.context.settings, 0.0) == "accepted"
+    assert told.code(search.context.settings, 0.5) == "accepted"
     assert search._judged(pair, search.root)[1] == code
 
 

@@ -20,6 +20,7 @@ from scipy.optimize import minimize
 from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
+from discovery.declarations.simplicity import simplicity
 from discovery.declarations.systems import ARM
 from discovery.diagnosis.manoeuvre_design import (
     MotorLimits,
@@ -42,7 +43,6 @@ from discovery.report.follow_up_sentences import separation_sentence
 from discovery.rigs.rig import Rig
 from discovery.runs.follow_up import separations, told_apart
 from discovery.runs.loop_files import write_loop
-from discovery.selection.simplicity import simplicity
 
 LIMITS = MotorLimits(angle=1.5, speed=2.0, acceleration=12.0, duration=6.0, deflection=0.95)
 #: The same in a rig file; but for the duration, which is that of the recordings.

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from discovery.estimation.model_error import ModelError, innovations
 from discovery.screening.attribution import Candidate, Shapes
 from discovery.screening.significance import chance_gains, surrogates
 
 N = 400
 RNG = np.random.default_rng(5)
+
+
+def as_is(columns: np.ndarray) -> np.ndarray:
+    return columns
 
 
 def bench(output: np.ndarray) -> SimpleNamespace:
@@ -48,15 +53,27 @@ def test_gaps_stay_empty_and_the_rest_keeps_its_power() -> None:
 
 def test_one_direction_gains_chi_square_of_one_degree() -> None:
     noise = RNG.standard_normal((N, 4000))
-    gains = chance_gains([candidate("a", RNG.standard_normal((N, 1)))], np.ones((N, 1)), noise)
+    gains = chance_gains([candidate("a", RNG.standard_normal((N, 1)))], np.ones((N, 1)), noise, as_is)
     assert stats.kstest(gains, stats.chi2(1).cdf).pvalue > 1e-3
+
+
+def test_slow_noise_gains_no_more_under_the_model_error_that_it_is() -> None:
+    time, error = np.linspace(0.0, 40.0, N), ModelError(3.0, 1.0)
+    apart = np.abs(time[:, None] - time) / error.memory
+    covariance = error.size**2 * (1 + apart) * np.exp(-apart) + np.eye(N)
+    noise = np.linalg.cholesky(covariance) @ RNG.standard_normal((N, 4000))
+    slow = candidate("a", np.column_stack([np.sin(0.7 * time), np.cos(0.7 * time)]))
+    known = np.column_stack([np.ones(N), time])
+    gains = chance_gains([slow], known, noise, lambda columns: innovations(time, columns, error)[0])
+    assert stats.kstest(gains, stats.chi2(2).cdf).pvalue > 1e-3
+    assert np.median(chance_gains([slow], known, noise, as_is)) > 20 * np.median(gains)
 
 
 def test_the_whole_catalogue_counts() -> None:
     noise = RNG.standard_normal((N, 2000))
     sizes = [(k, size) for k in range(10) for size in (1, 2)]
     many = [candidate(f"{k}_{size}", *RNG.standard_normal((2, N, size))) for k, size in sizes]
-    gains = chance_gains(many, np.ones((N, 1)), noise)
+    gains = chance_gains(many, np.ones((N, 1)), noise, as_is)
     # The largest of twenty with one and twenty with two degrees of freedom, all but independent.
     expected = stats.chi2(1).cdf(gains) ** 20 * stats.chi2(2).cdf(gains) ** 20
     assert stats.kstest(expected, "uniform").statistic < 0.06
@@ -64,5 +81,7 @@ def test_the_whole_catalogue_counts() -> None:
 
 def test_what_the_fitted_parameters_absorb_gains_nothing() -> None:
     known = RNG.standard_normal((N, 3))
-    gains = chance_gains([candidate("a", RNG.standard_normal((N, 1)))], known, known @ RNG.standard_normal((3, 5)))
+    gains = chance_gains(
+        [candidate("a", RNG.standard_normal((N, 1)))], known, known @ RNG.standard_normal((3, 5)), as_is
+    )
     np.testing.assert_allclose(gains, 0.0, atol=1e-4)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
+from discovery.declarations.simplicity import simplicity
 from discovery.declarations.units import in_coordinate
 from discovery.diagnosis.checks import WIDE
 from discovery.equations.model import Model
@@ -27,7 +28,6 @@ from discovery.screening.finite import MOST_SHAPES, FarStart
 from discovery.screening.refits import Refit, refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
-from discovery.selection.simplicity import simplicity
 
 __all__ = ["Reconciliation", "reconcile"]
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.declarations.simplicity import simplicity
 from discovery.diagnosis.manoeuvre_design import (
     MotorLimits,
     Move,
@@ -30,7 +31,6 @@ from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.screening.likeness import similarity
-from discovery.selection.simplicity import simplicity
 
 __all__ = ["Separation", "separate", "similarity_matrix"]
 

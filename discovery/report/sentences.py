@@ -178,10 +178,8 @@ def _held_out(numbers: Record) -> str:
 
 
 def _chance(numbers: Record) -> str:
-    if (gain := numbers["gain"]) < 0:
-        return f"it adds a chi-square of {plain(-gain)}, and fits better only under a model error that moves slowly"
-    removed = f"it removes a chi-square of {plain(gain)}"
-    return f"{removed}, no more than the best of the catalogue would by chance from errors like those left"
+    told = f"its log evidence gains {_nats(numbers['train'])} in training"
+    return f"{told}, no more than that of the best of the catalogue would by chance from errors like those left"
 
 
 def _size(numbers: Record) -> str:

@@ -7,9 +7,9 @@ linear scores.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -28,9 +28,11 @@ from discovery.screening.responses import Grid, Responses, plan, respond
 from discovery.screening.scalar_products import grams
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Candidate", "Shapes", "Start", "grid_of", "screen"]
+__all__ = ["Candidate", "Shapes", "Start", "White", "grid_of", "screen"]
 
 FloatArray = NDArray[np.float64]
+#: Makes columns (n, k) white under a model error.
+White = Callable[[FloatArray], FloatArray]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
 _SHAPE_GRID = 48
 #: An effect with at most so many shapes is tried at each of its declared sizes, else at the smallest.
@@ -70,6 +72,14 @@ class Shapes:
     def bases(self, shapes: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return the orthonormal directions of some shapes, shape (shapes, k, n)."""
         return self.transform[shapes].astype(np.float32) @ self.responses[self.rows[shapes]]
+
+    def under(self, white: White, known: FloatArray) -> Shapes:
+        """Return the same under a model error, less some orthonormal directions (n, p) that are white under it."""
+        seen = white(self.responses.T.astype(float))
+        responses = np.ascontiguousarray((seen - known @ (known.T @ seen)).T, np.float32)
+        gram, push = grams(responses, self.rows, np.zeros(len(seen)))
+        free = np.full(push.shape, np.inf)
+        return replace(self, responses=responses, transform=bounded_gains(gram, push, -free, free)[2])
 
     def powers(self, noise: NDArray[np.float32]) -> FloatArray:
         """Return the chi-square that each shape would remove from each column of (n, r), bounds ignored, (t, r)."""

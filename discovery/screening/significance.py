@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from discovery.estimation.bench import Bench
-from discovery.screening.attribution import Candidate
+from discovery.screening.attribution import Candidate, White
 
 __all__ = ["REPLICATES", "chance_gains", "surrogates"]
 
@@ -57,7 +57,7 @@ def surrogates(residual: FloatArray, bench: Bench, rng: np.random.Generator, cou
     return found
 
 
-def chance_gains(candidates: Sequence[Candidate], jacobian: FloatArray, noise: FloatArray) -> FloatArray:
+def chance_gains(candidates: Sequence[Candidate], jacobian: FloatArray, noise: FloatArray, white: White) -> FloatArray:
     """Return the largest chi-square that any candidate would remove from each replicate of the noise, sorted.
 
     Parameters
@@ -68,15 +68,18 @@ def chance_gains(candidates: Sequence[Candidate], jacobian: FloatArray, noise: F
         Of the smaller model: what its fitted parameters absorb.
     noise : ndarray, shape (n, k)
         From `surrogates`.
+    white : callable
+        Makes columns (n, k) white under the model error: chi-square is that of generalised least squares.
 
     Returns
     -------
     ndarray, shape (k,)
         Smallest first. Bounds are not imposed, so an effect of one sign is judged strictly.
     """
-    known, _ = np.linalg.qr(jacobian[: len(noise)])
+    known, _ = np.linalg.qr(white(jacobian[: len(noise)]))
+    noise = white(noise)
     left = (noise - known @ (known.T @ noise)).astype(np.float32)
     largest = np.zeros(noise.shape[1])
     for candidate in candidates:
-        largest = np.maximum(largest, candidate.shapes.powers(left).max(axis=0))
+        largest = np.maximum(largest, candidate.shapes.under(white, known).powers(left).max(axis=0))
     return np.sort(largest)

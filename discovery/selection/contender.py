@@ -14,6 +14,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.generalised import generalised
 from discovery.estimation.log_evidence import Evidence, evidence_of
+from discovery.estimation.model_error import ModelError
 from discovery.estimation.sampled_evidence import Sampled, sampled
 from discovery.foundation.workers import at_once
 from discovery.screening.refits import Refit
@@ -74,6 +75,11 @@ class Contender:
     def error_size(self) -> float:
         """Size of its model error over the noise."""
         return self.evidence.error / self.evidence.white
+
+    def white(self, columns: FloatArray) -> FloatArray:
+        """Return columns (rows, k) of its bench made white under its model error."""
+        size = self.error_size if self.evidence.nil > 0 else 0.0
+        return replace(self.refit.problem, error=ModelError.of(size, self.refit.problem.units.time)).whitened(columns)
 
     @property
     def is_far(self) -> bool:

@@ -48,7 +48,7 @@ class Odds:
         """The log odds that decide."""
         return min(self.train, self.train + self.held, self.against_error)
 
-    def code(self, settings: LoopSettings, chance: float, *, least: float = 0.5) -> str:
+    def code(self, settings: LoopSettings, least: float) -> str:
         """Return "accepted", or what is missing; `least` is what the held-out part must gain, over the nats."""
         if not np.isfinite(self.train + self.held):
             return "accepted" if self.train + self.held > 0 else "finite"
@@ -56,9 +56,7 @@ class Odds:
             return "training"
         if min(self.held, self.ahead) < least * settings.nats:
             return "held_out"
-        if self.against_error < settings.nats:
-            return "size"
-        return "accepted" if self.gain > chance else "chance"
+        return "accepted" if self.against_error >= settings.nats else "size"
 
 
 def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Odds:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.race import SLOW, near_the_best
 from discovery.foundation.workers import at_once
@@ -19,11 +18,11 @@ from discovery.screening.resolved import resolved
 from discovery.screening.significance import chance_gains, surrogates
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
+from discovery.selection.odds import Odds
 from discovery.simulation.simulate import THREADS
 
 __all__ = ["Offers"]
 
-FloatArray = NDArray[np.float64]
 #: Effects and mechanics of a set.
 _Key = tuple[frozenset[str], str]
 
@@ -36,7 +35,7 @@ class Offers:
         self._made: dict[_Key, list[Contender]] = {}
         self._pairs: dict[_Key, list[Contender]] = {}
         self._scored: dict[_Key, tuple[Candidate, ...]] = {}
-        self._chance: dict[tuple[Contender, Contender], FloatArray] = {}
+        self._chance: dict[tuple[Contender, Contender], float] = {}
 
     def __len__(self) -> int:
         """Return how many sets were extended by every candidate."""
@@ -104,15 +103,30 @@ class Offers:
             self._pairs[node.key] = contenders(self.context, sets)
         return self._pairs[node.key]
 
-    def chance(self, smaller: Contender, larger: Contender) -> FloatArray:
-        """Return the chi-square that noise alone would let the best candidate beside a set remove, sorted.
+    def chance(self, smaller: Contender, larger: Contender) -> float:
+        """Return the chi-square that noise alone would let the best candidate beside a set remove, at the level asked.
 
-        The noise has the spectrum of what the larger set leaves.
+        The noise has the spectrum of what the larger set leaves, under whose model error it counts.
         """
         if (smaller, larger) not in self._chance:
-            problem, minimum = larger.refit.problem, larger.refit.minimum
-            rng = np.random.default_rng([self.context.settings.seed, len(larger.added)])
+            settings, problem, minimum = self.context.settings, larger.refit.problem, larger.refit.minimum
+            rng = np.random.default_rng([settings.seed, len(larger.added)])
             noise = surrogates(minimum.residual[: problem.bench.n_rows], problem.bench, rng)
             inherited = [i for i, n in enumerate(problem.names) if n in {*smaller.refit.problem.names}]
-            self._chance[smaller, larger] = chance_gains(self.scored(smaller), minimum.jacobian[:, inherited], noise)
+            gains = chance_gains(self.scored(smaller), minimum.jacobian[:, inherited], noise, larger.white)
+            self._chance[smaller, larger] = float(np.quantile(gains, settings.chance))
         return self._chance[smaller, larger]
+
+    def is_chance(self, larger: Contender, smaller: Contender, odds: Odds) -> bool:
+        """Return whether chance would gain as much as a larger set does, under the model error that it leaves.
+
+        Chance does not predict: what a set gains held out beyond the least that is asked there counts with it, as much
+        as it gains in training at most.
+        """
+        rows = larger.refit.problem.bench.n_rows
+        both = np.column_stack([c.refit.minimum.residual[:rows] for c in (smaller, larger)])
+        before, left = np.square(larger.white(both)).sum(axis=0)
+        predicted = min(odds.held, odds.ahead) - 0.5 * self.context.settings.nats
+        # Chance removes no more than all that is left.
+        gain = before - left + 2 * max(min(odds.train, predicted), 0.0)
+        return bool(before - left < left and gain <= self.chance(smaller, larger))

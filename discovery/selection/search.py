@@ -8,6 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from discovery.declarations.registry import get_effect
+from discovery.declarations.simplicity import simplicity
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
 from discovery.screening.refits import Refit
@@ -18,7 +19,6 @@ from discovery.selection.final import on_mechanics
 from discovery.selection.neighbours import Neighbours
 from discovery.selection.odds import Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
-from discovery.selection.simplicity import simplicity
 from discovery.selection.unknown import Unknown, unknown_force
 
 __all__ = ["Search"]
@@ -179,7 +179,7 @@ class Search:
         if not self._leaves_noise():
             return False
         promise = max((c.score for c in self.offers.scored(self.best)), default=0.0)
-        chance = self._chance(self.best, self.best)
+        chance = self.offers.chance(self.best, self.best)
         if promise < chance:
             self.decisions.append(Decision("stop", (), True, "complete", {"promise": promise, "chance": chance}))
         return promise < chance
@@ -187,10 +187,6 @@ class Search:
     def _leaves_noise(self) -> bool:
         """Return whether the model error of the best set is told from none."""
         return max(self.best.evidence.error, self.best.evidence.error_held) <= self.context.least_error(self.best.model)
-
-    def _chance(self, smaller: Contender, larger: Contender) -> float:
-        """Return the chi-square that chance removes at most, at the level of the settings."""
-        return float(np.quantile(self.offers.chance(smaller, larger), self.context.settings.chance))
 
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
@@ -251,10 +247,9 @@ class Search:
     def _judged(self, larger: Contender, smaller: Contender, *, stays: bool = False) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing; `stays` of one that was accepted."""
         settings, least = self.context.settings, (-0.5 if stays else 0.5) if self.context.judge.holds else -np.inf
-        code = (odds := odds_of(larger, smaller, self.root, settings)).code(settings, -np.inf, least=least)
-        # Chance removes no more than all that is left.
-        if code == "accepted" and np.isfinite(odds.train) and odds.gain < larger.chi2:
-            code = odds.code(settings, self._chance(smaller, larger), least=least)
+        code = (odds := odds_of(larger, smaller, self.root, settings)).code(settings, least)
+        if code == "accepted" and np.isfinite(odds.train) and self.offers.is_chance(larger, smaller, odds):
+            code = "chance"
         if code == "accepted" and len(new := [e for e in larger.added if e not in smaller.added]) > 1:
             # Neither of two may be needless beside the other.
             each = (self._judged(larger, self.neighbours.without(larger, e), stays=True) for e in new)
