@@ -107,7 +107,7 @@ def test_a_hold_out_that_is_missed_is_told() -> None:
 
 def test_what_is_no_more_than_chance_is_told_by_its_log_evidence() -> None:
     step = {"action": "add", "effects": ["play"], "accepted": False, "code": "chance", "numbers": {"train": 12.0}}
-    assert decision_sentence(step).startswith("its log evidence gains 12.0 nats in training, no more than")
+    assert decision_sentence(step).startswith("it gains 12.0 nats in training, no more than")
 
 
 COAST = """

@@ -178,8 +178,8 @@ def _held_out(numbers: Record) -> str:
 
 
 def _chance(numbers: Record) -> str:
-    told = f"its log evidence gains {_nats(numbers['train'])} in training"
-    return f"{told}, no more than that of the best of the catalogue would by chance from errors like those left"
+    told = f"it gains {_nats(numbers['train'])} in training, no more than the best of the catalogue would"
+    return f"{told} by chance from errors like those left"
 
 
 def _size(numbers: Record) -> str:
