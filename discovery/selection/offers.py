@@ -127,6 +127,6 @@ class Offers:
         both = np.column_stack([c.refit.minimum.residual[:rows] for c in (smaller, larger)])
         before, left = np.square(larger.white(both)).sum(axis=0)
         predicted = min(odds.held, odds.ahead) - 0.5 * self.context.settings.nats
-        # Chance removes no more than all that is left.
         gain = before - left + 2 * max(min(odds.train, predicted), 0.0)
-        return bool(before - left < left and gain <= self.chance(smaller, larger))
+        # It removes no more than all that is left.
+        return odds.gain < larger.chi2 and bool(gain <= self.chance(smaller, larger))
