@@ -76,9 +76,9 @@ class Contender:
         """Size of its model error over the noise."""
         return self.evidence.error / self.evidence.white
 
-    def white(self, columns: FloatArray) -> FloatArray:
-        """Return columns (rows, k) of its bench made white under its model error."""
-        size = self.error_size if self.evidence.nil > 0 else 0.0
+    def white(self, columns: FloatArray, least: float) -> FloatArray:
+        """Return columns (rows, k) of its bench made white under its model error; up to `least` it counts as none."""
+        size = self.error_size if self.evidence.error > least else 0.0
         return replace(self.refit.problem, error=ModelError.of(size, self.refit.problem.units.time)).whitened(columns)
 
     @property

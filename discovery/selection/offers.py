@@ -9,7 +9,7 @@ import numpy as np
 
 from discovery.estimation.race import SLOW, near_the_best
 from discovery.foundation.workers import at_once
-from discovery.screening.attribution import Candidate, screen
+from discovery.screening.attribution import Candidate, White, screen
 from discovery.screening.finite import finite_starts
 from discovery.screening.growing import grown, grows
 from discovery.screening.likeness import likely_pairs
@@ -113,7 +113,7 @@ class Offers:
             rng = np.random.default_rng([settings.seed, len(larger.added)])
             noise = surrogates(minimum.residual[: problem.bench.n_rows], problem.bench, rng)
             inherited = [i for i, n in enumerate(problem.names) if n in {*smaller.refit.problem.names}]
-            gains = chance_gains(self.scored(smaller), minimum.jacobian[:, inherited], noise, larger.white)
+            gains = chance_gains(self.scored(smaller), minimum.jacobian[:, inherited], noise, self._white(larger))
             self._chance[smaller, larger] = float(np.quantile(gains, settings.chance))
         return self._chance[smaller, larger]
 
@@ -125,8 +125,11 @@ class Offers:
         """
         rows = larger.refit.problem.bench.n_rows
         both = np.column_stack([c.refit.minimum.residual[:rows] for c in (smaller, larger)])
-        before, left = np.square(larger.white(both)).sum(axis=0)
+        before, left = np.square(self._white(larger)(both)).sum(axis=0)
         predicted = min(odds.held, odds.ahead) - 0.5 * self.context.settings.nats
         gain = before - left + 2 * max(min(odds.train, predicted), 0.0)
         # It removes no more than all that is left.
         return odds.gain < larger.chi2 and bool(gain <= self.chance(smaller, larger))
+
+    def _white(self, node: Contender) -> White:
+        return partial(node.white, least=self.context.least_error(node.model))
