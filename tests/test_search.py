@@ -212,6 +212,12 @@ def test_what_a_set_predicts_counts_against_chance_as_much_as_training(
     assert search.offers.is_chance(found, search.root, odds(train=train, held=held, ahead=ahead)) == chance
 
 
+def test_what_is_no_more_than_chance_is_refused_as_that() -> None:
+    search = begun(context(settings=LoopSettings(nats=0.5), f_c=0.0018))
+    (found,) = (c for c in search.offers.beside(search.root) if c.added == ("coulomb_friction",))
+    assert search._judged(found, search.root)[1] == "chance"
+
+
 def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> None:
     search = searched(beta=1.0, f_c=0.02)
     smaller = search.neighbours.without(search.best, "coulomb_friction")

@@ -78,8 +78,8 @@ class Contender:
 
     def white(self, columns: FloatArray, least: float) -> FloatArray:
         """Return columns (rows, k) of its bench made white under its model error; up to `least` it counts as none."""
-        size = self.error_size if self.evidence.error > least else 0.0
-        return replace(self.refit.problem, error=ModelError.of(size, self.refit.problem.units.time)).whitened(columns)
+        error = ModelError.of(self.error_size, self.refit.problem.units.time) if self.evidence.error > least else None
+        return replace(self.refit.problem, error=error).whitened(columns)
 
     @property
     def is_far(self) -> bool:

@@ -17,7 +17,10 @@ from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings
 
-__all__ = ["Odds", "between_rivals", "candidacy", "odds_of"]
+__all__ = ["HELD", "Odds", "between_rivals", "candidacy", "odds_of"]
+
+#: Part of the nats that is asked held out, and that what was accepted may lose there.
+HELD = 0.5
 
 
 @dataclass(frozen=True)
@@ -48,13 +51,18 @@ class Odds:
         """The log odds that decide."""
         return min(self.train, self.train + self.held, self.against_error)
 
+    @property
+    def predicted(self) -> float:
+        """What the held-out recordings gain by either score."""
+        return min(self.held, self.ahead)
+
     def code(self, settings: LoopSettings, least: float) -> str:
         """Return "accepted", or what is missing; `least` is what the held-out part must gain, over the nats."""
         if not np.isfinite(self.train + self.held):
             return "accepted" if self.train + self.held > 0 else "finite"
         if self.train < settings.nats:
             return "training"
-        if min(self.held, self.ahead) < least * settings.nats:
+        if self.predicted < least * settings.nats:
             return "held_out"
         return "accepted" if self.against_error >= settings.nats else "size"
 

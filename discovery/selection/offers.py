@@ -18,7 +18,7 @@ from discovery.screening.resolved import resolved
 from discovery.screening.significance import chance_gains, surrogates
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
-from discovery.selection.odds import Odds
+from discovery.selection.odds import HELD, Odds
 from discovery.simulation.simulate import THREADS
 
 __all__ = ["Offers"]
@@ -123,13 +123,14 @@ class Offers:
         Chance does not predict: what a set gains held out beyond the least that is asked there counts with it, as much
         as it gains in training at most.
         """
+        if odds.gain >= larger.chi2:
+            return False  # chance removes no more than all that is left
         rows = larger.refit.problem.bench.n_rows
         both = np.column_stack([c.refit.minimum.residual[:rows] for c in (smaller, larger)])
         before, left = np.square(self._white(larger)(both)).sum(axis=0)
-        predicted = min(odds.held, odds.ahead) - 0.5 * self.context.settings.nats
-        gain = before - left + 2 * max(min(odds.train, predicted), 0.0)
-        # It removes no more than all that is left.
-        return odds.gain < larger.chi2 and bool(gain <= self.chance(smaller, larger))
+        beyond = odds.predicted - HELD * self.context.settings.nats
+        gain = before - left + 2 * max(min(odds.train, beyond), 0.0)
+        return bool(gain <= self.chance(smaller, larger))
 
     def _white(self, node: Contender) -> White:
         return partial(node.white, least=self.context.least_error(node.model))

@@ -17,7 +17,7 @@ from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
 from discovery.selection.neighbours import Neighbours
-from discovery.selection.odds import Odds, candidacy, odds_of
+from discovery.selection.odds import HELD, Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
 from discovery.selection.unknown import Unknown, unknown_force
 
@@ -246,7 +246,7 @@ class Search:
 
     def _judged(self, larger: Contender, smaller: Contender, *, stays: bool = False) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing; `stays` of one that was accepted."""
-        settings, least = self.context.settings, (-0.5 if stays else 0.5) if self.context.judge.holds else -np.inf
+        settings, least = self.context.settings, (-HELD if stays else HELD) if self.context.judge.holds else -np.inf
         code = (odds := odds_of(larger, smaller, self.root, settings)).code(settings, least)
         if code == "accepted" and np.isfinite(odds.train) and self.offers.is_chance(larger, smaller, odds):
             code = "chance"
