@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import lsq_linear
 
 from discovery.estimation.belief import Belief
+from discovery.foundation.compiled_function import compiled
 
 __all__ = ["Mode", "Prior", "bounded_step", "mode_of"]
 
@@ -115,35 +116,72 @@ def mode_of(gram: FloatArray, logarithms: float, count: int, prior: Prior) -> Mo
 def _at_noise(gram: FloatArray, logarithms: float, count: int, prior: Prior, white: float) -> tuple[Mode, float]:
     """Return the mode for one size of the noise, and the quadratic form of the residual that it leaves."""
     p, gram = len(gram) - 1, gram / white**2
-    precision = gram[:p, :p] + prior.precision
-    push = gram[:p, p] - prior.pull @ prior.mean
-    size = 1.0 / np.sqrt(np.diag(precision))
-    scaled = precision * np.outer(size, size)
-    step = bounded_step(scaled, push * size, prior.low / size, prior.high / size, ~prior.frozen) * size
-    left = gram[p, p] + 2 * step @ gram[:p, p] + step @ gram[:p, :p] @ step
-    pulled, stayed = (float(z @ prior.pull @ z) for z in (step - prior.mean, prior.mean))
-    determinant = float(np.linalg.slogdet(scaled)[1]) - 2 * float(np.sum(np.log(size)))
+    precision, scaled, push, size, determinant = _normal(gram, prior.precision, prior.pull, prior.mean)
+    step = bounded_step(scaled, push, prior.low / size, prior.high / size, ~prior.frozen) * size
+    left, pulled, stayed = _forms(gram, prior.pull, prior.mean, step)
     constant = logarithms + count * (_LOG_2PI + 2 * np.log(white)) - p * _LOG_2PI
     # Half-Cauchy prior of what exceeds the stated noise.
     exceeds = -float(np.log1p(((white - 1.0) / _NOISE_SCALE) ** 2))
     log = -0.5 * (left + pulled + constant + determinant) + prior.log_density + exceeds
     gained = 0.5 * float(gram[p, p] + stayed - left - pulled)
-    return Mode(float(log), white, step, precision, gained), float(left)
+    return Mode(float(log), white, step, precision, gained), left
 
 
 def bounded_step(
     matrix: FloatArray, push: FloatArray, low: FloatArray, high: FloatArray, free: NDArray[np.bool_]
 ) -> FloatArray:
     """Return the step that minimises a quadratic form within bounds."""
-    step = np.zeros(push.size)
-    own, pushed = (matrix, push) if free.all() else (matrix[np.ix_(free, free)], push[free])
-    step[free] = -np.linalg.lstsq(own, pushed, rcond=_BLIND)[0]
+    step = _free_step(matrix, push, free)
     if ((step < low) | (step > high)).any():
         # A root of the form without the directions that the free step leaves alone: bounds may move nothing along them.
-        told, axes = np.linalg.eigh(own)
+        told, axes = np.linalg.eigh(matrix[np.ix_(free, free)])
         kept = told > _BLIND * told[-1]
         root, axes = np.sqrt(told[kept]), axes[:, kept]
         limits = np.minimum(low[free], 0.0), np.maximum(high[free], 1e-300)
-        step[free] = lsq_linear((axes * root).T, -(pushed @ axes) / root, limits, method="bvls").x
+        step[free] = lsq_linear((axes * root).T, -(push[free] @ axes) / root, limits, method="bvls").x
         step[free] = np.clip(step[free], *limits)  # its solver may miss a bound by a rounding
     return step
+
+
+# An evidence asks for hundreds of modes of a few parameters each: compiled, they cost less than the calls of an array
+# library.
+
+
+@compiled(nogil=True, error_model="numpy")
+def _normal(gram, known, pull, mean):
+    # Precision of a posterior, the same and its push for parameters of size one, these sizes, and log determinant.
+    p = len(gram) - 1
+    precision, scaled, push = np.empty((p, p)), np.empty((p, p)), np.empty(p)
+    for i in range(p):
+        for j in range(p):
+            precision[i, j] = gram[i, j] + known[i, j]
+    size = 1.0 / np.sqrt(np.diag(precision))
+    for i in range(p):
+        for j in range(p):
+            scaled[i, j] = precision[i, j] * (size[i] * size[j])
+        push[i] = (gram[i, p] - np.sum(pull[i] * mean)) * size[i]
+    determinant = np.linalg.slogdet(scaled)[1] - 2.0 * np.sum(np.log(size)) if p > 0 else 0.0
+    return precision, scaled, push, size, determinant
+
+
+@compiled(nogil=True, error_model="numpy")
+def _free_step(matrix, push, free):
+    where, step = np.flatnonzero(free), np.zeros(len(push))
+    own = np.empty((len(where), len(where)))
+    for i in range(len(where)):
+        own[i] = matrix[where[i]][where]
+    if len(where) > 0:
+        step[where] = -np.linalg.lstsq(own, push[where], _BLIND)[0]
+    return step
+
+
+@compiled(nogil=True, error_model="numpy")
+def _forms(gram, pull, mean, step):
+    # Quadratic forms of the residual that a step leaves, and of how far the step, and none, is from the prior's mean.
+    p = len(step)
+    left, pulled, stayed = gram[p, p], 0.0, 0.0
+    for i in range(p):
+        left += 2.0 * step[i] * gram[i, p] + step[i] * np.sum(gram[i, :p] * step)
+        pulled += (step[i] - mean[i]) * np.sum(pull[i] * (step - mean))
+        stayed += mean[i] * np.sum(pull[i] * mean)
+    return left, pulled, stayed
