@@ -29,6 +29,8 @@ FloatArray = NDArray[np.float64]
 _WINDOWS = (9, 25, 75)
 #: So many shapes are kept of each, and their amplitudes and all else that is fitted improved so often.
 _KEPT, _ROUNDS = 2, 4
+#: Derivatives that are made at once, in numbers.
+_TOGETHER = 4e6
 #: Step of a derivative, part of the scale of a parameter.
 _STEP = 1e-4
 
@@ -92,15 +94,15 @@ class _Lack:
         alone = len(program.states) == len(("position", "rate"))
         self.motions = [m for e in problem.bench.experiments for m in _motion(e, order, window)] if alone else []
 
-    def lacked(self, values: FloatArray) -> FloatArray:
-        """Return what the recorded motions lack at some values of all that is fitted."""
-        known = dict(zip(self.extended.bench.names, self.extended.expand(values[:, None])[0][:, 0], strict=True))
-        at = [known[n] for n in self.parameters]
+    def lacked(self, points: FloatArray) -> FloatArray:
+        """Return what the recorded motions lack, shape (n, k), at values of all that is fitted, shape (p, k)."""
+        known = dict(zip(self.extended.bench.names, self.extended.expand(points)[0], strict=True))
+        at = np.array([known[n] for n in self.parameters]).T
         found = []
         for time, recorded, state, acceleration in self.motions:
-            force = np.broadcast_to(self.slopes(time, recorded, state, at)[1], time.shape)
-            found.append(acceleration - savgol_filter(force, self.window, 3))
-        return np.concatenate(found)
+            forces = [np.broadcast_to(self.slopes(time, recorded, state, own)[1], time.shape) for own in at]
+            found.append(acceleration - savgol_filter(np.array(forces), self.window, 3))
+        return np.concatenate(found, axis=1).T
 
     def best(self, fitted: Mapping[str, float], grid: Sequence[Mapping[str, float]]) -> Iterator[dict[str, float]]:
         """Yield all fitted values at the shapes that explain most, improved."""
@@ -111,39 +113,41 @@ class _Lack:
         old = [i for i, n in enumerate(self.extended.free) if n not in grid[0]]
         absent = self.extended.start(fitted)
         absent[sizes] = 0.0
-        lack = self.lacked(absent)
-        known, _ = np.linalg.qr(self._columns(absent, old, lack))
-        gains, points = [], []
-        for values in grid:
-            point = absent.copy()
-            point[shapes] = [values[names[i]] for i in shapes]
+        lack = self.lacked(absent[:, None])[:, 0]
+        known, _ = np.linalg.qr(self._columns(absent[:, None], old, lack)[0])
+        points = np.repeat(absent[:, None], len(grid), axis=1)
+        points[shapes] = [[values[names[i]] for values in grid] for i in shapes]
+        gains: list[float] = []
+        together = max(1, int(_TOGETHER / (lack.size * max(1, len(sizes)))))
+        for first in range(0, len(grid), together):
             # Amplitudes are zero, so that shapes alone change nothing.
-            columns = self._columns(point, sizes, lack)
-            basis, _ = np.linalg.qr(columns - known @ (known.T @ columns))
-            points.append(point)
-            gains.append(float(np.square(basis.T @ lack).sum()))
+            for columns in self._columns(points[:, first : first + together], sizes, lack):
+                basis, _ = np.linalg.qr(columns - known @ (known.T @ columns))
+                gains.append(float(np.square(basis.T @ lack).sum()))
         for best in np.argsort(gains)[: -_KEPT - 1 : -1]:
-            yield dict(zip(names, self._improved(points[best], [*old, *sizes]), strict=True))
+            yield dict(zip(names, self._improved(points[:, best], [*old, *sizes]), strict=True))
 
     def _improved(self, values: FloatArray, free: Sequence[int]) -> FloatArray:
         lower, upper = self.extended.bounds
         for _ in range(_ROUNDS):
-            before = self.lacked(values)
-            columns = self._columns(values, free, before)
+            before = self.lacked(values[:, None])[:, 0]
+            (columns,) = self._columns(values[:, None], free, before)
             weight = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
             step = np.linalg.lstsq(columns / weight, -before, rcond=1e-9)[0] / weight
             values = values.copy()
             values[free] = np.clip(values[free] + step, lower[free], upper[free])
         return values
 
-    def _columns(self, values: FloatArray, which: Sequence[int], before: FloatArray) -> FloatArray:
-        """Return derivatives of what is lacked, `before` at these values, shape (n, k)."""
-        found = np.empty((before.size, len(which)))
-        for k, i in enumerate(which):
-            moved = values.copy()
-            moved[i] += _STEP * self.extended.scale[i]
-            found[:, k] = (self.lacked(moved) - before) / (moved[i] - values[i])
-        return found
+    def _columns(self, points: FloatArray, which: Sequence[int], before: FloatArray) -> list[FloatArray]:
+        """Return derivatives of what is lacked, `before` at each of the points (p, k), each of shape (n, m)."""
+        if not len(which):
+            return [np.empty((before.size, 0))] * points.shape[1]
+        moved = np.repeat(points, len(which), axis=1)
+        rows, every = np.tile(which, points.shape[1]), np.arange(moved.shape[1])
+        moved[rows, every] += _STEP * self.extended.scale[rows]
+        apart = moved[rows, every] - np.repeat(points, len(which), axis=1)[rows, every]
+        slopes = (self.lacked(moved) - before[:, None]) / apart
+        return np.split(slopes, points.shape[1], axis=1)
 
 
 def _motion(experiment: Experiment, order: int, window: int) -> list[tuple]:
