@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,9 +66,19 @@ def values_of(
     names: Sequence[str], base: str, effects: Sequence[str], units: NaturalUnits, known: Mapping[str, float]
 ) -> FloatArray:
     """Return the values of parameters in this order; those that are not known are at their defaults."""
+    values = _defaults(tuple(names), base, tuple(effects), units).copy()
+    values[[i for i, n in enumerate(names) if n in known]] = [known[n] for n in names if n in known]
+    return values
+
+
+@lru_cache(maxsize=256)
+def _defaults(names: tuple[str, ...], base: str, effects: tuple[str, ...], units: NaturalUnits) -> FloatArray:
+    """Return the defaults of parameters in this order, read only."""
     declared = {p.name: p for p in get_base(base).parameters()}
     declared.update({p.name: p for e in effects for p in get_effect(e).parameters()})
-    return np.array([known[n] if n in known else declared[n].default * units.scale(declared[n]) for n in names])
+    found = np.array([declared[n].default * units.scale(declared[n]) for n in names])
+    found.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True)
