@@ -102,7 +102,8 @@ class Search:
         """
         before, most = self.best, self.context.settings.nats if held is None else held
         for effect in before.added:
-            near = get_effect(effect).reduces_to
+            if not (near := get_effect(effect).reduces_to):
+                continue
             rest = self.neighbours.without(self.best, effect)
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
