@@ -13,9 +13,9 @@ from discovery.recordings.holdout_part import motion_begin
 __all__ = ["SEARCHED", "searched_part", "with_flag"]
 
 #: Readings of all recordings together that a search uses, and of one of them at least.
-SEARCHED, _FEWEST = 25_000, 2_000
+SEARCHED, _FEWEST = 16_000, 2_000
 #: Where there are no more than so many times these, one fit to the whole costs more than the search saves.
-_WORTH = 1.5
+_WORTH = 2.0
 
 
 def searched_part(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:

@@ -25,8 +25,9 @@ from discovery.simulation.simulate import THREADS
 __all__ = ["Contender", "contenders", "integrated"]
 
 FloatArray = NDArray[np.float64]
-#: A first-order step that gains more nats than this is made on the trajectories.
-_WORTH = 1.0
+#: A first-order step that gains more nats than this is made on the trajectories, unless even as much again held out
+#: leaves the set further behind the most likely one than twice so many times the nats of an accepted effect.
+_WORTH, _BEHIND = 1.0, 5.0
 #: Sets are linearised together as long as they take no more than so many numbers, of so many a parameter and reading.
 _NUMBERS, _EACH = 4e7, 5
 #: Model error [noise sds] above which effects may be of a size at which linear starts fail.
@@ -102,15 +103,16 @@ def contenders(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) 
     sets : sequence of (added effects, Refit)
         Refitted by least squares.
     """
-    sets = _freed(context, sets)
-    found: list[Contender] = []
-    for bench in dict.fromkeys(r.problem.bench for _, r in sets):
-        weighed = _weighed(context, bench, [(added, r) for added, r in sets if r.problem.bench is bench])
-        again = [c for c in weighed if c.evidence.gained > _WORTH]
-        better = _weighed(context, bench, [(c.added, r) for c, r in zip(again, _generalised(again), strict=True)])
-        best = {c: max(c, b, key=lambda x: x.joint) for c, b in zip(again, better, strict=True)}
-        found += [best.get(c, c) for c in weighed]
-    return sorted(found, key=lambda c: -c.joint)
+    sets, nats = _freed(context, sets), context.settings.nats
+    benches = dict.fromkeys(r.problem.bench for _, r in sets)
+    weighed = {b: _weighed(context, b, [(added, r) for added, r in sets if r.problem.bench is b]) for b in benches}
+    best = max((c.joint for own in weighed.values() for c in own), default=-np.inf)
+    for bench, own in weighed.items():
+        again = [c for c in own if c.evidence.gained > max(_WORTH, 0.5 * (best - c.joint) - _BEHIND * nats)]
+        refitted = _weighed(context, bench, [(c.added, r) for c, r in zip(again, _generalised(again), strict=True)])
+        better = {c: max(c, b, key=lambda x: x.joint) for c, b in zip(again, refitted, strict=True)}
+        weighed[bench] = [better.get(c, c) for c in own]
+    return sorted((c for own in weighed.values() for c in own), key=lambda c: -c.joint)
 
 
 def _freed(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[tuple[tuple[str, ...], Refit]]:
@@ -132,8 +134,7 @@ def _generalised(sets: Sequence[Contender]) -> list[Refit]:
     """Return sets refitted by generalised least squares, each under its model error."""
     problems = [c.refit.problem for c in sets]
     starts = [c.refit.minimum.x + c.evidence.step for c in sets]
-    sizes = [c.error_size for c in sets]
-    minima = generalised(problems, starts, sizes, iterations=_ITERATIONS, tolerance=1e-4)
+    minima = generalised(problems, starts, [c.error_size for c in sets], iterations=_ITERATIONS, tolerance=1e-4)
     return [replace(c.refit, minimum=m) if np.isfinite(m.cost) else c.refit for c, m in zip(sets, minima, strict=True)]
 
 
@@ -156,8 +157,7 @@ def _weighed(context: Context, bench: Bench, sets: Sequence[tuple[tuple[str, ...
     """Return sets of one bench with their evidence, in groups that need a bounded memory."""
     most = max((len(r.problem.names) for _, r in sets), default=1)
     count = max(1, int(_NUMBERS / (_EACH * most * max(1, bench.n_rows))))
-    groups = [sets[i : i + count] for i in range(0, len(sets), count)]
-    return [c for group in groups for c in _weighed_together(context, bench, group)]
+    return [c for i in range(0, len(sets), count) for c in _weighed_together(context, bench, sets[i : i + count])]
 
 
 def _weighed_together(context: Context, bench: Bench, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[Contender]:

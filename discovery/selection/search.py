@@ -101,9 +101,8 @@ class Search:
         It is not where it loses more than the nats, or so many, on what is held out: it would predict worse.
         """
         before, most = self.best, self.context.settings.nats if held is None else held
-        for effect in before.added:
-            if not (near := get_effect(effect).reduces_to):
-                continue
+        nested = {e: near for e in before.added if (near := get_effect(e).reduces_to)}
+        for effect, near in nested.items():
             rest = self.neighbours.without(self.best, effect)
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
