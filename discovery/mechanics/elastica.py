@@ -32,6 +32,8 @@ _CALM = 1.5e-4
 #: The rod's inertia in the turn of its end, over that of the turn alone: it moves with the shapes too. With this, the
 #: second frequency of a rod that ends in a rotary inertia is that of a beam to 0.1 %, and none is far above the others.
 _END_SHARE = 3.0
+#: Rod mass over tip mass at which the fastest mode is made heavier.
+_LIGHT = 0.1
 __all__ = [
     "BASE",
     "CALM",
@@ -73,7 +75,7 @@ class Elastica(ArmBase):
     #: Whether one of the nodes is at the root: one that does not turn costs nothing.
     rooted: ClassVar[bool] = False
     lanes = 8
-    #: Inertia that the last shape has more than the straight rod's, over that.
+    #: Inertia that the fastest mode has more than the straight rod's, over that.
     heavier: ClassVar[float] = 0.0
     #: Against a converged beam, over arms and manoeuvres of the blind benchmark's kind without any effect.
     accuracy = 3e-5
@@ -107,9 +109,15 @@ class Elastica(ArmBase):
         return self.weights @ curvatures(np.zeros(1))[:, 0]
 
     @cached_property
-    def own_inertia(self) -> float:
-        """Inertia of the last shape of the straight rod over the rod's mass: it does not move the tip."""
-        return float(mass_matrix(self.weights, 1.0)[-1, -1] * (1 + 33 / 140))
+    def ballast(self) -> np.ndarray:
+        """Inertia that makes the fastest mode heavier and no other, over the rod's mass, shape (n, n).
+
+        That of a light rod: where the tip hardly moves, modes are the same for any.
+        """
+        mass = mass_matrix(self.weights, _LIGHT)
+        _, modes = eigh(bending_matrix(self.weights) / 3, mass)
+        momentum = mass @ modes[:, -1]
+        return self.heavier * np.outer(momentum, momentum) * (1 + 33 / 140 * _LIGHT) / _LIGHT
 
     def slopes(self, rod: Rod) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
         """Return how the slope at each node changes with each q_k, and what it is at rest."""
@@ -173,23 +181,27 @@ class Elastica(ArmBase):
 
     def highest_frequency(self, values: Mapping[str, float]) -> float:
         """Return the highest small-amplitude angular frequency over sqrt(alpha)."""
-        mass = mass_matrix(self.weights, values["mu"])
-        mass[-1, -1] *= 1 + self.heavier
+        mu = values["mu"]
+        mass = mass_matrix(self.weights, mu) + mu / (1 + 33 / 140 * mu) * self.ballast
         return float(np.sqrt(eigh(bending_matrix(self.weights) / 3, mass, eigvals_only=True)[-1]))
 
 
 class ElasticaFourModes(Elastica):
-    """The exact arm with four curvature modes: also where violent moves make a light rod ring."""
+    """The exact arm with four curvature modes: also where violent moves make a light rod ring.
+
+    Its fastest mode is no mode of a beam yet, and would set the step: it is heavier, of half the frequency.
+    """
 
     name = "elastica_4"
     n_coordinates = 4
     nodes = 7
+    heavier = 3.0
 
 
 class ElasticaCalm(Elastica):
-    """The exact arm with a heavier third shape, for searches: on steps 1.7 times as long the same motion.
+    """The exact arm with a heavier third mode, for searches: on steps 1.7 times as long the same motion.
 
-    That shape only follows the others, slowly: its inertia hardly matters, but its ringing would set the step. A node
+    Its shape only follows the others, slowly: its inertia hardly matters, but its ringing would set the step. A node
     at the root makes up for two inside.
     """
 

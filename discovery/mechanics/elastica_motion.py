@@ -126,6 +126,7 @@ class Derivation:
     def _mass(self, along: Sequence[Sequence[sp.Expr]]) -> list[list[sp.Expr]]:
         arm, n, phi = self.arm, self.n, self.phi
         mass = [[sp.Integer(0)] * n for _ in range(n)]
+        rod = self._name("m_r", self.tip_share * arm.mu) if arm.heavier else sp.S.Zero
         for j in range(n):
             for i in range(j, n):
                 shares = [
@@ -133,10 +134,8 @@ class Derivation:
                     for b in range(self.nodes)
                     for c in range(b + 1)
                 ]
+                shares += [rod * float(arm.ballast[i, j])] if arm.heavier else []
                 mass[i][j] = mass[j][i] = self._name(f"M_{i}{j}", sum(shares))
-        if arm.heavier:
-            heavier = self.tip_share * arm.heavier * arm.own_inertia * arm.mu
-            mass[-1][-1] = self._name("M_last", mass[-1][-1] + heavier)
         return mass
 
     def _tip(self, square: Sequence[sp.Expr]) -> dict[sp.Symbol, Channel]:
