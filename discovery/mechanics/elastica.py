@@ -23,6 +23,7 @@ from discovery.mechanics.rod_shapes import (
     mass_matrix,
     polynomials,
     reduced_shapes,
+    rod_share,
     static_shapes,
 )
 from discovery.mechanics.rod_shapes import quadrature as nodes_and_weights
@@ -117,7 +118,7 @@ class Elastica(ArmBase):
         mass = mass_matrix(self.weights, _LIGHT)
         _, modes = eigh(bending_matrix(self.weights) / 3, mass)
         momentum = mass @ modes[:, -1]
-        return self.heavier * np.outer(momentum, momentum) * (1 + 33 / 140 * _LIGHT) / _LIGHT
+        return self.heavier * np.outer(momentum, momentum) / rod_share(_LIGHT)
 
     def slopes(self, rod: Rod) -> tuple[list[list[sp.Expr]], list[sp.Expr]]:
         """Return how the slope at each node changes with each q_k, and what it is at rest."""
@@ -182,7 +183,7 @@ class Elastica(ArmBase):
     def highest_frequency(self, values: Mapping[str, float]) -> float:
         """Return the highest small-amplitude angular frequency over sqrt(alpha)."""
         mu = values["mu"]
-        mass = mass_matrix(self.weights, mu) + mu / (1 + 33 / 140 * mu) * self.ballast
+        mass = mass_matrix(self.weights, mu) + rod_share(mu) * self.ballast
         return float(np.sqrt(eigh(bending_matrix(self.weights) / 3, mass, eigvals_only=True)[-1]))
 
 

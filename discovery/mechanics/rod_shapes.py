@@ -25,6 +25,7 @@ __all__ = [
     "quadrature",
     "reduced_shapes",
     "rod_masses",
+    "rod_share",
     "static_shapes",
 ]
 
@@ -75,6 +76,11 @@ def bending_matrix(weights: FloatArray) -> FloatArray:
     s, w, _ = quadrature(RICH + 4)
     slope = weights @ curvatures(s)
     return (slope * w) @ slope.T
+
+
+def rod_share(mu: float) -> float:
+    """Return the rod's mass per unit of effective tip mass, from that over the tip's own."""
+    return mu / (1 + 33 / 140 * mu)
 
 
 def mass_matrix(weights: FloatArray, mu: float) -> FloatArray:
