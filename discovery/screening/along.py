@@ -143,10 +143,10 @@ class _Lack:
         if not len(which):
             return [np.empty((before.size, 0))] * points.shape[1]
         moved = np.repeat(points, len(which), axis=1)
-        rows, every = np.tile(which, points.shape[1]), np.arange(moved.shape[1])
-        moved[rows, every] += _STEP * self.extended.scale[rows]
-        apart = moved[rows, every] - np.repeat(points, len(which), axis=1)[rows, every]
-        slopes = (self.lacked(moved) - before[:, None]) / apart
+        where = np.tile(which, points.shape[1]), np.arange(moved.shape[1])
+        at = moved[where]
+        moved[where] += _STEP * self.extended.scale[where[0]]
+        slopes = (self.lacked(moved) - before[:, None]) / (moved[where] - at)
         return np.split(slopes, points.shape[1], axis=1)
 
 
