@@ -46,8 +46,18 @@ def test_a_jump_of_readings_is_told_with_its_place() -> None:
     first, last = bench.TIME[place], bench.TIME[place + COUNT // 50]
     assert first - 0.1 < found.numbers["start"] < found.numbers["stop"] < last + 0.1
     assert f"half of what is left of {found.about} lies between" in caution_sentence(found.summary())
-    reading = replace(found, numbers={"start": 0.0, "stop": 0.0})
+    reading = replace(found, numbers={**found.numbers, "start": 0.0, "stop": 0.0})
     assert "lies at 0 s" in caution_sentence(reading.summary())
+
+
+def test_a_first_reading_that_is_far_off_is_told() -> None:
+    hand = np.zeros(COUNT)
+    hand[0] = 30 * bench.NOISE
+    found = burst(fitted(hand + remembered(2.5, 60.0)))
+    assert found is not None
+    assert found.numbers["share"] == 0.25
+    assert found.numbers["start"] == found.numbers["stop"] == bench.TIME[0]
+    assert f"a quarter of what is left of {found.about} lies at 0 s" in caution_sentence(found.summary())
 
 
 @pytest.mark.parametrize(
@@ -59,10 +69,13 @@ def test_what_lasts_is_no_burst(added: np.ndarray) -> None:
     assert burst(fitted(added)) is None
 
 
-def left(added: np.ndarray, *, held: float, depends_on: tuple[str, ...] = ()) -> Any:
+def left(added: np.ndarray, *, held: float, missed: float = 1.0, depends_on: tuple[str, ...] = ()) -> Any:
     found = fitted(added)
     report = examine(found.problem.bench.experiments, found.predict(), 2 * np.pi / bench.DRIVE)
-    return like_noise(report, depends_on, left=1.5 * bench.NOISE, held=held * bench.NOISE, noise=bench.NOISE)
+    after = {"train": {"rms": 2.0 * bench.NOISE}, "holdout": {"rms": 2.0 * missed * bench.NOISE}}
+    errors = {"noise_floor": bench.NOISE, "after": after}
+    sizes = {"left": 1.5 * bench.NOISE, "held": held * bench.NOISE, "noise": bench.NOISE}
+    return like_noise(report, depends_on, errors, **sizes)
 
 
 def test_noise_with_a_memory_is_told_as_what_it_may_be() -> None:
@@ -73,6 +86,8 @@ def test_noise_with_a_memory_is_told_as_what_it_may_be() -> None:
     # Unlike held out, or larger than any memory would make it, it is no noise.
     assert left(remembered(1.5, 8.0), held=4.0) is None
     assert left(remembered(6.0, 8.0), held=1.4) is None
+    # Nor where the prediction misses by far more than training leaves.
+    assert left(remembered(1.5, 8.0), held=1.4, missed=3.0) is None
 
 
 def test_what_depends_on_the_motion_is_no_noise() -> None:

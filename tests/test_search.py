@@ -125,10 +125,31 @@ def test_what_nothing_explains_stays_unexplained_with_its_strongest_lead() -> No
 @pytest.mark.parametrize("beside", ["table_tilt", None])
 def test_what_was_refused_and_is_named_since_is_no_lead(monkeypatch: pytest.MonkeyPatch, beside: str | None) -> None:
     search = searched(beta=1.0, f_c=0.02)
-    effects = tuple(e for e in (search.best.added[0], beside) if e)
-    monkeypatch.setattr(search, "decisions", [Decision("add", effects, False, "chance", {"train": 60.0, "held": 40.0})])
+    effects, numbers = tuple(e for e in (search.best.added[0], beside) if e), {"train": 60.0, "held": 40.0, "odds": 3.0}
+    monkeypatch.setattr(search, "decisions", [Decision("add", effects, False, "chance", numbers)])
     lead = strongest_lead(search)
     assert (lead and lead.effects) == (effects if beside else None)
+
+
+def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+
+    def told(action: str, effect: str, odds: float, *, accepted: bool = False) -> Decision:
+        return Decision(action, (effect,), accepted, "size", {"train": 90.0, "held": 90.0, "odds": odds})
+
+    added = told("add", search.best.added[-1], 60.0, accepted=True)
+    before, weak, strong = (told("add", f"effect {odds}", odds) for odds in (50.0, 0.1, 2.0))
+    for decisions, expected in (
+        ([before, added, strong, weak, told("stop", "", 70.0, accepted=True)], strong),
+        ([before, added, weak, out := told("remove", "taken out", 1.0, accepted=True)], out),
+        ([before, added], before),
+    ):
+        monkeypatch.setattr(search, "decisions", decisions)
+        lead = strongest_lead(search)
+        assert lead is not None
+        assert lead.effects == expected.effects
+    monkeypatch.setattr(search, "decisions", [added])
+    assert strongest_lead(search) is None
 
 
 def test_estimates_have_the_truth_within_their_intervals() -> None:

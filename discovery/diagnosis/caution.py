@@ -30,8 +30,8 @@ _ELSEWHERE = 5.0
 _EDGE = 1e-3
 #: A guess says of which size a constant is: one that ends so many times as large is of another.
 _STRAYED = 10.0
-#: Half of what is left of a recording is a burst where it lies within this share of it.
-_SHORT = 0.1
+#: Such a part of what is left of a recording is a burst where it lies within such a share of it.
+_SHORT = {0.5: 0.1, 0.25: 0.01}
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
 _LITTLE, _LARGE = 3.0, 2.0
 #: Errors are white where the variance of their mean is less than so many times that of independent ones.
@@ -133,7 +133,7 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
 
 
 def burst(fitted: Fit) -> Caution | None:
-    """Return the shortest stretch that holds half of what a fit leaves of a recording; None where that is no short one.
+    """Return the short stretch that holds half of what a fit leaves of a recording, or a quarter; None without one.
 
     Parameters
     ----------
@@ -146,13 +146,15 @@ def burst(fitted: Fit) -> Caution | None:
     for e, (rows, used) in zip(bench.experiments, bench.blocks(), strict=True):
         part = np.where(used, left[rows].reshape(used.shape), 0.0).sum(axis=1)
         if _LARGE**2 * used.sum() < (whole := float(part.sum())) < math.inf:
-            begin, end = _shortest(e.recording.time[: part.size], part, 0.5 * whole)
-            share = (end - begin) / float(e.recording.time[part.size - 1] - e.recording.time[0])
-            found += [(whole, e.recording.name, begin, end)] if share <= _SHORT else []
+            time = e.recording.time[: part.size]
+            for share, short in _SHORT.items():
+                begin, end = _shortest(time, part, share * whole)
+                if end - begin <= short * float(time[-1] - time[0]):
+                    found.append((share, whole, e.recording.name, begin, end))
     if not found:
         return None
-    _, name, begin, end = max(found)
-    return Caution("burst", name, numbers={"start": begin, "stop": end, "share": 0.5})
+    share, _, name, begin, end = max(found)
+    return Caution("burst", name, numbers={"start": begin, "stop": end, "share": share})
 
 
 def _shortest(time: FloatArray, part: FloatArray, sought: float) -> tuple[float, float]:
@@ -166,7 +168,13 @@ def _shortest(time: FloatArray, part: FloatArray, sought: float) -> tuple[float,
 
 
 def like_noise(
-    report: ResidualReport, depends_on: Sequence[str], *, left: float, held: float, noise: float
+    report: ResidualReport,
+    depends_on: Sequence[str],
+    errors: Mapping[str, Any],
+    *,
+    left: float,
+    held: float,
+    noise: float,
 ) -> Caution | None:
     """Return that what is left may be noise of the instrument; None where it is large or depends on the motion.
 
@@ -176,10 +184,13 @@ def like_noise(
         Of the final model in training.
     depends_on : sequence of str
         States that explain a part of what is left.
+    errors : mapping
+        Of loop.json: a prediction that misses by more than what training leaves is no noise.
     left, held, noise : float
         Model error in training and held out, zero without any, and the smallest noise [unit of the output].
     """
     alike = held == 0.0 or left / _ALIKE <= held <= _ALIKE * left
+    alike = alike and judged_rms(errors) <= _ALIKE * max(errors["noise_floor"], errors["after"]["train"]["rms"])
     if report.rms > _LITTLE or depends_on or not alike:
         return None
     return Caution("like_noise", numbers={"ratio": left / noise, "autocorrelation": report.autocorrelation})

@@ -64,8 +64,9 @@ def _missed(found: Record) -> str:
 def _burst(found: Record) -> str:
     start, stop = (figures(found["numbers"][k], 4) for k in ("start", "stop"))
     when = f"at {start} s" if start == stop else f"between {start} and {stop} s"
+    part = "half" if found["numbers"]["share"] >= 0.5 else "a quarter"
     return (
-        f"half of what is left of {found['about']} lies {when}: was it pushed there, did it hit something, or did "
+        f"{part} of what is left of {found['about']} lies {when}: was it pushed there, did it hit something, or did "
         "readings jump?"
     )
 

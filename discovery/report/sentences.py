@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from discovery.declarations.registry import effect_name
+from discovery.estimation.importance import LARGEST_K
 from discovery.report.failure_sentences import failure_sentence
 from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
 from discovery.report.number_words import listed, plain, sizes
@@ -193,8 +194,8 @@ def _sampled(numbers: Record) -> str:
 
 
 def _laplace(numbers: Record) -> str:
-    k = numbers.get("pareto_k")
-    told = f"their largest weights have Pareto k = {plain(k, 2)}" if k is not None and math.isfinite(k) else "few count"
+    k = numbers.get("pareto_k", math.inf)
+    told = f"their largest weights have Pareto k = {plain(k, 2)}" if LARGEST_K < k < math.inf else "few count"
     return f"the draws of importance sampling cannot be trusted ({told}): probabilities take the posterior as Gaussian"
 
 

@@ -140,7 +140,8 @@ class LoopResult(LoopViews):
             found.append(not_carried(self.errors))
         if not self.complete and not self.impossible:
             noise = float(min(r.noise.min() for r in self.recordings))
-            alike = like_noise(self.residual_after, error.depends_on, left=error.after, held=error.held, noise=noise)
+            sizes = {"left": error.after, "held": error.held, "noise": noise}
+            alike = like_noise(self.residual_after, error.depends_on, self.errors, **sizes)
             found.append(burst(self.after) or alike)
         # A model error is said, and so is a hold-out that is missed; a stated noise that is too small says the same.
         judging = self._left()

@@ -134,12 +134,10 @@ def named(search: Search) -> list[Named]:
 
 
 def strongest_lead(search: Search) -> Lead | None:
-    """Return the most likely candidate that was refused at the end of the search and is not named; None without one."""
-    left = [d for d in search.decisions if d.action == "add" and not d.accepted and {*d.effects} - {*search.best.added}]
-    refused = [d for d in left if d.numbers.get("train", 0) > 0]
-    of_laws = [d for d in refused if d.code != "unknown"]
-    last = [d for d in of_laws if d.candidates == of_laws[-1].candidates] + [d for d in refused if d.code == "unknown"]
-    if not last:
-        return None
-    best = max(last, key=lambda d: d.numbers["train"] + d.numbers["held"])
-    return Lead(best.effects, best.code, best.numbers)
+    """Return what was refused beside the set found, or taken out of it, with the highest odds; None without any."""
+    made = [i for i, d in enumerate(search.decisions, 1) if d.accepted and d.action in ("add", "exchange", "mechanics")]
+    told = [d for d in search.decisions if d.accepted == (d.action == "remove") and d.numbers.get("train", 0) > 0]
+    left = [d for d in told if {*d.effects} - {*search.best.added}]
+    last = [d for d in search.decisions[max(made, default=0) :] if any(d is own for own in left)] or left
+    best = max(last, key=lambda d: d.numbers["odds"], default=None)
+    return None if best is None else Lead(best.effects, best.code, best.numbers)
