@@ -15,6 +15,7 @@ from discovery.recordings.recording import Recording, read_recording
 from discovery.rigs.rig_file import read_rig
 from discovery.signals.distortion import analyse_multisine
 from discovery.signals.multisine import Multisine
+from discovery.signals.periods import find_periods
 
 RATE = 200.0
 RESONANCE = ([0.05], [1.0, -1.86, 0.9409])  # poles of radius 0.97: settles by 60 dB in 227 samples
@@ -340,3 +341,12 @@ def test_silverbox_is_odd_far_above_its_noise():
     assert 1e-4 < result.noise_rms < 3e-4
     arrow = read_recording(part.file, rig, (100, 40575))
     assert analyse_multisine(arrow) is None
+
+
+@pytest.mark.parametrize("tail", [10.0, 20.0, 30.0])
+def test_the_slow_tail_of_a_step_repeats_nothing(tail: float) -> None:
+    since = np.arange(700) / 500 - 0.1
+    step = np.where(since < 0.0, 0.0, 200 * np.exp(-since / 0.05) * np.cos(4 * np.pi * since))
+    step += np.where(since > 0.3, tail * np.exp((0.3 - since) / 2), 0.0)
+    found = find_periods(step - step.mean())
+    assert found is None or max(stop for _, stop in found.stretches) < 350

@@ -30,6 +30,37 @@ def test_times_of_a_film_are_found_again(form: str, unit: float) -> None:
     assert found.rounding == pytest.approx(0.01 * unit)
 
 
+@pytest.mark.parametrize("form", ["%.2f", "%.2E"])
+def test_stamps_that_repeat_since_they_are_rounded_so_far_are_told_apart(tmp_path: Path, form: str) -> None:
+    film = np.arange(400) / 119.88  # steps are shorter than the rounding
+    stamps, readings = np.array([float(form % time) for time in film]), swing(film)
+    assert (np.diff(stamps) == 0.0).any()
+    found = steady_clock(stamps, [readings])
+    assert found is not None
+    assert np.abs(found.time - film).max() < 2e-3
+    assert 1.0 / found.step == pytest.approx(119.88, rel=2e-3)
+    data, rig = tmp_path / "film.csv", tmp_path / "rig.toml"
+    np.savetxt(data, np.column_stack([film, readings]), [form, "%.6f"], ",", header="t,q", comments="")
+    rig.write_text(
+        'name = "film"\nkind = "oscillator"\n[columns]\ntime = { name = "t" }\noutput = { name = "q", unit = "m" }'
+    )
+    assert np.abs(read_recording(data, read_rig(rig)).time - film).max() < 2e-3
+
+
+def test_rows_that_stand_twice_are_no_rounding() -> None:
+    time = np.insert(np.arange(300) / 100, 120, 1.2)
+    assert steady_clock(time, [swing(time)]) is None
+    assert steady_clock(time) is None
+
+
+def test_stamps_that_are_missing_or_go_back_are_left_to_the_check() -> None:
+    time = np.round(np.arange(200) / 119.88, 2)
+    gap, back = time.copy(), time.copy()
+    gap[50], back[100:] = np.nan, back[:100]
+    for stamps in (gap, back, np.full(200, 1.0)):
+        assert steady_clock(stamps, [np.cos(np.arange(200.0))]) is None
+
+
 def test_where_samples_are_not_steady_no_clock_is_made() -> None:
     uneven = FILM + np.random.default_rng(2).normal(0.0, 4e-3, FILM.size)
     assert steady_clock(np.round(uneven, 2), [swing(uneven) + NOISE]) is None

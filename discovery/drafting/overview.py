@@ -196,5 +196,4 @@ def _swing(found: Mapping[str, Any]) -> str:
     period = found["own_period"]
     if period is None:
         return ""
-    times = figures(found["duration"] / period)
-    return f"; swings about once in {period:.3g} s ({figures(1.0 / period)} Hz), {times} times"
+    return f"; swings about once in {period:.3g} s ({figures(1.0 / period)} Hz)"

@@ -94,7 +94,8 @@ def _check_increase(table: Table, label: str, unit: str, time: FloatArray) -> No
         row = int(np.argmax(steps <= 0)) + 1
         fault = "the same time as the row before" if steps[row - 1] == 0 else "earlier than the row before"
         remedy = (
-            "Times must strictly increase: sort the rows, remove repeated ones, and export times with enough digits."
+            "Times must strictly increase: sort the rows, remove those that stand twice, and export times with enough "
+            "digits; of a steady clock, state rate_hz in the place of the column."
         )
         if _several(steps):
             fault += ", and times increase again from there"

@@ -160,7 +160,7 @@ def read_recording(
     rig = _rig(rig)
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
-    checked = _checked(rig, found) + on_its_clock(rig, found)
+    checked = [*on_its_clock(rig, found), *_checked(rig, found)]
     guessed = found.table.guessed
     flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
     flags += [*time_flags(found.time, rig.columns.time.assumed), *checked]

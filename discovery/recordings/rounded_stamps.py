@@ -19,6 +19,7 @@ from discovery.rigs.rig import Rig
 __all__ = ["SteadyClock", "on_its_clock", "steady_clock"]
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 
 _FEWEST = 20  # stamps that all lie on a clock by chance are fewer
 _SOME = 10  # stamps that tell how many decimals those of their size have
@@ -26,6 +27,7 @@ _MOST_DECIMALS = 9
 _EXACT = 1e-6  # of a step, by which numbers miss their last decimal in binary
 _OVER = 1e-4  # of the rounding, by which a stamp between two decimals may go either way
 _SEEN = 2e-3  # of a step: stamps that are off by less move no reading
+_SHORTER = 0.95  # of the rounding, the longest step whose stamps repeat often: one that repeats alone is wrong
 _ROUGHER = 1.1  # times the scatter on the stamps, beyond which readings were not taken on the clock
 
 
@@ -56,7 +58,7 @@ def on_its_clock(rig: Rig, found: Signals) -> list[Flag]:
     rig : Rig
         Where it states how stamps err, they stay as they are.
     found : Signals
-        Checked; `time` is replaced.
+        `time` is replaced, also where rounded stamps repeat.
     """
     if rig.columns.time.jitter is not None or "time" not in found.names:
         return []
@@ -75,14 +77,16 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     Parameters
     ----------
     stamps : array, shape (n,)
-        As the file has them, increasing. All may have as many decimals, or as many digits.
+        As the file has them. All may have as many decimals, or as many digits; those of steps that are shorter than
+        the rounding repeat.
     channels : sequence of array, shape (n,)
         Readings; NaN are gaps. They are as smooth on the clock as on the stamps if they were taken on it.
 
     Returns
     -------
     SteadyClock or None
-        None where no clock does, where stamps are off by too little to matter, and where readings are rougher on it.
+        None where no clock does, where stamps are off by too little to matter, and where readings are rougher on it;
+        also where stamps are missing or go back, and where a row stands twice.
 
     Examples
     --------
@@ -91,20 +95,38 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     >>> round(1 / clock.step, 1), clock.rounding
     (30.0, 0.01)
     """
-    if stamps.size < _FEWEST:
+    steps = np.diff(stamps)
+    if stamps.size < _FEWEST or not (steps >= 0.0).all() or not 0.0 < (usual := float(steps.mean())) < np.inf:
         return None
-    count = np.concatenate([[0.0], np.cumsum(np.round(np.diff(stamps) / median_step(stamps)))])
+    again = np.flatnonzero(steps == 0.0)
+    if again.size and _stand_twice(again, channels):
+        return None
     most = 0.5 * _resolutions(stamps)
-    line = np.polynomial.Polynomial.fit(count, stamps, 1)
+    # Stamps that repeat count no steps: every row is one then, and no reading was lost.
+    count = np.arange(stamps.size, dtype=float)
+    if not again.size:
+        usual = median_step(stamps)
+        count[1:] = np.cumsum(np.round(steps / usual))
+    line = np.polynomial.Polynomial.fit(count, stamps, 1, w=1.0 / most)
     off = np.abs(stamps - line(count))
     # No line lies much nearer than the one of least squares, which is cheap.
-    if (off > 2.0 * most).any() or off.max() < _SEEN * median_step(stamps):
+    if (off > 2.0 * most).any() or off.max() < _SEEN * usual:
         return None
     found = _nearest(count, stamps, most)
-    if found is None:
+    if found is None or (again.size and found[1] > _SHORTER * 2.0 * most[again].min()):
         return None
     time, step = found
-    return None if _rougher(stamps, time, channels) else SteadyClock(time, step, 2.0 * float(most.max()))
+    # Where stamps repeat, no reading can be told from its neighbour by them.
+    rougher = not again.size and _rougher(stamps, time, channels)
+    return None if rougher else SteadyClock(time, step, 2.0 * float(most.max()))
+
+
+def _stand_twice(again: IntArray, channels: Sequence[FloatArray]) -> bool:
+    """Return whether most rows whose stamp repeats hold the same readings twice."""
+    if not channels:
+        return True
+    same = np.all([np.equal(c[again], c[again + 1]) for c in channels], axis=0)
+    return bool(2 * same.sum() > same.size)
 
 
 def _resolutions(stamps: FloatArray) -> FloatArray:
