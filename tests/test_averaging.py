@@ -59,7 +59,7 @@ def test_averages_are_the_motion_at_the_middle_of_their_times(rigs: dict[str, Ri
     found = averaged_down(noisy(), rigs["free"])
     length = 20_000 // found.time.size
     assert length > 3
-    error = (found.output[:, 0] - decay(found.time)) / found.noise[0]
+    error = (found.output[1:, 0] - decay(found.time[1:])) / found.noise[0]
     assert found.noise[0] == pytest.approx(NOISE / np.sqrt(length), rel=1e-3)
     # What is taken off for the curvature adds a tenth to the noise.
     assert 0.97 < np.std(error) < 1.15
@@ -73,7 +73,7 @@ def test_averages_are_the_motion_at_the_middle_of_their_times(rigs: dict[str, Ri
 def test_what_averages_miss_of_a_swing_is_of_fourth_order(length: int, frequency: float, phase: float) -> None:
     t = STEP * np.arange(6000)
     found = averaged(read(np.cos(frequency * t + phase)), length)
-    inside = slice(1, -1)
+    inside = slice(2, -1)
     missed = found.output[inside, 0] - np.cos(frequency * found.time[inside] + phase)
     assert np.abs(missed).max() < (frequency * length * STEP) ** 4 / 200 + 1e-12
 
@@ -116,7 +116,20 @@ def test_the_input_is_averaged_like_the_output(rigs: dict[str, Rig]) -> None:
     t = STEP * np.arange(20_000)
     found = averaged_down(replace(noisy(), input=np.sin(3 * t)), rigs["spline"])
     assert found.input is not None
-    np.testing.assert_allclose(found.input[1:-1], np.sin(3 * found.time[1:-1]), atol=1e-6)
+    np.testing.assert_allclose(found.input[2:-1], np.sin(3 * found.time[2:-1]), atol=1e-6)
+
+
+@pytest.mark.parametrize("length", [2, 3, 10])
+def test_averages_begin_when_the_recording_does_with_nothing_read_there(length: int) -> None:
+    t = STEP * np.arange(1000)
+    found = averaged(replace(noisy(1000), time=5.0 + t, input=np.where(t > 0, np.sin(3 * t), 0.5)), length)
+    assert found.input is not None
+    assert (found.time[0], found.input[0]) == (5.0, 0.5)
+    assert np.isnan(found.output[0]).all()
+    assert np.isfinite(found.output[1:]).all()
+    np.testing.assert_allclose(np.diff(found.time)[1:], length * STEP)
+    assert length * STEP - found.time[1] + found.time[0] == pytest.approx(0.0 if length % 2 else STEP / 2)
+    assert 1000 - length < (found.time.size - 1) * length + length / 2 <= 1000 + 1
 
 
 def test_uneven_times_keep_their_readings(rigs: dict[str, Rig]) -> None:
@@ -130,7 +143,7 @@ def test_the_rounding_of_a_slow_motion_is_not_averaged_away() -> None:
     t = STEP * np.arange(20_000)
     step = 0.01
     found = averaged(read(step * np.round(decay(t) / step), step / np.sqrt(12)), 5)
-    missed = np.std(found.output[:, 0] - decay(t).reshape(-1, 5).mean(axis=1))
+    missed = np.std(found.output[1:, 0] - decay(t[3:-2]).reshape(-1, 5).mean(axis=1))
     assert missed < 1.05 * found.noise[0] < 1.4 * missed
     assert found.noise[0] > 1.3 * step / np.sqrt(12 * 5)
     # Noise of several steps makes the rounding as random.
@@ -143,7 +156,7 @@ def test_a_gap_costs_the_stretch_it_is_in(rigs: dict[str, Rig]) -> None:
     output = recording.output.copy()
     output[5003:5006] = np.nan
     found = averaged_down(replace(recording, output=output), rigs["free"])
-    lost = np.flatnonzero(np.isnan(found.output[:, 0]))
+    lost = 1 + np.flatnonzero(np.isnan(found.output[1:, 0]))
     assert 1 <= lost.size <= 2
     assert np.abs(found.time[lost] - 5.0045).max() < 0.02
     # Gaps all over leave too few whole stretches.

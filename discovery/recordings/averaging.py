@@ -64,26 +64,34 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
 def averaged(recording: Recording, length: int) -> Recording:
     """Return a recording whose readings are averages over so many, at the middle of their times.
 
+    It still begins when it began, at rest if it did, with nothing read there: half an average later it moves.
+
     Parameters
     ----------
     recording : Recording
     length : int
-        Readings of an average. The last ones that fill none are left out.
+        Readings of an average. The first ones, and the last that fill none, are left out.
     """
-    count = recording.time.size
+    count, first = recording.time.size, _first(length)
     step = median_step(recording.time)
-    kept = count // length
+    kept = (count - first) // length
+    drive = recording.input
     told = {"count": count, "step": step, "length": length, "kept": kept, "apart": length * step}
     return replace(
         recording,
-        time=recording.time[: kept * length].reshape(kept, length).mean(axis=1),
-        input=None if recording.input is None else _means(recording.input[:, None], length)[:, 0],
-        output=_means(recording.output, length),
+        time=np.append(recording.time[0], recording.time[first : first + kept * length].reshape(kept, -1).mean(axis=1)),
+        input=None if drive is None else np.append(drive[0], _means(drive[first:, None], length)),
+        output=np.vstack([np.full(recording.noise.size, np.nan), _means(recording.output[first:], length)]),
         noise=_noise(recording, _alike(recording), length),
         jitter=float(recording.jitter / np.sqrt(length)),
         bands=(),
         flags=(*recording.flags, Flag("averaged", numbers=told)),
     )
+
+
+def _first(length: int) -> int:
+    """Return the first reading of averages of which the first is one step after the start, or half a reading less."""
+    return length - length // 2
 
 
 def _least(recording: Recording) -> int:
@@ -155,6 +163,7 @@ def _means(columns: FloatArray, length: int) -> FloatArray:
 
 def _lost(present: npt.NDArray[np.bool_], length: int) -> float:
     """Return which share of the readings that are present stretches with a gap in them lose."""
+    present = present[_first(length) :]
     used = present.size // length * length
     whole = present[:used].reshape(-1, length).all(axis=1).sum() * length
     return float(1 - whole / present.sum()) - (present.size - used) / present.size
