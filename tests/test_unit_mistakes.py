@@ -188,6 +188,13 @@ def test_a_fall_that_reaches_terminal_speed_is_plausible_and_in_another_unit_ref
                 read(tmp_path, FALL, fall, at)
 
 
+def test_what_is_thrown_down_faster_than_it_falls_in_the_end_is_plausible(tmp_path):
+    time = np.arange(0.0, 12.0, 0.02)
+    found = solve_ivp(lambda _, s: [s[1], -9.81 + 0.01 * s[1] ** 2], (0, 12), [900.0, -45.0], t_eval=time, rtol=1e-9)
+    height = found.y[0] + 0.1 * np.random.default_rng(1).standard_normal(time.size)
+    assert read(tmp_path, FALL, height, time).time.size == time.size
+
+
 def test_a_fall_filmed_at_terminal_speed_only_is_plausible(tmp_path):
     time = np.arange(60) / 30.0
     height = 3.0 - 1.2 * time + 1e-3 * np.random.default_rng(1).standard_normal(time.size)

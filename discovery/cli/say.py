@@ -91,7 +91,7 @@ def _say_errors(errors: Mapping[str, Any]) -> None:
         click.echo(
             f"{when:>6}: "
             + ", ".join(f"{k} rms {figures(v['rms'], 4)} (mean {figures(v['mean'], 4)})" for k, v in shown.items())
-            + f" {errors['unit']}"
+            + (f" {errors['unit']}" if errors["unit"] != "1" else "")
         )
     if errors["holdout_kind"] != SEPARATE:
         tells = f"its motion is {figures(errors['holdout_motion'], 2)} times the noise"

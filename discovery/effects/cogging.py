@@ -18,7 +18,8 @@ class Cogging(Potential):
 
     The torque is :math:`n_a \cos N_c q + n_b \sin N_c q`; N_c counts its periods in one turn: for a motor the least
     common multiple of its poles and slots. It is offered where nothing ties an angle. Within few of its periods it
-    imitates springs; of one that goes by in less than two readings, these could tell anything.
+    imitates springs; of one that goes by in less than two readings, these could tell anything. The angle is counted
+    from where a recording begins if its speed is read: let recordings of a speed begin at one angle, or give one alone.
     """
 
     systems = frozenset({OSCILLATOR})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -221,6 +222,9 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
     frequency, density = welch(clean, rate, nperseg=min(1024, len(clean)), axis=0)
     dependence = []
     states = [_states(e, period) for e in experiments]
+    for before, after in pairwise(states):
+        # One recording after the other: what drifts may drift otherwise in each.
+        after["time"] = after["time"] + (before["time"][-1] - after["time"][0])
     for name in states[0]:
         value = np.concatenate([np.repeat(s[name], p.shape[1]) for s, p in zip(states, parts, strict=True)])
         flat = np.concatenate([p.ravel() for p in parts])

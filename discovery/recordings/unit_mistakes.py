@@ -208,7 +208,8 @@ def _frequency(t: FloatArray, x: FloatArray) -> float | None:
 def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -> None:
     parabola = np.polynomial.Polynomial.fit(t, height, 2)
     fall = -float(parabola.deriv(2)(t[0]))
-    if fall < -0.02 * gravity:
+    # What is thrown down faster than it falls in the end slows down, but keeps falling.
+    if fall < -0.02 * gravity and parabola.deriv()(t[-1]) > 0.0:
         raise InputError(
             f"{where}: the body would fall upwards. The output is the height: set scale = -1 for it in the rig file if "
             "the column holds the depth."

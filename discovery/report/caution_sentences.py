@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.declarations.registry import effect_name
+from discovery.declarations.units import quoted
 from discovery.foundation.estimate_text import figures
 
 __all__ = ["caution_sentence"]
@@ -56,7 +57,7 @@ def _missed(found: Record) -> str:
         head = "explains the training recordings to their noise and misses the held-out ones"
         times = "times their noise"
     return (
-        f"the model {head} by {figures(numbers['rms'])} {numbers['unit']} (rms), {figures(numbers['ratio'], 2)} "
+        f"the model {head} by {quoted(numbers['rms'], numbers['unit'])} (rms), {figures(numbers['ratio'], 2)} "
         f"{times}: has the rig or its payload changed, or does {other}?"
     )
 
@@ -94,9 +95,10 @@ def _times(fall: float) -> str:
 def _scattered(found: Record) -> str:
     numbers = found["numbers"]
     source = "estimated" if numbers["estimated"] else "stated"
+    rms, noise = (quoted(numbers[k], numbers["unit"]) for k in ("rms", "noise"))
     head = (
-        f"held-out readings lie {figures(numbers['rms'])} {numbers['unit']} (rms) from the model, "
-        f"{figures(numbers['ratio'], 2)} times their {source} noise of {figures(numbers['noise'])} {numbers['unit']}"
+        f"held-out readings lie {rms} (rms) from the model, {figures(numbers['ratio'], 2)} times their {source} noise "
+        f"of {noise}"
     )
     if not numbers["white"]:
         return (

@@ -19,6 +19,7 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
 from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
+from discovery.foundation.estimate_text import figures
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import UNDERSTATED, impossible
@@ -110,8 +111,8 @@ class LoopResult(LoopViews):
 
     def __repr__(self) -> str:
         """Return the answer; all that led to it would fill pages."""
-        before, after = (self.errors[k]["holdout"]["rms"] for k in ("before", "after"))
-        change = f"holdout rms {before:.4g} -> {after:.4g} {self.errors['unit']}"
+        before, after = (figures(self.errors[k]["holdout"]["rms"], 4) for k in ("before", "after"))
+        change = f"holdout rms {before} -> {after} {self.errors['unit']}".removesuffix(" 1")
         return f"<LoopResult {self.verdict}, added {', '.join(self.added) or 'nothing'}, {change}>"
 
     @property
