@@ -165,3 +165,24 @@ def test_a_damper_may_hold_more_than_inertia_does(tmp_path: Path) -> None:
     assert found.minimum.bound(found.problem.names) == []
     assert found.values["xi"] == pytest.approx(60.0, rel=0.1)
     assert found.values["xi"] > 20.0 / natural_units(train).time
+
+
+@pytest.mark.parametrize("width", [0.6, 1.0])
+def test_a_declared_law_of_any_size_begins_at_each_of_its_declared_starts(tmp_path: Path, width: float) -> None:
+    push, time = sines((1.3, 2.9, 4.1, 6.7, 0.7), 6.0), np.arange(1500) / 100
+
+    def force(t: float, q: float, rate: float) -> float:
+        beyond = max(abs(q) - width, 0.0)
+        return push(t) - 60.0 * np.sign(q) * beyond - rate * (beyond > 0) - 0.3 * rate
+
+    words = {"KIND": "oscillator", "INPUT": "N", "OUTPUT": "m"}
+    recorded(tmp_path, time, push(time), force, words=words, noise=1e-3)
+    rig = tmp_path / "rig.toml"
+    rig.write_text(rig.read_text() + '[model]\neffects = ["viscous_damping", "linear_stiffness", "play"]\n')
+    train = load_dataset(rig, [tmp_path / "record.csv"]).train
+    units = natural_units(train)
+    lost = fit(declared_model(train[0]), train, units=units)
+    found = first_fit(train, units)
+    assert found.chi2 < 0.1 * lost.chi2
+    assert found.values["w_b"] == pytest.approx(width, rel=0.03)
+    assert found.values["alpha"] == pytest.approx(60.0, rel=0.05)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.fit import Fit, fit
@@ -28,6 +29,10 @@ _PARTS, _FEWEST = tuple(2.0**-k for k in range(8, -1, -1)), 64
 _LEFT = 0.1
 #: A model that lacks an effect has minima about equally low: only one that leaves less than this part is better.
 _BETTER = 0.5
+#: What leaves less than so many noise variances a reading has no need of another start;
+_NOISE = 2.0
+#: effects with more declared starts than this are scanned elsewhere; each is followed for so many steps.
+_MOST_STARTS, _FOLLOWED = 12, 15
 
 
 def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
@@ -58,7 +63,36 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
             raise
         return _freed(again, experiments)
     again = _led_fit(model, experiments, units, gaussian) if _is_doubtful(found) else None
-    return _freed(again if again is not None and again.chi2 < _BETTER * found.chi2 else found, experiments)
+    found = again if again is not None and again.chi2 < _BETTER * found.chi2 else found
+    return _freed(_from_elsewhere(found, experiments), experiments)
+
+
+def _from_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit:
+    """Return a fit, or that from another declared start of one of its effects which leaves less than half.
+
+    An amplitude of which nothing is known, as the width of a play, may be off by any factor, and the constants with it:
+    they begin at their guesses, and where the first fit ended.
+    """
+    problem, units = found.problem, found.problem.units
+    open_ = {p.name: p for p in problem.model.parameters.values() if p.name in problem.free and not p.physical}
+    asked = [p for name, p in open_.items() if name not in problem.gaussian and name != "alpha"]
+    starts = [
+        problem.start({**known, p.name: value * units.scale(p)})
+        for known in ({}, {n: v for n, v in found.values.items() if n not in open_})
+        for p in asked
+        for value in (p.starts if 1 < len(p.starts) <= _MOST_STARTS else ())
+    ]
+    if not starts or found.chi2 < _NOISE * problem.bench.n_data:
+        return found
+    minima = fit_problems([problem] * len(starts), starts, iterations=_FOLLOWED, tolerance=1e-3, rough=True)
+    best = min(minima, key=lambda m: m.cost)
+    if not 2 * best.cost < _BETTER * found.chi2:
+        return found
+    try:
+        again = fit(found.model, experiments, units=units, gaussian=problem.gaussian, start=problem.named(best.x))
+    except ComputationError:
+        return found
+    return again if again.chi2 < _BETTER * found.chi2 else found
 
 
 def _freed(found: Fit, experiments: Sequence[Experiment]) -> Fit:
