@@ -64,7 +64,8 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
 def averaged(recording: Recording, length: int) -> Recording:
     """Return a recording whose readings are averages over so many, at the middle of their times.
 
-    It still begins when it began, at rest if it did, with nothing read there: half an average later it moves.
+    It still begins when it began, at rest if it did, with nothing read there: half an average later it moves. Where
+    that is no even step before the first average, it begins half a reading earlier.
 
     Parameters
     ----------
@@ -75,11 +76,12 @@ def averaged(recording: Recording, length: int) -> Recording:
     count, first = recording.time.size, _first(length)
     step = median_step(recording.time)
     kept = (count - first) // length
+    middles = recording.time[first : first + kept * length].reshape(kept, length).mean(axis=1)
     drive = recording.input
     told = {"count": count, "step": step, "length": length, "kept": kept, "apart": length * step}
     return replace(
         recording,
-        time=np.append(recording.time[0], recording.time[first : first + kept * length].reshape(kept, -1).mean(axis=1)),
+        time=np.append(middles[0] - length * step, middles),
         input=None if drive is None else np.append(drive[0], _means(drive[first:, None], length)),
         output=np.vstack([np.full(recording.noise.size, np.nan), _means(recording.output[first:], length)]),
         noise=_noise(recording, _alike(recording), length),
@@ -90,7 +92,7 @@ def averaged(recording: Recording, length: int) -> Recording:
 
 
 def _first(length: int) -> int:
-    """Return the first reading of averages of which the first is one step after the start, or half a reading less."""
+    """Return the first reading that is averaged, so that the middle of the first average is a step after the start."""
     return length - length // 2
 
 
