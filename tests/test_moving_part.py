@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.moving_part import moving_count, moving_part
 from discovery.recordings.recording import Recording
@@ -111,3 +112,12 @@ def test_friction_that_holds_a_body_is_dry_friction_and_nothing_else(tmp_path: P
     after = found.errors["after"]
     # While it moves it is predicted to its noise; held away from its rest, a smooth law creeps.
     assert after["holdout_moving"]["rms"] < 1.1 * found.errors["noise_floor"] < after["holdout"]["rms"]
+
+
+def test_a_motion_that_ends_at_once_is_refused_as_that_and_not_as_a_short_recording(tmp_path: Path) -> None:
+    time = np.arange(250) / 100
+    read = 50 * np.exp(-time / 0.05) * np.cos(18 * time) + 0.2 * np.random.default_rng(0).standard_normal(250)
+    (tmp_path / "rig.toml").write_text(RIG)
+    np.savetxt(tmp_path / "r.csv", np.column_stack([time, read]), "%.6g", ",", header="t,x", comments="")
+    with pytest.raises(InputError, match=r"at least 30 .* Let it move for longer, it has come to rest at 0\."):
+        load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"])

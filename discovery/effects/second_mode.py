@@ -17,7 +17,7 @@ class SecondMode(Mode):
     A flexible structure under one force is a sum of such modes; g_2 is how much this one takes part, over the first. On
     a moving base g u is -p u''. A recording starts with the mode at rest: of a free decay, which nothing excites, it
     explains nothing. Record the input that excites it, or begin where the mode has died. The exact arm contains its
-    higher modes.
+    higher modes. Two inertias with a joint of its own losses are a system, such as the `two_mass_drive`.
     """
 
     cite = "Meirovitch, Fundamentals of Vibrations (2001), section 7.6; Gawronski, Advanced Structural Dynamics (2004)"

@@ -201,7 +201,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "averaged": (
         "note",
         "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
-        "motion that stands out of the noise needs more.",
+        "motion that stands out of the noise needs more. The motion begins before the first of them, where none is.",
     ),
     "at_rest": (
         "note",

@@ -12,6 +12,7 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, largest_deflection
+from discovery.recordings.recording import Recording
 
 __all__ = ["refuse_unusable"]
 
@@ -59,7 +60,7 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
     fewest = min(_FEWEST, experiment.rig.traits.fewest)
     for name, part in parts.items():
         if part.sum() < fewest:
-            raise _too_few(f"{r.source}: its {name} part", part, fewest, finite.size if len(parts) > 1 else None)
+            raise _too_few(r, name, part, fewest, finite.size if len(parts) > 1 else None)
     given = experiment.rig.columns.input
     if r.input is not None and given is not None and any(scaled_copy(r.input, c) for c in r.output.T):
         raise InputError(
@@ -68,16 +69,19 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
         )
 
 
-def _too_few(what: str, part: BoolArray, fewest: int, divided: int | None) -> InputError:
+def _too_few(r: Recording, name: str, part: BoolArray, fewest: int, divided: int | None) -> InputError:
     """Return the error of a part with too few readings; `divided` is the size of the recording that it is a part of."""
-    gaps = part.size >= fewest
-    ways = ["give a recording without so long a gap"] if gaps else ["give a longer recording", "sample it more often"]
+    gaps, longer = part.size >= fewest, "give a longer recording"
+    for flag in r.flags:
+        if flag.code == "at_rest":
+            longer = f"let it move for longer, it has come to rest at {flag.numbers['last']:.3g} s"
+    ways = ["give a recording without so long a gap"] if gaps else [longer, "sample it more often"]
     if divided is not None:
         ways.append("name another recording to be held out, with --holdout or in [records] of the rig file")
-    remedy = ", or ".join(ways)
+    remedy, of = ", or ".join(ways), "" if divided is None else f", of {divided} in all"
     return InputError(
-        f"{what} has {int(part.sum())} samples with an output{f', of {divided} in all' if divided else ''}, and at "
-        f"least {fewest} are needed. {remedy[0].upper()}{remedy[1:]}."
+        f"{r.source}: its {name} part has {int(part.sum())} samples with an output{of}, and at least {fewest} are "
+        f"needed. {remedy[0].upper()}{remedy[1:]}."
     )
 
 
