@@ -124,11 +124,11 @@ def test_averages_begin_when_the_recording_does_with_nothing_read_there(length: 
     t = STEP * np.arange(1000)
     found = averaged(replace(noisy(1000), time=5.0 + t, input=np.where(t > 0, np.sin(3 * t), 0.5)), length)
     assert found.input is not None
-    assert found.time[0] == pytest.approx(5.0 if length % 2 else 5.0 - STEP / 2)
-    assert found.input[0] == 0.5
+    assert (found.time[0], found.input[0]) == (5.0, 0.5)
     assert np.isnan(found.output[0]).all()
     assert np.isfinite(found.output[1:]).all()
-    np.testing.assert_allclose(np.diff(found.time), length * STEP)
+    np.testing.assert_allclose(np.diff(found.time)[1:], length * STEP)
+    assert length * STEP - found.time[1] + found.time[0] == pytest.approx(0.0 if length % 2 else STEP / 2)
     assert 1000 - length < (found.time.size - 1) * length + length / 2 <= 1000 + 1
 
 

@@ -64,8 +64,8 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
 def averaged(recording: Recording, length: int) -> Recording:
     """Return a recording whose readings are averages over so many, at the middle of their times.
 
-    It still begins when it began, at rest if it did, with nothing read there: half an average later it moves. Where
-    that is no even step before the first average, it begins half a reading earlier.
+    It still begins when it began, at rest if it did, with nothing read there: half an average later it moves, and half
+    a reading earlier an input would have pushed it already.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def averaged(recording: Recording, length: int) -> Recording:
     told = {"count": count, "step": step, "length": length, "kept": kept, "apart": length * step}
     return replace(
         recording,
-        time=np.append(middles[0] - length * step, middles),
+        time=np.append(recording.time[0], middles),
         input=None if drive is None else np.append(drive[0], _means(drive[first:, None], length)),
         output=np.vstack([np.full(recording.noise.size, np.nan), _means(recording.output[first:], length)]),
         noise=_noise(recording, _alike(recording), length),
@@ -92,7 +92,7 @@ def averaged(recording: Recording, length: int) -> Recording:
 
 
 def _first(length: int) -> int:
-    """Return the first reading that is averaged, so that the middle of the first average is a step after the start."""
+    """Return the first reading of averages of which the first is one step after the start, or half a reading less."""
     return length - length // 2
 
 
