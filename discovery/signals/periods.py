@@ -59,10 +59,10 @@ def _repeating(u: FloatArray, lag: int, sign: int) -> list[tuple[int, int]]:
         half = width // 2
         stop -= half - int(np.argmax(alien[-half:])) if alien[-half:].any() else 0
         start += half - int(np.argmax(alien[:half][::-1])) if alien[:half].any() else 0
-        # What hardly moves is like anything: it repeats where it differs little from how much it moves itself.
-        repeats = np.mean(square[start:stop]) < MISMATCH * 2.0 * float(np.var(u[start : stop + lag]))
-        long = stop - start >= 2 * width and repeats
-        if long and (not stretches or start > stretches[-1][1] - width):
+        if stop - start < 2 * width or (stretches and start <= stretches[-1][1] - width):
+            continue
+        # What hardly moves is like anything: it repeats where it differs little by its own motion.
+        if np.mean(square[start:stop]) < MISMATCH * 2.0 * float(np.var(u[start : stop + lag])):
             stretches.append((int(start), int(stop) + lag))
     return stretches
 
