@@ -206,18 +206,12 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
         Period of the motion [s].
     """
     parts = _normalised(experiments, predictions)
-    everything = np.concatenate([p.ravel() for p in parts])
-    everything = everything[np.isfinite(everything)]
-    correlations, p_values = [], []
-    for part in parts:
-        for channel in part.T:
-            lag, p = _ljung_box(channel[np.isfinite(channel)])
-            correlations.append(lag)
-            p_values.append(p)
+    flat = np.concatenate([p.ravel() for p in parts])
+    everything = flat[good := np.isfinite(flat)]
+    lags, p_values = zip(*(_ljung_box(c[np.isfinite(c)]) for part in parts for c in part.T), strict=True)
     from scipy.signal import welch
 
-    first = parts[0]
-    clean = np.where(np.isfinite(first), first, 0.0)
+    clean = np.where(np.isfinite(parts[0]), parts[0], 0.0)
     rate = 1.0 / median_step(experiments[0].recording.time)
     frequency, density = welch(clean, rate, nperseg=min(1024, len(clean)), axis=0)
     dependence = []
@@ -227,14 +221,12 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
         after["time"] = after["time"] + (before["time"][-1] - after["time"][0])
     for name in states[0]:
         value = np.concatenate([np.repeat(s[name], p.shape[1]) for s, p in zip(states, parts, strict=True)])
-        flat = np.concatenate([p.ravel() for p in parts])
-        good = np.isfinite(flat)
         dependence.append(_dependence(name, value[good], flat[good]))
     return ResidualReport(
         rms=float(np.sqrt(np.mean(everything**2))),
         reduced_chi2=float(np.mean(everything**2)),
         systematic=roughness(experiments, predictions, period),
-        autocorrelation=float(np.mean(correlations)),
+        autocorrelation=float(np.mean(lags)),
         ljung_box_p=float(min(1.0, min(p_values) * len(p_values))),
         frequency=tuple(frequency.tolist()),
         spectrum=tuple(density.mean(axis=1).tolist()),
