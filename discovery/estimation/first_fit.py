@@ -15,6 +15,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.declared import declared_model, rig_uncertainty
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.guess import restoring
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import conventions
 from discovery.estimation.residual import explains
@@ -62,37 +63,38 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
         if again is None:
             raise
         return _freed(again, experiments)
-    again = _led_fit(model, experiments, units, gaussian) if _is_doubtful(found) else None
-    found = again if again is not None and again.chi2 < _BETTER * found.chi2 else found
-    return _freed(_from_elsewhere(found, experiments), experiments)
+    if _is_doubtful(found):
+        found = _better(found, _led_fit(model, experiments, units, gaussian))
+    return _freed(_better(found, _from_elsewhere(found, experiments)), experiments)
 
 
-def _from_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit:
-    """Return a fit, or that from another declared start of one of its effects which leaves less than half.
+def _better(found: Fit, again: Fit | None, part: float = _BETTER) -> Fit:
+    """Return another fit if it leaves less than a part of what the one found leaves."""
+    return again if again is not None and again.chi2 < part * found.chi2 else found
+
+
+def _from_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit | None:
+    """Return the fit from another declared start of one of its effects; None where none promises less than half.
 
     An amplitude of which nothing is known, as the width of a play, may be off by any factor, and the constants with it:
     they begin at their guesses, and where the first fit ended.
     """
     problem, units = found.problem, found.problem.units
-    open_ = {p.name: p for p in problem.model.parameters.values() if p.name in problem.free and not p.physical}
-    asked = [p for name, p in open_.items() if name not in problem.gaussian and name != "alpha"]
+    if found.chi2 < _NOISE * problem.bench.n_data:
+        return None
+    laws = {p.name: p for p in problem.model.parameters.values() if p.name in problem.free and not p.physical}
+    scanned = {*problem.gaussian, restoring(problem.model)}
     starts = [
-        problem.start({**known, p.name: value * units.scale(p)})
-        for known in ({}, {n: v for n, v in found.values.items() if n not in open_})
-        for p in asked
-        for value in (p.starts if 1 < len(p.starts) <= _MOST_STARTS else ())
+        problem.start({**known, name: value * units.scale(p)})
+        for known in ({}, {n: v for n, v in found.values.items() if n not in laws})
+        for name, p in laws.items()
+        for value in (p.starts if name not in scanned and 1 < len(p.starts) <= _MOST_STARTS else ())
     ]
-    if not starts or found.chi2 < _NOISE * problem.bench.n_data:
-        return found
     minima = fit_problems([problem] * len(starts), starts, iterations=_FOLLOWED, tolerance=1e-3, rough=True)
-    best = min(minima, key=lambda m: m.cost)
-    if not 2 * best.cost < _BETTER * found.chi2:
-        return found
-    try:
-        again = fit(found.model, experiments, units=units, gaussian=problem.gaussian, start=problem.named(best.x))
-    except ComputationError:
-        return found
-    return again if again.chi2 < _BETTER * found.chi2 else found
+    best = min(minima, key=lambda m: m.cost, default=None)
+    if best is None or not 2 * best.cost < _BETTER * found.chi2:
+        return None
+    return _fit_from(problem.named(best.x), found.model, experiments, units, problem.gaussian)
 
 
 def _freed(found: Fit, experiments: Sequence[Experiment]) -> Fit:
@@ -102,12 +104,8 @@ def _freed(found: Fit, experiments: Sequence[Experiment]) -> Fit:
     held = {n: known for n, known in laws.items() if n not in problem.free and n not in model.known}
     if not held:
         return found
-    gaussian = {**problem.gaussian, **held}
-    try:
-        again = fit(model, experiments, units=problem.units, gaussian=gaussian, start=found.values)
-    except ComputationError:
-        return found
-    return again if again.chi2 < found.chi2 else found
+    again = _fit_from(found.values, model, experiments, problem.units, {**problem.gaussian, **held})
+    return _better(found, again, part=1.0)
 
 
 def _is_doubtful(found: Fit) -> bool:
@@ -135,8 +133,17 @@ def _led_fit(
 ) -> Fit | None:
     """Return the fit that is led to the end of the recordings; None where it does not get there."""
     values, part = led(model, experiments, units, gaussian)
-    if part < 1.0:
-        return None
+    return None if part < 1.0 else _fit_from(values, model, experiments, units, gaussian)
+
+
+def _fit_from(
+    values: Mapping[str, float],
+    model: Model,
+    experiments: Sequence[Experiment],
+    units: NaturalUnits,
+    gaussian: Mapping[str, tuple[float, float]],
+) -> Fit | None:
+    """Return the fit from a start; None where there is none from there."""
     try:
         return fit(model, experiments, units=units, gaussian=gaussian, start=values)
     except ComputationError:
