@@ -190,8 +190,8 @@ def like_noise(
         Model error in training and held out, zero without any, and the smallest noise [unit of the output].
     """
     alike = held == 0.0 or left / _ALIKE <= held <= _ALIKE * left
-    alike = alike and judged_rms(errors) <= _ALIKE * max(errors["noise_floor"], errors["after"]["train"]["rms"])
-    if report.rms > _LITTLE or depends_on or not alike:
+    predicted = judged_rms(errors) <= _ALIKE * max(errors["noise_floor"], errors["after"]["train"]["rms"])
+    if report.rms > _LITTLE or depends_on or not (alike and predicted):
         return None
     return Caution("like_noise", numbers={"ratio": left / noise, "autocorrelation": report.autocorrelation})
 

@@ -77,7 +77,8 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
     r = experiment.recording
     # Averages begin at a moment at which nothing is read.
     first = int(np.isfinite(r.output).any(axis=1).argmax())
-    steps = np.diff(r.time[first:])
+    time, output = r.time[first:], r.output[first:]
+    steps = np.diff(time)
     step = float(np.median(steps))
     steady = bool((np.abs(steps - step) <= _JITTER * step).all())
     # The law that tells a period is one of positions.
@@ -87,13 +88,13 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
         "name": r.name,
         "role": role,
         "source": r.source,
-        "readings": r.time.size - first,
+        "readings": time.size,
         "fitted": r.time[experiment.fitted].size - first if role == "train" else 0,
         "duration": float(r.time[-1] - r.time[0]),
         # Where stamps are rounded, most steps are a little too short or too long.
         "rate": float(1.0 / (steps.mean() if steady else step)),
         "steady": steady,
-        "missing": int((~np.isfinite(r.output[first:])).any(axis=1).sum()) if experiment.rig.view is None else 0,
+        "missing": int((~np.isfinite(output)).any(axis=1).sum()) if experiment.rig.view is None else 0,
         "channels": [
             {
                 "name": channel,

@@ -96,21 +96,16 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     (30.0, 0.01)
     """
     steps = np.diff(stamps)
-    if stamps.size < _FEWEST or not (steps >= 0.0).all() or not 0.0 < (usual := float(steps.mean())) < np.inf:
+    if stamps.size < _FEWEST or not (steps >= 0.0).all() or not 0.0 < np.ptp(stamps) < np.inf:
         return None
     again = np.flatnonzero(steps == 0.0)
     if again.size and _stand_twice(again, channels):
         return None
-    most = 0.5 * _resolutions(stamps)
-    # Stamps that repeat count no steps: every row is one then, and no reading was lost.
-    count = np.arange(stamps.size, dtype=float)
-    if not again.size:
-        usual = median_step(stamps)
-        count[1:] = np.cumsum(np.round(steps / usual))
+    most, count = 0.5 * _resolutions(stamps), _counted(steps)
     line = np.polynomial.Polynomial.fit(count, stamps, 1, w=1.0 / most)
     off = np.abs(stamps - line(count))
     # No line lies much nearer than the one of least squares, which is cheap.
-    if (off > 2.0 * most).any() or off.max() < _SEEN * usual:
+    if (off > 2.0 * most).any() or off.max() < _SEEN * np.median(steps):
         return None
     found = _nearest(count, stamps, most)
     if found is None or (again.size and found[1] > _SHORTER * 2.0 * most[again].min()):
@@ -119,6 +114,12 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     # Where stamps repeat, no reading can be told from its neighbour by them.
     rougher = not again.size and _rougher(stamps, time, channels)
     return None if rougher else SteadyClock(time, step, 2.0 * float(most.max()))
+
+
+def _counted(steps: FloatArray) -> FloatArray:
+    """Return how many steps of the clock each reading is from the first: where stamps repeat, none was lost."""
+    each = np.ones_like(steps) if (steps == 0.0).any() else np.round(steps / np.median(steps))
+    return np.concatenate([[0.0], np.cumsum(each)])
 
 
 def _stand_twice(again: IntArray, channels: Sequence[FloatArray]) -> bool:

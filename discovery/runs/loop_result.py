@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
+from discovery.declarations.units import quoted
 from discovery.diagnosis.caution import Caution, at_edges, burst, like_noise, missed, not_carried, scattered, strayed
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
@@ -111,8 +112,8 @@ class LoopResult(LoopViews):
 
     def __repr__(self) -> str:
         """Return the answer; all that led to it would fill pages."""
-        before, after = (figures(self.errors[k]["holdout"]["rms"], 4) for k in ("before", "after"))
-        change = f"holdout rms {before} -> {after} {self.errors['unit']}".removesuffix(" 1")
+        before, after = (self.errors[k]["holdout"]["rms"] for k in ("before", "after"))
+        change = f"holdout rms {figures(before, 4)} -> {quoted(after, self.errors['unit'], 4)}"
         return f"<LoopResult {self.verdict}, added {', '.join(self.added) or 'nothing'}, {change}>"
 
     @property

@@ -135,9 +135,10 @@ def named(search: Search) -> list[Named]:
 
 def strongest_lead(search: Search) -> Lead | None:
     """Return what was refused beside the set found, or taken out of it, with the highest odds; None without any."""
-    made = [i for i, d in enumerate(search.decisions, 1) if d.accepted and d.action in ("add", "exchange", "mechanics")]
-    told = [d for d in search.decisions if d.accepted == (d.action == "remove") and d.numbers.get("train", 0) > 0]
-    left = [d for d in told if {*d.effects} - {*search.best.added}]
-    last = [d for d in search.decisions[max(made, default=0) :] if any(d is own for own in left)] or left
-    best = max(last, key=lambda d: d.numbers["odds"], default=None)
-    return None if best is None else Lead(best.effects, best.code, best.numbers)
+    told, changes = search.decisions, ("add", "exchange", "mechanics")
+    made = max((i for i, d in enumerate(told) if d.accepted and d.action in changes), default=-1)
+    weighed = (i for i, d in enumerate(told) if d.accepted == (d.action == "remove") and d.numbers.get("train", 0) > 0)
+    left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
+    # What was refused before the last change was refused beside another set.
+    best = max(left, key=lambda i: (i > made, told[i].numbers["odds"]), default=None)
+    return None if best is None else Lead(told[best].effects, told[best].code, told[best].numbers)
