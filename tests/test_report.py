@@ -271,6 +271,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
             decision("add", "wind", "table_tilt", accepted=True, numbers=numbers, candidates=pair),
             decision("exchange", "wind", "hysteresis", accepted=True, numbers={"odds": 5.1}, candidates=other),
             decision("remove", "table_tilt", accepted=True, code="size", numbers=odds(21.0, 14.0, 0.4)),
+            decision("mechanics", "elastica_4", accepted=True, numbers={"odds": 6.7}),
             decision("stop", accepted=True, code="budget"),
         ]
     }
@@ -285,6 +286,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
         ("Tried: wind and table tilt", "added"),
         ("Exchanged: wind for hysteresis", ""),
         ("Tried without: table tilt", "taken out"),
+        ("Compared the mechanics: elastica 4", "kept"),
         ("Stopped", ""),
     ]
     write_json(tmp_path / "results.json", results)
@@ -296,6 +298,7 @@ def test_the_story_follows_the_decisions(tmp_path: Path) -> None:
         "The prediction moves by 0.4 times the model error that is left",
         "A limit of the search’s work was reached, so no further effect was sought.",
         "added, later dropped",
+        "The exact arm with four curvature modes",
         "A doubt. The declared model leaves 83 % of the variance: check",
     ):
         assert words in text

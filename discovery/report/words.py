@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from inspect import getdoc
 from typing import Any
 
 from markupsafe import Markup, escape
 
 from discovery.declarations.registry import catalogue, effect_name, get_effect
+from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
 from discovery.report.number_words import listed
@@ -128,9 +130,11 @@ def clause(text: str) -> Markup:
 
 
 def effect_title(effect_id: str) -> str:
-    """Return one sentence on what an effect is."""
+    """Return one sentence on what an effect is, or what mechanics are."""
     if effect_id in UPGRADES:
         return UPGRADES[effect_id].title()
+    if effect_id in base_names():
+        return (getdoc(type(get_base(effect_id))) or "").partition("\n")[0].rstrip(".")
     return get_effect(effect_id).title() if _listed(effect_id) else effect_name(effect_id)
 
 
