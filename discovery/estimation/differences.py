@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
+from discovery.estimation.sparsity import Sparsity
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["HalfStep", "Probed", "half_step", "simulated"]
@@ -28,32 +29,36 @@ _ERROR = 0.5
 
 @dataclass(frozen=True)
 class Probed:
-    """Points around a vector within its bounds, and how far apart those of a parameter are."""
+    """Points around a vector within its bounds, how far apart those of a parameter are, and what each moves."""
 
     points: FloatArray
     apart: FloatArray
+    sparsity: Sparsity
 
     @classmethod
     def around(cls, problem: Problem, x: FloatArray, size: FloatArray) -> Probed:
         """Return the points around a vector (p,), each parameter moved by its own size either way."""
         low, high = problem.bounds
         up, down = np.minimum(x + size, high), np.maximum(x - size, low)
-        points = np.repeat(x[:, None], 2 * x.size + 1, axis=1)
         each = np.arange(x.size)
-        points[each, 1 + each], points[each, 1 + x.size + each] = up, down
+        point = problem.sparsity.together(each)
+        count = int(point.max(initial=-1)) + 1
+        points = np.repeat(x[:, None], 2 * count + 1, axis=1)
+        points[each, 1 + point], points[each, 1 + count + point] = up, down
         apart = up - down
-        return cls(points, np.where(apart > 0, apart, 1.0))
+        return cls(points, np.where(apart > 0, apart, 1.0), problem.sparsity)
 
     @property
     def count(self) -> int:
         """Number of points."""
         return self.points.shape[1]
 
-    def columns(self, experiment: Experiment, channels: FloatArray) -> FloatArray:
-        """Return derivatives by every parameter and the residual, shape (n, c, p + 1) [noise sds]."""
-        p, noise = self.apart.size, experiment.recording.scatter[:, :, None]
-        slopes = (channels[:, :, 1 : p + 1] - channels[:, :, p + 1 :]) / self.apart / noise
-        slopes[:, :, ~np.isfinite(slopes).all(axis=(0, 1))] = 0.0
+    def columns(self, number: int, experiment: Experiment, channels: FloatArray) -> FloatArray:
+        """Return derivatives of one experiment by every parameter and its residual, shape (n, c, p + 1) [noise sds]."""
+        noise, parts = experiment.recording.scatter[:, :, None], self.sparsity.parts
+        count, point = self.count // 2, self.sparsity.together(np.arange(parts.size))
+        slopes = (channels[:, :, 1 : count + 1] - channels[:, :, count + 1 :])[:, :, point] / self.apart / noise
+        slopes[:, :, ~np.isfinite(slopes).all(axis=(0, 1)) | ((parts >= 0) & (parts != number))] = 0.0
         residual = (channels[:, :, :1] - experiment.recording.output[:, :, None]) / noise
         return np.concatenate([slopes, residual], axis=2)
 
@@ -65,8 +70,8 @@ def simulated(bench: Bench, problems: Sequence[Problem], probes: Sequence[Probed
     channels = bench.predict(*(np.concatenate(each, axis=-1) for each in zip(*sets, strict=True)))
     return [
         [
-            probe.columns(e, c[:, :, first : first + probe.count])
-            for e, c in zip(bench.experiments, channels, strict=True)
+            probe.columns(i, e, c[:, :, first : first + probe.count])
+            for i, (e, c) in enumerate(zip(bench.experiments, channels, strict=True))
         ]
         for first, probe in zip(edges, probes, strict=False)
     ]

@@ -172,6 +172,7 @@ def _raced(
                 tolerance=1e-3,
                 jacobian=jacobian,
                 is_behind=race.enter(effects),
+                sparsity=extended.sparsity,
             )
         )
     quick = together(problems, requests)
@@ -189,6 +190,7 @@ def _raced(
             tolerance=1e-3,
             jacobian=minima[i].jacobian,
             is_behind=race.enter(labels[i]),
+            sparsity=problems[i].sparsity,
         )
         for i in going
     ]
