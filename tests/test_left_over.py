@@ -14,6 +14,7 @@ from discovery.diagnosis.caution import burst, like_noise, not_carried, scattere
 from discovery.equations.model import Model
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.residual import examine
+from discovery.recordings.drive import Drive
 from discovery.recordings.flags import UNDERSTATED
 from discovery.report.caution_sentences import caution_sentence
 from discovery.runs.loop_result import LoopResult
@@ -46,8 +47,26 @@ def test_a_jump_of_readings_is_told_with_its_place() -> None:
     first, last = bench.TIME[place], bench.TIME[place + COUNT // 50]
     assert first - 0.1 < found.numbers["start"] < found.numbers["stop"] < last + 0.1
     assert f"half of what is left of {found.about} lies between" in caution_sentence(found.summary())
+    assert "was it pushed there" in caution_sentence(found.summary())
     reading = replace(found, numbers={**found.numbers, "start": 0.0, "stop": 0.0})
     assert "lies at 0 s" in caution_sentence(reading.summary())
+
+
+def test_what_a_step_of_the_input_leaves_is_asked_of_the_input() -> None:
+    place = COUNT // 3
+    edges = np.array([bench.TIME[0], bench.TIME[place], bench.TIME[-1]])
+    step = Drive(edges, np.array([[0.0, 0.4]]), edges[1:2])
+    late = np.zeros(COUNT)
+    late[place : place + COUNT // 50] = 40 * bench.NOISE
+    since = bench.TIME - bench.TIME[place]
+    moved = np.where(since >= 0, bench.GAIN * 0.4 / bench.ALPHA * (1 - bench.responses(since)[:, 1]), 0.0)
+    whole = bench.experiment(
+        moved - bench.clean() + late + bench.NOISE * np.random.default_rng(1).standard_normal(COUNT)
+    )
+    found = burst(fit(Model("oscillator", bench.EFFECTS, {"g": bench.GAIN}), [replace(whole, drive=step)]))
+    assert found is not None
+    assert found.numbers["input_jumps"]
+    assert "where its input jumps: does that act late" in caution_sentence(found.summary())
 
 
 def test_a_first_reading_that_is_far_off_is_told() -> None:

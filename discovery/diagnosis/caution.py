@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from discovery.declarations.registry import get_effect
 from discovery.estimation.fit import Fit
 from discovery.estimation.residual import ResidualReport, memory
+from discovery.foundation.sampling import median_step
+from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
 
@@ -60,10 +62,11 @@ class Caution:
     numbers : mapping
         Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
         `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst
-        `start`, `stop` [s] and `share` of what is left; of what is like noise `ratio` and `autocorrelation`; of what is
-        not carried by how many times the error falls in training (`train`) and held out (`held`); of scattered readings
-        `rms`, `unit`, `noise`, their `ratio`, whether that noise is `estimated`, the `memory` of the errors (see
-        `estimation.residual.memory`) and whether it counts as none (`white`).
+        `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like noise
+        `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training (`train`)
+        and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise is
+        `estimated`, the `memory` of the errors (see `estimation.residual.memory`) and whether it counts as none
+        (`white`).
     """
 
     code: str
@@ -150,11 +153,21 @@ def burst(fitted: Fit) -> Caution | None:
             for share, short in _SHORT.items():
                 begin, end = _shortest(time, part, share * whole)
                 if end - begin <= short * float(time[-1] - time[0]):
-                    found.append((share, whole, e.recording.name, begin, end))
+                    found.append((share, whole, e.recording.name, begin, end, _input_jumps(e, begin, end)))
     if not found:
         return None
-    share, _, name, begin, end = max(found)
-    return Caution("burst", name, numbers={"start": begin, "stop": end, "share": share})
+    share, _, name, begin, end, jumps = max(found)
+    return Caution("burst", name, numbers={"start": begin, "stop": end, "share": share, "input_jumps": jumps})
+
+
+def _input_jumps(experiment: Experiment, begin: float, end: float) -> bool:
+    """Return whether the input jumps by a tenth of its range in a stretch of time, or within a reading before it."""
+    drive = experiment.drive
+    if drive is None:
+        return False
+    kinks = drive.kinks[(drive.kinks >= begin - median_step(experiment.recording.time)) & (drive.kinks <= end)]
+    jumps = np.abs(drive.evaluate(kinks)[0] - drive.evaluate(kinks, "left")[0])
+    return bool(jumps.max(initial=0.0) > 0.1 * float(np.ptp(drive.evaluate(experiment.recording.time)[0])))
 
 
 def _shortest(time: FloatArray, part: FloatArray, sought: float) -> tuple[float, float]:

@@ -66,10 +66,10 @@ def _burst(found: Record) -> str:
     start, stop = (figures(found["numbers"][k], 4) for k in ("start", "stop"))
     when = f"at {start} s" if start == stop else f"between {start} and {stop} s"
     part = "half" if found["numbers"]["share"] >= 0.5 else "a quarter"
-    return (
-        f"{part} of what is left of {found['about']} lies {when}: was it pushed there, did it hit something, or did "
-        "readings jump?"
-    )
+    asked = "was it pushed there, did it hit something, or did readings jump?"
+    if found["numbers"].get("input_jumps"):
+        when, asked = f"{when}, where its input jumps", "does that act late, or slower than the model says?"
+    return f"{part} of what is left of {found['about']} lies {when}: {asked}"
 
 
 def _like_noise(found: Record) -> str:
