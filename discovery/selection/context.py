@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.equations.lacking import candidates
@@ -28,8 +27,6 @@ __all__ = ["Context"]
 
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.
 _CREDIBLE = 2.0
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -71,8 +71,5 @@ class Decision:
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
-        return {
-            **asdict(self),
-            "effects": list(self.effects),
-            "candidates": [{**asdict(c), "effects": list(c.effects)} for c in self.candidates],
-        }
+        rows = [{**asdict(c), "effects": list(c.effects)} for c in self.candidates]
+        return {**asdict(self), "effects": list(self.effects), "candidates": rows}

@@ -67,9 +67,7 @@ class Search:
         grown, told = self.best, len(self.decisions)
         if self._simplify(held=np.inf):  # even where it predicts worse, a simpler law leaves room for others
             self._grow()
-            if self.best.joint < grown.joint:
-                self.best = grown
-                del self.decisions[told:]
+            self._unless_likelier(grown, told)
         # What is taken out may have hidden that a simpler law serves.
         for step in (self._simplify, self._integrate, self._prune, self._simplify, self._prune):
             step()
@@ -87,13 +85,22 @@ class Search:
                 break
             been[before.key] = before
             if self._forward():
+                grown, told = self.best, len(self.decisions)
                 self._backward(before)
+                if any(d.action == "exchange" for d in self.decisions[told:]):
+                    self._unless_likelier(grown, told)
             elif self.best is before and not self._change_mechanics():
                 break
         else:
             return self.decisions.append(Decision("stop", (), True, "budget", self.neighbours.work(self.best)))
         self.decisions.append(Decision("stop", (), True, "exhausted"))
         self._change_mechanics()
+
+    def _unless_likelier(self, before: Contender, told: int) -> None:
+        """Go back to a set, and forget the decisions since, unless they led to one that is as likely."""
+        if self.best.joint < before.joint:
+            self.best = before
+            del self.decisions[told:]
 
     def _simplify(self, held: float | None = None) -> bool:
         """Let a law take the place of one that contains it where the difference is not accepted, and it is itself.
@@ -212,9 +219,9 @@ class Search:
         return self._take(pliable) or self._take(pairs)
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
-        """Return the refused sets that gain most in training: each may be half of a pair."""
+        """Return the refused sets that gain most in training and leave less: each may be half of a pair."""
         settings = self.context.settings
-        gains = {c: c.evidence.train - self.best.evidence.train for c in offered if np.isfinite(c.joint)}
+        gains = {c: c.evidence.train - self.best.evidence.train for c in offered if c.chi2 < self.best.chi2}
         worth = [c for c in gains if gains[c] > _WORTH * settings.nats and self.neighbours.affords(c)]
         return sorted(worth, key=lambda c: -gains[c])[: settings.budget.beam]
 
@@ -257,7 +264,10 @@ class Search:
         return odds, code
 
     def _backward(self, before: Contender) -> None:
-        """Take out members that the others make needless; exchange those that another effect serves better."""
+        """Take out members that the others make needless; exchange those that another effect serves better.
+
+        What an exchange makes needless may be worth more than it gains: `_grow` goes back then.
+        """
         waiting = [*self.best.added[: None if len({*self.best.added} - {*before.added}) > 1 else -1]]
         for effect in waiting:
             if effect not in self.best.added or len(self.best.added) < 2:
