@@ -33,23 +33,18 @@ _SAID = 200
 def build_campaign(
     folder: Path, rows: Sequence[Mapping[str, Any]], pooled: Sequence[Mapping[str, Any]], dashboard: str = ""
 ) -> Path:
-    """Write ``campaign.html`` and ``tables/`` of a campaign.
+    """Write ``campaign.html``, one file, and ``tables/`` of a campaign, and return the path of the page.
+
+    A case that has a page of its own, ``CASE/report.html``, is linked to it.
 
     Parameters
     ----------
     folder : Path
-        The folder of the campaign. A case that has a page of its own, ``CASE/report.html``, is linked to it.
-    rows : sequence of mapping
-        Outcomes of the cases, from `discovery.runs.campaign.rows`.
-    pooled : sequence of mapping
-        From `discovery.runs.pooling.pooled_parameters`.
+        The folder of the campaign.
+    rows, pooled : sequence of mapping
+        From `discovery.runs.campaign.rows` and `discovery.runs.pooling.pooled_parameters`.
     dashboard : str
         Address of the dashboard of the cluster that did the cases; of the web, else it is not linked.
-
-    Returns
-    -------
-    Path
-        The page, one file.
     """
     tables = {"matrix": _matrix(folder, rows), "worst": _worst(folder, rows)}
     if pooled:

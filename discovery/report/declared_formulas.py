@@ -26,20 +26,10 @@ def _equation(line: DeclaredLine) -> str:
 
 
 def declared_formulas(name: str, effects: Iterable[Effect]) -> list[tuple[str, str, bool]]:
-    """Return energies, forces, places and output of a declared system.
+    """Return words and MathML of the energies, forces, places and output of a declared system, named by its base.
 
-    Parameters
-    ----------
-    name : str
-        Of its base.
-    effects : iterable of Effect
-        Those of the model.
-
-    Returns
-    -------
-    list of (str, str, bool)
-        Words, MathML, and whether the equation is incomplete without it: every energy and force, a place at which an
-        effect acts, and what is read where that is no coordinate.
+    Third, whether the equation is incomplete without it: so is every energy and force, a place at which one of the
+    effects acts, and what is read where that is no coordinate.
     """
     from discovery.equations.declared_terms import declared_lines
     from discovery.mechanics.systems import declared_base

@@ -20,10 +20,7 @@ __all__ = ["drive_symbols", "drive_words"]
 def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     """Return what stands for the input of a system on a line, by symbol: its gains, and u; nothing without an input.
 
-    Parameters
-    ----------
-    model : mapping
-        What `discovery.equations.model.Model.to_dict` gave.
+    The model is what `discovery.equations.model.Model.to_dict` gave.
     """
     from discovery.equations.equation import MOVING_INPUT, equation_terms
     from discovery.equations.model import Model

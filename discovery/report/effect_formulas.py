@@ -87,15 +87,7 @@ def _states(effect: Any, name: str) -> list[str]:
 
 
 def effect_formula(effect: Effect, system: str) -> str:
-    """Return what an effect declares: its energy, power, law or what the instrument reports.
-
-    Parameters
-    ----------
-    effect : Effect
-        The effect.
-    system : str
-        Kind of system.
-    """
+    """Return what an effect declares on a kind of system: its energy, power, law or what the instrument reports."""
     import sympy as sp
 
     name, declared = coordinate_name(system), getattr(effect, "expression", None)
@@ -123,15 +115,7 @@ def effect_formula(effect: Effect, system: str) -> str:
 
 
 def mode_formula(mode: Any, push: sp.Expr | None = None) -> str:
-    """Return the equation of a mode that an input pushes.
-
-    Parameters
-    ----------
-    mode : Mode
-        The effect.
-    push : sympy.Expr, optional
-        What the input alone does to the coordinate; g u if not given.
-    """
+    """Return the equation of a mode that an input pushes: by g u, or by what it alone does to the coordinate."""
     import sympy as sp
 
     from discovery.declarations import symbols as s
@@ -158,16 +142,9 @@ def together(effects: Iterable[Effect]) -> list[list[Effect]]:
 
 
 def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u", "q", "q_read")) -> str:
-    """Return the one law that closures, drives, or sensors of one kind have together.
+    """Return the one law of closures, drives, or sensors of one kind, a group of `together`, on a kind of system.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        A group as `together` returns it.
-    system : str
-        Kind of system.
-    names : (str, str, str)
-        Of the input of a system without a rod, of its output, and of what is told of that.
+    `names` are those of the input of a system without a rod, of its output, and of what is told of that.
     """
     import sympy as sp
 

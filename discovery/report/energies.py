@@ -46,22 +46,7 @@ def are_summed(effect: Effect) -> bool:
 
 
 def summed(effects: Sequence[Effect], system: str, values: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return one formula for each energy to which effects add.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Those that `are_summed`.
-    system : str
-        Kind of system.
-    values : mapping of str to float
-        Numbers of parameters and of known quantities by name.
-
-    Returns
-    -------
-    list of (str, str)
-        Words and MathML.
-    """
+    """Return words and MathML for each energy to which effects that `are_summed` add, with numbers by name."""
     terms: dict[str, list[str]] = {}
     for effect in effects:
         terms.setdefault(LETTERS[effect.kind], []).extend(_terms(effect, coordinate_name(system), values))

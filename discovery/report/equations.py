@@ -39,16 +39,9 @@ __all__ = ["Formula", "discovered_equation", "model_formulas", "undriven"]
 
 @dataclass(frozen=True)
 class Formula:
-    """One line of mathematics with the words before it.
+    """One line of mathematics in presentation MathML without its enclosing element, with the words before it.
 
-    Parameters
-    ----------
-    words : str
-        A clause that says what it is.
-    body : str
-        Presentation MathML without the enclosing element.
-    needed : bool
-        Whether the equation is incomplete without it, although no parameter may stand in it.
+    The equation is incomplete without one that is `needed`, although no parameter may stand in it.
     """
 
     words: str
@@ -209,23 +202,12 @@ def _reduced_arm() -> list[Formula]:
 
 
 def model_formulas(model: Mapping, system: str, values: Mapping[str, float] | None = None) -> list[Formula]:
-    """Return the formulas of a model.
+    """Return the formulas of what `discovery.equations.model.Model.to_dict` gave for a kind of system.
 
-    Parameters
-    ----------
-    model : mapping
-        What `discovery.equations.model.Model.to_dict` gave.
-    system : str
-        Kind of system.
-    values : mapping of str to float, optional
-        Numbers of parameters and of known quantities: each energy of an arm is then one sum with them.
-
-    Returns
-    -------
-    list of Formula
-        The equation of motion where the base has one coordinate, with the modes beside it and what is read where that
-        is not the coordinate, else Lagrange's equations and every effect's part in them; then what closures, drives
-        and sensors say.
+    First the equation of motion where the base has one coordinate, with the modes beside it and what is read where that
+    is not the coordinate, else Lagrange's equations and every effect's part in them; then what closures, drives and
+    sensors say. With `values`, the numbers of parameters and known quantities by name, each energy of an arm is one sum
+    with them.
     """
     told: list[Effect] = []
     scalar = not get_base(model["base"]).system.has_rod or model["base"] == "constant_radius"
@@ -258,13 +240,5 @@ def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:
 
 
 def discovered_equation(terms: list[tuple[str, str]], inputs: list[tuple[str, str]], system: str) -> str:
-    """Return an equation found by sparse regression, with its numbers.
-
-    Parameters
-    ----------
-    terms, inputs : list of (str, str)
-        Printed coefficient and MathML of each term on the left, and of the inputs on the right.
-    system : str
-        Kind of system.
-    """
+    """Return an equation found by regression, from the printed coefficient and the MathML of each term and input."""
     return equal(total([("", symbol(coordinate_name(system), 2)), *terms]), total(inputs))

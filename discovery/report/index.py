@@ -46,19 +46,11 @@ _PAGES = {
 
 
 def build_index(folder: Path) -> Path:
-    """Write ``index.html`` in a folder of runs.
+    """Write ``index.html`` in a folder of runs, and return it; pictures are embedded, pages of the runs are linked.
 
-    Parameters
-    ----------
-    folder : Path
-        Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
-        ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side,
-        ``closed_loop`` the controllers.
-
-    Returns
-    -------
-    Path
-        The page; the pictures are embedded, pages of the runs are linked.
+    Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
+    ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side, ``closed_loop``
+    the controllers.
 
     Raises
     ------

@@ -56,15 +56,7 @@ class Scale:
 
 
 def scale_for(unit: str, typical: float) -> Scale:
-    """Return the prefix under which values of a typical size are easy to read.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit of the values.
-    typical : float
-        Their size.
-    """
+    """Return the prefix of an SI unit under which values of a typical size are easy to read."""
     factor, prefix = prefix_for(unit, typical)
     return Scale(factor, prefix + unit_text(unit))
 

@@ -88,15 +88,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Run:
-    """The result files of a run directory.
-
-    Parameters
-    ----------
-    folder : Path
-        The run directory.
-    results : mapping
-        Content of ``results.json``.
-    """
+    """The result files of a run directory, with the content of its ``results.json``."""
 
     folder: Path
     results: Mapping[str, Any]
@@ -270,11 +262,6 @@ def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory
 
 def read_run(folder: Path) -> Run:
     """Read the result files of a run.
-
-    Parameters
-    ----------
-    folder : Path
-        The run directory, with ``results.json`` in it.
 
     Raises
     ------

@@ -138,15 +138,7 @@ def render(picture: Picture) -> tuple[str, bytes]:
 
 
 def decimate(time: FloatArray, values: FloatArray, limit: int = 1400) -> tuple[FloatArray, FloatArray]:
-    """Return a curve of at most about `limit` points that keeps the extremes of every stretch.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        The curve; NaN marks gaps.
-    limit : int
-        Number of points.
-    """
+    """Return a curve (n,) of at most about `limit` points that keeps the extremes of every stretch; NaN marks gaps."""
     n = time.size
     if n <= limit:
         return time, values

@@ -102,15 +102,7 @@ def page_prose(text: str) -> Markup:
 
 
 def values_text(parameters: Mapping[str, Mapping[str, Any]], coordinate: str) -> str:
-    """Return parameters of loop.json with their values and units, one after the other.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Records of value, standard deviation and unit by name.
-    coordinate : str
-        The unit that q stands for.
-    """
+    """Return parameters of loop.json with their values and units; `coordinate` is the unit that q stands for."""
     return "; ".join(
         f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], coordinate)}".strip()
         for name, p in parameters.items()

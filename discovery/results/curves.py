@@ -35,16 +35,9 @@ def save_groups(path: Path, groups: Mapping[str, xr.Dataset]) -> None:
 def trajectories(
     dataset: Dataset, predictions: Mapping[str, Sequence[FloatArray | None]], bands: Sequence[Any] = ()
 ) -> dict[str, xr.Dataset]:
-    """Return measured and predicted channels of every recording.
+    """Return measured and predicted channels of every recording, training first, with bands by recording name.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Recordings, training first.
-    predictions : mapping of str to sequence of ndarray or None
-        By model: one array (n, c) for each recording, None where there is none.
-    bands : sequence of Band
-        Posterior predictive bands by recording name.
+    `predictions` hold by model an array (n, c) for each recording, None where there is none.
     """
     groups = {}
     for i, (role, e) in enumerate(dataset.everything):
