@@ -13,7 +13,7 @@ from discovery.declarations.registry import effect_name
 from discovery.estimation.importance import LARGEST_K
 from discovery.report.failure_sentences import failure_sentence
 from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
-from discovery.report.number_words import listed, plain, sizes
+from discovery.report.numbers import listed, plain, sizes
 
 __all__ = [
     "OUTCOMES",

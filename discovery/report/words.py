@@ -11,8 +11,7 @@ from markupsafe import Markup, escape
 from discovery.declarations.registry import catalogue, effect_name, get_effect
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
-from discovery.report.number_words import listed
-from discovery.report.numbers import Scale, power_of_ten, scale_for_change, uncertain, unit_text
+from discovery.report.numbers import Scale, listed, power_of_ten, scale_for_change, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
 from discovery.results.judging import held_group
