@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup
+
 from discovery.declarations.effect import Memory, Mode, Sensor
 from discovery.declarations.registry import get_effect
 from discovery.mechanics import get_base
@@ -23,7 +25,8 @@ from discovery.report.effect_formulas import (
     together,
 )
 from discovery.report.energies import are_summed, summed
-from discovery.report.mathml import number, power, row, symbol, total
+from discovery.report.latex import latex
+from discovery.report.mathml import block, number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 
@@ -45,6 +48,11 @@ class Formula:
     words: str
     body: str
     needed: bool = False
+
+    @property
+    def shown(self) -> tuple[str, Markup, str]:
+        """Its words, its mathematics on a line of its own, and the same as LaTeX."""
+        return self.words, Markup(block(self.body)), latex(self.body)
 
 
 def undriven(model: Mapping) -> bool:

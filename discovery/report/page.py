@@ -9,14 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from markupsafe import Markup
-
 from discovery.foundation.arguments import as_path
 from discovery.foundation.io import atomic_write
 from discovery.report import ambiguity, answer, convergence, evidence, latent, measures, noise, posterior, story
 from discovery.report.charts import chart_data
 from discovery.report.drive import drive_words
-from discovery.report.equations import Formula, model_formulas
+from discovery.report.equations import model_formulas
 from discovery.report.estimates import (
     elastica_table,
     final_table,
@@ -28,7 +26,6 @@ from discovery.report.estimates import (
 from discovery.report.failed import failed_context, failed_pictures
 from discovery.report.figures import draw_all
 from discovery.report.latex import latex
-from discovery.report.mathml import block
 from discovery.report.model_error_sentences import model_error_words
 from discovery.report.numbers import interval, significant, uncertain, unit_text
 from discovery.report.references import methods_used, sources_table
@@ -177,10 +174,6 @@ def _tables(run: Run) -> dict[str, Table]:
     return {table.name: table for table in made if table is not None}
 
 
-def _lines(formulas: list[Formula]) -> list[tuple[str, Markup, str]]:
-    return [(f.words, Markup(block(f.body)), latex(f.body)) for f in formulas]
-
-
 def added_effects(run: Run) -> list[dict[str, Any]]:
     """Return what the loop added, each with its parameters, its odds and its rivals in words."""
     found = []
@@ -266,9 +259,9 @@ def _model_part(run: Run) -> dict[str, Any]:
     """Return the declared and the final model."""
     model, system = run.loop["model"], run.results["rig"]["kind"]
     return {
-        "declared_formulas": _lines(model_formulas(model["before"]["model"], system)),
+        "declared_formulas": [f.shown for f in model_formulas(model["before"]["model"], system)],
         "drive": drive_words(run),
-        "final_formulas": _lines(model_formulas(model["after"]["model"], system)),
+        "final_formulas": [f.shown for f in model_formulas(model["after"]["model"], system)],
         "same_model": model["before"]["model"] == model["after"]["model"],
         "final": model["after"],
         "reduced_chi2": significant(model["after"]["reduced_chi2"], 4),
