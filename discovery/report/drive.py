@@ -7,6 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from discovery.equations.equation import MOVING_INPUT, equation_terms
+from discovery.equations.model import Model
 from discovery.mechanics import get_base
 from discovery.report.equations import undriven
 from discovery.report.numbers import unit_text
@@ -22,9 +24,6 @@ def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
 
     The model is what `discovery.equations.model.Model.to_dict` gave.
     """
-    from discovery.equations.equation import MOVING_INPUT, equation_terms
-    from discovery.equations.model import Model
-
     base = get_base(model["base"])
     if base.system.has_rod or base.places() or undriven(model):
         return {}

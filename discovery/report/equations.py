@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import sympy as sp
 from markupsafe import Markup
 
-from discovery.declarations.effect import Memory, Mode, Sensor
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import Effect, Memory, Mode, Sensor
 from discovery.declarations.registry import get_effect
+from discovery.equations.equation import equation_terms, motion_symbols
+from discovery.equations.model import Model
 from discovery.mechanics import get_base
 from discovery.report.declared_formulas import declared_formulas, fault_formula, placed_formula
 from discovery.report.effect_formulas import (
@@ -29,11 +32,6 @@ from discovery.report.latex import latex
 from discovery.report.mathml import block, number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
-
-if TYPE_CHECKING:
-    import sympy as sp
-
-    from discovery.declarations.effect import Effect
 
 __all__ = ["Formula", "discovered_equation", "model_formulas", "undriven"]
 
@@ -62,8 +60,6 @@ def undriven(model: Mapping) -> bool:
 
 def _multiplied_out(term: sp.Expr, values: Mapping[str, float]) -> sp.Expr:
     """Return a term with a number for the product of two parameters or more before it."""
-    import sympy as sp
-
     factor, rest = term.as_independent(*[x for x in term.free_symbols if x.name not in values], as_Add=False)
     if len(factor.free_symbols) < 2:
         return term
@@ -75,12 +71,6 @@ def _one_coordinate(model: Mapping, values: Mapping[str, float]) -> tuple[list[F
 
     The effects that need no formula any more come second.
     """
-    import sympy as sp
-
-    from discovery.declarations import symbols as s
-    from discovery.equations.equation import equation_terms, motion_symbols
-    from discovery.equations.model import Model
-
     described = Model(model["base"], tuple(model["effects"]))
     system, terms = described.mechanics.system, equation_terms(described)
     name = coordinate_name(system)
