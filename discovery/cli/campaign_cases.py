@@ -16,24 +16,10 @@ _NAMED = 5
 
 @dataclass(frozen=True)
 class Case:
-    """One loop of a campaign.
+    """One loop of a campaign: a rig file, the files of its recordings, and the folder where loop.json goes.
 
-    Parameters
-    ----------
-    rig : Path
-        The rig file.
-    train, holdout : tuple of Path
-        Files of its recordings.
-    own : bool
-        They are those of the rig file's [records], not the ones found beside it.
-    only : int or None
-        Of the [records], the one training recording that is fitted; None for all.
-    out : Path
-        Where loop.json goes.
-    seed : int
-        Seed of the loop.
-    page : bool
-        It gets a page of its own.
+    The recordings are its `own`, those of its [records], or were found beside it; of its own, `only` one may be fitted.
+    With `page`, the case gets a page of its own.
     """
 
     rig: Path

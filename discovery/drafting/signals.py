@@ -53,22 +53,11 @@ class Signal:
 
 @dataclass(frozen=True)
 class Signals:
-    """What a file holds.
+    """What a file holds: times (None where a rate is stated), what drives the system, and its motion.
 
-    Attributes
-    ----------
-    header : tuple of str
-        Names given to the columns of a file without names, else empty.
-    time, input : Signal or None
-        Times (None where a rate is stated), and what drives the system.
-    output : Signal
-        The motion.
-    moved : bool
-        Whether the input is the motion of a base.
-    reads : str
-        What the name of the output says: ``"height"``, ``"speed"``, ``"acceleration"``, or something else.
-    unused : tuple of str
-        Columns that are not used.
+    `header` are names given to the columns of a file without names. The input is the motion of a base where it is
+    `moved`; the name of the output says that it `reads` a ``"height"``, ``"speed"``, ``"acceleration"``, or something
+    else.
     """
 
     header: tuple[str, ...]
