@@ -12,10 +12,9 @@ from urllib.parse import quote
 
 from markupsafe import Markup, escape
 
-from discovery.foundation.io import atomic_write
 from discovery.report.figures.specimens import draw_specimens
 from discovery.report.numbers import interval, scale_for, significant, unit_text
-from discovery.report.page import embed, environment
+from discovery.report.page import embed, environment, written
 from discovery.report.style import styled
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import effect_name, listed, sentence
@@ -50,8 +49,7 @@ def build_campaign(
     if pooled:
         tables["pooled"] = _pooled(pooled)
     for table in tables.values():
-        with atomic_write(folder / "tables" / f"{table.name}.csv") as draft:
-            draft.write_text(table.csv(), encoding="utf-8")
+        written(folder / "tables" / f"{table.name}.csv", table.csv())
     with styled():
         figures = [embed(folder, picture) for picture in draw_specimens(pooled)]
     context = {
@@ -62,10 +60,7 @@ def build_campaign(
         "figures": {"specimens": figures},
         "failed": [(row["name"], row["error"][:_SAID]) for row in rows if row["error"]],
     }
-    path = folder / PAGE
-    with atomic_write(path) as draft:
-        draft.write_text(environment().get_template("campaign.html.j2").render(context), encoding="utf-8")
-    return path
+    return written(folder / PAGE, environment().get_template("campaign.html.j2").render(context))
 
 
 def _answer(rows: Sequence[Mapping[str, Any]]) -> str:

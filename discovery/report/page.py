@@ -40,7 +40,7 @@ from discovery.report.words import clause, effect_name, effect_title, headline, 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["added_effects", "build_report", "embed", "environment"]
+__all__ = ["added_effects", "build_report", "embed", "environment", "written"]
 
 #: Letters of the name of a figure's file.
 _LONGEST = 100
@@ -79,23 +79,26 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
         with styled():
             shown = {"data": [embed(run.folder, picture) for picture in failed_pictures(run)]}
         html = environment().get_template("failed.html.j2").render(**failed_context(run), figures=shown)
-        return _written(run.folder, html)
+        return _page(run.folder, html)
     tables = _tables(run)
     figures: dict[str, list[dict[str, Any]]] = {}
     with styled():
         for section, pictures in draw_all(run).items():
             figures[section] = [embed(run.folder, picture) for picture in pictures]
     for table in tables.values():
-        with atomic_write(run.folder / "tables" / f"{table.name}.csv") as temporary:
-            temporary.write_text(table.csv(), encoding="utf-8")
-    return _written(run.folder, environment().get_template("page.html.j2").render(_context(run, tables, figures)))
+        written(run.folder / "tables" / f"{table.name}.csv", table.csv())
+    return _page(run.folder, environment().get_template("page.html.j2").render(_context(run, tables, figures)))
 
 
-def _written(folder: Path, html: str) -> Path:
-    path = folder / "report.html"
+def _page(folder: Path, html: str) -> Path:
+    # The odds that are told stand in one line.
+    return written(folder / "report.html", html.replace("10 000", "10\N{NO-BREAK SPACE}000"))
+
+
+def written(path: Path, text: str) -> Path:
+    """Write a file beside its place first, and return it."""
     with atomic_write(path) as temporary:
-        # The odds that are told stand in one line.
-        temporary.write_text(html.replace("10 000", "10\N{NO-BREAK SPACE}000"), encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
     return path
 
 
