@@ -1142,6 +1142,14 @@ def test_every_base_has_formulas(base: str) -> None:
         assert ElementTree.fromstring(block(made.body)).find(".//mi") is not None
 
 
+def test_the_inertias_of_an_arm_stand_before_its_acceleration() -> None:
+    effects = ["linear_stiffness", "tip_rotary_inertia"]
+    equation, deflection = model_formulas({"base": "constant_radius", "effects": effects}, "flexible_arm")
+    left = r"(\frac{9\, J}{4}+1)\ddot{\theta}_{t}+\alpha \, \delta -\frac{3\, J\, \ddot{\theta}_{m}}{4}"
+    assert latex(equation.body) == f"{left}=0"
+    assert deflection.words == "with the deflection"
+
+
 def test_the_papers_equation_is_written_as_in_the_paper() -> None:
     lines = model_formulas({"base": "constant_radius", "effects": synthetic_run.ARM_DECLARED}, "flexible_arm")
     assert [_text(block(line.body)) for line in lines] == ["θ..t+ξθ.t+αδ+βδ3=0", "δ=θt−θm", "ρt/l=cos(γδ)"]

@@ -16,24 +16,10 @@ _NAMED = 5
 
 @dataclass(frozen=True)
 class Case:
-    """One loop of a campaign.
+    """One loop of a campaign: a rig file, the files of its recordings, and the folder where loop.json goes.
 
-    Parameters
-    ----------
-    rig : Path
-        The rig file.
-    train, holdout : tuple of Path
-        Files of its recordings.
-    own : bool
-        They are those of the rig file's [records], not the ones found beside it.
-    only : int or None
-        Of the [records], the one training recording that is fitted; None for all.
-    out : Path
-        Where loop.json goes.
-    seed : int
-        Seed of the loop.
-    page : bool
-        It gets a page of its own.
+    The recordings are its `own`, those of its [records], or were found beside it; of its own, `only` one may be fitted.
+    With `page`, the case gets a page of its own.
     """
 
     rig: Path
@@ -49,12 +35,8 @@ class Case:
 def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
     """Return the rig files below a folder, at any depth, and the other TOML files there; or the one that is named.
 
-    A file ``rig*.toml`` is a rig file even where it cannot be read, so that its mistake is told.
-
-    Raises
-    ------
-    InputError
-        If there is none, or the one that is named cannot be read.
+    A file ``rig*.toml`` is a rig file even where it cannot be read, so that its mistake is told. InputError if there is
+    none, or the one that is named cannot be read.
     """
     from discovery.foundation.errors import InputError
     from discovery.foundation.io import shown
@@ -95,21 +77,10 @@ def _is_rig(path: Path) -> bool:
 def found_cases(
     rigs: Sequence[Path], root: Path, out: Path, *, seed: int = 1, each: bool = False, page: bool = False
 ) -> list[tuple[str, Case]]:
-    """Return the cases of rig files, named by where they are.
+    """Return the cases of rig files below a folder, named by where they are, each with a folder in `out`.
 
-    Parameters
-    ----------
-    rigs : sequence of Path
-        From `rig_files`. The recordings of a rig are those of its [records]; where it names none to train on, the files
-        ``train*.csv`` and ``holdout*.csv`` beside it, but for ``*_clean.csv``.
-    root : Path
-        Folder that all of them are below.
-    out : Path
-        Folder of the campaign.
-    seed : int
-        Seed of every loop.
-    each, page : bool
-        Every training recording is a case of its own; every case gets a page.
+    The recordings of a rig are those of its [records]; where it names none to train on, the files ``train*.csv`` and
+    ``holdout*.csv`` beside it, but for ``*_clean.csv``. With `each`, every training recording is a case of its own.
     """
     cases: dict[str, Case] = {}
     for rig in rigs:

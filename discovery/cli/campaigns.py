@@ -104,11 +104,6 @@ def _say_found(where: Path, rigs: Sequence[Path], skipped: Sequence[Path], cases
             note(f"{rig}: not in its [records], not used: {', '.join(unused)}")
 
 
-def _say_dashboard(link: str, dashboards: list[str]) -> None:
-    dashboards.append(link)
-    note(f"dashboard of the cluster: {link}")
-
-
 def _page(folder: Path, names: Sequence[str], dashboard: str = "") -> Path:
     """Pool the parameters of some cases, and write the page over all of them."""
     from discovery.report.campaign import build_campaign
@@ -118,12 +113,9 @@ def _page(folder: Path, names: Sequence[str], dashboard: str = "") -> Path:
 
     pooled = pooled_parameters(rows(folder, names))
     write_json(folder / "pooled.json", {"pooled": pooled})
-    return build_campaign(folder, [_slim(row) for row in rows(folder, names)], pooled, dashboard)
-
-
-def _slim(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an outcome without its parameters, which are pooled: the page holds many at once."""
-    return {key: value for key, value in row.items() if key != "parameters"}
+    # The page holds many outcomes at once: without their parameters, which are pooled.
+    slim = [{key: value for key, value in row.items() if key != "parameters"} for row in rows(folder, names)]
+    return build_campaign(folder, slim, pooled, dashboard)
 
 
 def _count_failed(outcomes: Iterable[Outcome], *, quiet: bool) -> int:
@@ -177,18 +169,9 @@ def _count(number: int, word: str) -> str:
 )
 @click.option("--limit", type=click.FloatRange(0, min_open=True), help="Seconds that one case may take.")
 def campaign(
-    where: Path,
-    out: Path,
-    seed: int,
-    quiet: bool,
-    as_json: bool,
-    each: bool,
-    pages: bool,
-    workers: int,
-    scheduler: str | None,
-    insecure: bool,
-    limit: float | None,
-) -> None:
+    where: Path, out: Path, seed: int, quiet: bool, as_json: bool, each: bool, pages: bool, workers: int,
+    scheduler: str | None, insecure: bool, limit: float | None,
+) -> None:  # fmt: skip
     """Run the loop on every rig file below a folder, or on one: find what the declared model lacks.
 
     A rig file is rig*.toml, at any depth, or any other TOML file that describes a rig. Its recordings are those of its
@@ -219,8 +202,13 @@ def campaign(
     folder = results_folder(out, "campaign.json", "results.parquet", "results.csv", "campaign.html")
     how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "insecure": insecure, "limit": limit}
     dashboards: list[str] = []
-    how["heard"] = dashboards.append if quiet else lambda link: _say_dashboard(link, dashboards)
-    outcomes = run(close, cases, folder, settings={"seed": seed}, origins=made, **how)
+
+    def heard(link: str) -> None:
+        dashboards.append(link)
+        if not quiet:
+            note(f"dashboard of the cluster: {link}")
+
+    outcomes = run(close, cases, folder, settings={"seed": seed}, origins=made, heard=heard, **how)
     left = list(unfinished(cases, folder, made))
     if not quiet:
         _say_found(where, rigs, skipped, cases)

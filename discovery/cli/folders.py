@@ -12,16 +12,9 @@ __all__ = ["held", "results_folder", "writable"]
 
 
 def results_folder(out: Path, *files: str) -> Path:
-    """Return the folder of ``--out``, made if need be; refuse one in which nothing can be written.
+    """Return the folder of ``--out``, made if need be; refuse one in which these files cannot be written.
 
     No other command writes to it until this one ends.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    *files : str
-        Names of the files that will be written to it.
     """
     from discovery.foundation.errors import InputError
 

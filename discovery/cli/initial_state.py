@@ -17,13 +17,7 @@ _LENGTHS = 30.0
 
 
 def read_state(text: str | None) -> tuple[float, float] | None:
-    """Return the two numbers of ``--initial-state``.
-
-    Raises
-    ------
-    InputError
-        If they are not two finite numbers.
-    """
+    """Return the two numbers of ``--initial-state``; refuse what are not two finite numbers."""
     if text is None:
         return None
     from discovery.foundation.errors import InputError
@@ -41,14 +35,9 @@ def read_state(text: str | None) -> tuple[float, float] | None:
 
 
 def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
-    """Refuse a state in degrees, or in the unit of a column that is not an SI unit.
+    """Refuse a state in degrees, or in the unit of a column that is not an SI unit, with the same state in SI units.
 
     The coordinate of an arm is an angle, that of any other system what its output reads: an angle or a length.
-
-    Raises
-    ------
-    InputError
-        With the same state in SI units.
     """
     first = dataset.train[0]
     if state is None or first.rig.view is not None or first.reads_acceleration:

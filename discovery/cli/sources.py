@@ -28,13 +28,7 @@ def _parameters(kind: type[Disturbance]) -> dict[str, float | None]:
 
 
 def _hidden(text: str) -> Disturbance:
-    """Return what one ``--effect`` names.
-
-    Raises
-    ------
-    InputError
-        With the parameters of the effect, if they are not those that are given.
-    """
+    """Return what one ``--effect`` names; InputError with the parameters of the effect, if they are not those given."""
     from math import isfinite
 
     from discovery_datasets.disturbances import DISTURBANCES

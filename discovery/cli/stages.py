@@ -17,10 +17,19 @@ from discovery.foundation.estimate_text import estimate_text
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from discovery.recordings.dataset import Dataset
+
 __all__ = ["COMMANDS", "NOISES"]
 
 #: Noise models, named here so that the help is there at once; "auto" is the one of largest evidence.
 NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
+
+
+def _save(file: Path, content: Mapping[str, Any], dataset: Dataset, seed: int) -> None:
+    """Write what a stage found, and where it comes from."""
+    from discovery.results.provenance import provenance, write_json
+
+    write_json(file, {"provenance": provenance(dataset, seed=seed), **content})
 
 
 @click.command()
@@ -28,7 +37,6 @@ NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
 @options("train", "out", "seed", "quiet", "json")
 def discover(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> None:
     """Find the equation of motion by sparse regression."""
-    from discovery.results.provenance import provenance, write_json
     from discovery.runs import regression_stage
 
     dataset = load(rig, train, (), quiet, keep_third=False)
@@ -36,7 +44,7 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
     with progress(quiet) as tell:
         found = regression_stage.discover(dataset, seed=seed, progress=tell)
     summary = found.summary()
-    write_json(folder / "discovery.json", {"provenance": provenance(dataset, seed=seed), **summary})
+    _save(folder / "discovery.json", summary, dataset, seed)
     if as_json:
         print_json({**summary, "files": [folder / "discovery.json"]})
         return
@@ -50,14 +58,13 @@ def discover(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
 @options("train", "out", "seed", "quiet", "json")
 def fit(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> None:
     """Fit the linear and the declared model by output error."""
-    from discovery.results.provenance import provenance, write_json
     from discovery.runs import stages
 
     dataset = load(rig, train, (), quiet, keep_third=False)
     folder = results_folder(out, "fit.json")
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, progress=tell)
-    write_json(folder / "fit.json", {"provenance": provenance(dataset, seed=seed), **fits.summary()})
+    _save(folder / "fit.json", fits.summary(), dataset, seed)
     if as_json:
         print_json({**fits.summary(), "files": [folder / "fit.json"]})
         return
@@ -82,7 +89,6 @@ def fit(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool) -> N
 )
 def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool, noise: str) -> None:
     """Sample the posterior of the declared model; an interrupted run is resumed."""
-    from discovery.results.provenance import provenance, write_json
     from discovery.runs import stages
 
     dataset = load(rig, train, (), quiet, keep_third=False)
@@ -96,12 +102,9 @@ def posterior(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool
         tell("simulating what some of the draws would read again")
         found.to_netcdf(folder / "posterior.nc", dataset)
     rows = found.summary()
-    summary = {
-        "rows": rows,
-        "status": found.status,
-        "noise": {"chosen": chosen} if choice is None else choice.summary(),
-    }
-    write_json(folder / "posterior.json", {"provenance": provenance(dataset, seed=seed), **summary})
+    of_noise = {"chosen": chosen} if choice is None else choice.summary()
+    summary = {"rows": rows, "status": found.status, "noise": of_noise}
+    _save(folder / "posterior.json", summary, dataset, seed)
     checkpoint.unlink(missing_ok=True)
     if found.warns:  # whatever is silenced: the intervals are not what they seem
         note(found.status)
@@ -140,7 +143,6 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool, as_json
     from discovery.foundation.errors import InputError
     from discovery.posterior.draws import Posterior
     from discovery.recordings.dataset import Dataset
-    from discovery.results.provenance import provenance, write_json
     from discovery.rigs.rig_file import read_rig
     from discovery.runs import stages
 
@@ -156,10 +158,7 @@ def elastica(rig: Path, train, out: Path | None, seed: int, quiet: bool, as_json
             f"{rig}: the elastica needs an arm with length, tip_mass, beam_mass and flexural_rigidity in its rig file."
         )
     if out is not None:
-        write_json(
-            results_folder(out, "elastica.json") / "elastica.json",
-            {"provenance": provenance(dataset, seed=seed), **found},
-        )
+        _save(results_folder(out, "elastica.json") / "elastica.json", found, dataset, seed)
     if as_json:
         print_json({**found, "files": [] if out is None else [out / "elastica.json"]})
         return
@@ -175,7 +174,6 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
     """Examine what the declared model leaves."""
     from discovery.estimation.natural_units import natural_units
     from discovery.estimation.residual import examine
-    from discovery.results.provenance import provenance, write_json
     from discovery.runs import stages
 
     dataset = load(rig, train, (), quiet, keep_third=False)
@@ -183,7 +181,7 @@ def residual(rig: Path, train, out: Path, seed: int, quiet: bool, as_json: bool)
     with progress(quiet) as tell:
         fits = stages.estimate(dataset, progress=tell)
     report = examine(dataset.train, fits.predictions["declared"], 2 * math.pi * natural_units(dataset.train).time)
-    write_json(folder / "residual.json", {"provenance": provenance(dataset, seed=seed), **report.summary()})
+    _save(folder / "residual.json", report.summary(), dataset, seed)
     if as_json:
         print_json({**report.summary(), "files": [folder / "residual.json"]})
         return

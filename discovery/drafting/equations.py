@@ -37,12 +37,9 @@ _TURNS = _Body("angle", "rad", "inertia", "kg m^2", "N m", "N m s / rad")
 
 
 def equations(found: Signals, time: FloatArray) -> Iterator[str]:
-    """Yield the lines of a table [system] that fits what was recorded.
+    """Yield the lines of a table [system] that fits what was recorded at times [s] (n,).
 
-    Raises
-    ------
-    InputError
-        For an output that is no motion of a body in an SI unit.
+    InputError for an output that is no motion of a body in an SI unit.
     """
     unit = si_symbol(found.output.unit)
     if unit not in _READ or (found.reads == "speed" and not unit.endswith("/s")):

@@ -17,14 +17,7 @@ __all__ = ["Guess", "fits", "guess_kind", "has_columns_of_an_arm"]
 
 
 class Guess(NamedTuple):
-    """A kind of system, and why.
-
-    Attributes
-    ----------
-    kind : str
-    why : str
-        One clause.
-    """
+    """A kind of system, and one clause that says why."""
 
     kind: str
     why: str
@@ -48,17 +41,7 @@ def fits(kind: Kind, found: Signals) -> bool:
 
 
 def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
-    """Guess the kind of system.
-
-    Parameters
-    ----------
-    path : Path
-        The file, whose name may say it.
-    found : Signals
-        Its signals.
-    time : array, shape (n,)
-        Times [s].
-    """
+    """Guess the kind of system from its signals, their times [s] (n,), and the name of their file."""
     unit = si_symbol(found.output.unit)
     if found.reads == "speed":
         return Guess("system", "a speed is read by a system in its own equations: docs/YOUR_SYSTEM.md")

@@ -38,19 +38,7 @@ _TURNS = 4.0 * np.pi
 
 @dataclass(frozen=True)
 class Signal:
-    """One column.
-
-    Attributes
-    ----------
-    name : str
-        As the file has it.
-    unit : str
-        Its unit.
-    guessed : bool
-        Whether the unit is a guess.
-    values : array, shape (n,)
-        Numbers in that unit.
-    """
+    """One column: name in the file, unit, whether that is a guess, and numbers in it (n,)."""
 
     name: str
     unit: str
@@ -65,22 +53,11 @@ class Signal:
 
 @dataclass(frozen=True)
 class Signals:
-    """What a file holds.
+    """What a file holds: times (None where a rate is stated), what drives the system, and its motion.
 
-    Attributes
-    ----------
-    header : tuple of str
-        Names given to the columns of a file without names, else empty.
-    time, input : Signal or None
-        Times (None where a rate is stated), and what drives the system.
-    output : Signal
-        The motion.
-    moved : bool
-        Whether the input is the motion of a base.
-    reads : str
-        What the name of the output says: ``"height"``, ``"speed"``, ``"acceleration"``, or something else.
-    unused : tuple of str
-        Columns that are not used.
+    `header` are names given to the columns of a file without names. The input is the motion of a base where it is
+    `moved`; the name of the output says that it `reads` a ``"height"``, ``"speed"``, ``"acceleration"``, or something
+    else.
     """
 
     header: tuple[str, ...]
@@ -93,33 +70,16 @@ class Signals:
 
 
 def open_table(path: Path) -> tuple[Table, tuple[str, ...]]:
-    """Read a file, and name its columns where it does not.
-
-    Raises
-    ------
-    InputError
-        For a file that is no table.
-    """
+    """Read a file, and name its columns where it does not; InputError for a file that is no table."""
     header = unnamed_columns(path)
     return read_table(path, header or None), header
 
 
 def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, str | None] | None = None) -> Signals:
-    """Tell the signals of a file apart.
+    """Tell the signals of a file apart; without times, it has a `rate` of readings [Hz].
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    rate : float, optional
-        Readings a second [Hz], for a file without times.
-    chosen : mapping of str to str or None, optional
-        Columns that the user names, by ``"time"``, ``"input"`` and ``"output"``.
-
-    Raises
-    ------
-    InputError
-        If there are no times and no rate, no output, or several columns could be it.
+    `chosen` are columns that the user names, by ``"time"``, ``"input"`` and ``"output"``. InputError if there are no
+    times and no rate, no output, or several columns could be it.
     """
     table, header = open_table(path)
     wanted = {role: name for role, name in (chosen or {}).items() if name is not None}

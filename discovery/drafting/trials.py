@@ -16,14 +16,7 @@ __all__ = ["trials"]
 def trials(table: Table, time: npt.NDArray[np.float64], names: Sequence[str]) -> tuple[str, list[str | float]]:
     """Return the column that tells the trials of a file apart, and its values in their order; none of them otherwise.
 
-    Parameters
-    ----------
-    table : Table
-        The file.
-    time : array, shape (n,)
-        Its times, which begin again with every trial.
-    names : sequence of str
-        Columns that may tell: one holds for each trial a value of its own.
+    Its times [s] (n,) begin again with every trial. Of the columns `names`, one may hold for each a value of its own.
     """
     begins = np.flatnonzero(np.diff(time) <= 0.0) + 1
     if not begins.size:

@@ -14,7 +14,7 @@ from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import comment, composition, initial_states, origin
 from discovery.export.source import integration_step
-from discovery.export.source_text import ARM_WORDS, FREE_WORDS, MOVED_WORDS, OSCILLATOR_WORDS
+from discovery.export.source_text import input_words
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, needed, program_of
 from discovery.export.templates import filled, indented
 from discovery.foundation.errors import InputError
@@ -137,19 +137,10 @@ def _functions(program: SymbolicModel) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _words(found: FittedModel, program: SymbolicModel) -> Mapping[str, str]:
-    """Return what input and readings are called."""
-    base = found.model.mechanics
-    if base.input_moves:
-        return ARM_WORDS if base.system.has_rod else MOVED_WORDS
-    heard = {x for _, e in (*program.drive, *program.assignments) for x in e.free_symbols}
-    return OSCILLATOR_WORDS if sp.Symbol("u", real=True) in heard else FREE_WORDS
-
-
 def _fields(found: FittedModel, name: str) -> dict[str, Any]:
     """Return the fields of the templates."""
     program, step = program_of(found.model), integration_step(found)
-    words, functions = _words(found, program), _functions(program)
+    words, functions = input_words(found.model, program), _functions(program)
     return {
         "NAME": name,
         "NAME_UPPER": name.upper(),
@@ -160,7 +151,6 @@ def _fields(found: FittedModel, name: str) -> dict[str, Any]:
         "N_STATES": len(program.states),
         "INPUTS": words["INPUTS"],
         "N_INPUTS": len(program.recorded),
-        "INPUT_ROWS": words["INPUTS"],
         "READINGS": words["READING_WORDS"],
         "N_READINGS": len(program.reading),
         "JUMPS": words["JUMPS"],

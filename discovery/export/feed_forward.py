@@ -62,13 +62,7 @@ class FeedForward:
 
 
 def _command(model: Model) -> _Command:
-    """Return the command of a motion, with memory at rest.
-
-    Raises
-    ------
-    InputError
-        If nothing pushes the body by a command.
-    """
+    """Return the command of a motion, with memory at rest; InputError if nothing pushes the body by a command."""
     program, base = program_of(model), model.mechanics
     names = [sp.Symbol("t", real=True), *RECORDED, *program.states, *program.parameters]
     if base.prescribed:
@@ -198,15 +192,7 @@ def feed_forward_csv(found: FeedForward) -> str:
 
 
 def feed_forward_c(found: FeedForward, source: FittedModel) -> str:
-    """Return both tables as a C header, with a function that looks them up.
-
-    Parameters
-    ----------
-    found : FeedForward
-        The tables.
-    source : FittedModel
-        Where they come from.
-    """
+    """Return the tables and where they come from as a C header, with a function that looks them up."""
     head = comment(
         [
             f"Feed-forward: base {composition(source)}.",

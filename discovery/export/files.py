@@ -30,15 +30,7 @@ __all__ = ["FORMATS", "Format", "export_feed_forward", "export_linear", "export_
 
 @dataclass(frozen=True)
 class Format:
-    """What a format consists of.
-
-    Parameters
-    ----------
-    files : tuple of str
-        Names of its files.
-    write : callable
-        Returns the content of each file for a model.
-    """
+    """Names of the files of a format, and what returns the content of each for a model."""
 
     files: tuple[str, ...]
     write: Callable[[FittedModel], tuple[str | bytes, ...]]
@@ -65,19 +57,12 @@ FORMATS: dict[str, Format] = {
 
 
 def read_fitted(folder: Path, what: str = "after") -> FittedModel:
-    """Return the model of a finished run or loop.
-
-    Parameters
-    ----------
-    folder : Path
-        With results.json or loop.json in it.
-    what : str
-        "before": the declared model refitted; "after": what the loop ended with.
+    """Return a model of a finished run or loop: `what` is "before", declared and refitted, or "after", the final one.
 
     Raises
     ------
     InputError
-        If there is no such folder, it holds neither file, or one that does not hold its models.
+        If there is no such folder, it holds neither results.json nor loop.json, or one that does not hold its models.
     """
     if not folder.is_dir():
         raise InputError(
@@ -105,20 +90,7 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
 
 
 def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(FORMATS)) -> list[Path]:
-    """Write a model in some formats, each file beside its place first.
-
-    Parameters
-    ----------
-    found : FittedModel
-        What to write.
-    out : Path
-        Folder, made if need be.
-    formats : sequence of str
-        Of "sympy", "latex", "numpy", "json", "c", "fmu".
-
-    Returns
-    -------
-    list of Path
+    """Write a model in some of the `FORMATS` to a folder, each file beside its place first, and return the files.
 
     Raises
     ------
@@ -145,15 +117,7 @@ def _written(contents: Sequence[tuple[Path, str | bytes]], out: Path) -> list[Pa
 
 
 def read_draws(folder: Path, model: Model) -> dict[str, NDArray[np.float64]] | None:
-    """Return the draws of the posterior in a folder by parameter; None where there is none of this very model.
-
-    Parameters
-    ----------
-    folder : Path
-        Of a run.
-    model : Model
-        What was fitted.
-    """
+    """Return the draws of the posterior in a folder by parameter; None where there is none of this very model."""
     path = folder / "posterior.nc"
     if not path.is_file():
         return None
@@ -166,27 +130,13 @@ def read_draws(folder: Path, model: Model) -> dict[str, NDArray[np.float64]] | N
 
 
 def export_linear(linear: LinearModel, source: FittedModel, out: Path) -> list[Path]:
-    """Write a linear model as Python and JSON.
-
-    Parameters
-    ----------
-    linear : LinearModel
-        The matrices.
-    source : FittedModel
-        Where they come from.
-    out : Path
-        Folder, made if need be.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Write a linear model and where it comes from as Python and JSON to a folder, and return the files."""
     texts = [(out / "linear.py", linear_to_python(linear, source)), (out / "linear.json", linear_to_json(linear))]
     return _written(texts, out)
 
 
 def export_feed_forward(found: FeedForward, source: FittedModel, out: Path) -> list[Path]:
-    """Write the tables of a feed-forward as CSV and as a C header; arguments as of `export_linear`."""
+    """Write the tables of a feed-forward as CSV and as a C header to a folder, and return the files."""
     texts = [
         (out / "feed_forward.csv", feed_forward_csv(found)),
         (out / "feed_forward.h", feed_forward_c(found, source)),

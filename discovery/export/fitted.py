@@ -241,10 +241,7 @@ def _number(value: float | None) -> float:
 def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str, float]:
     """Return the numbers that a caller gives for parameters of a model; initial states among them are passed over.
 
-    Raises
-    ------
-    InputError
-        For a name that is not a parameter of the model, or a value that is not a finite number.
+    InputError for a name that is not a parameter of the model, or a value that is not a finite number.
     """
     if values is not None:
         expect(values, Mapping, "values", 'Name the parameters, as in {"alpha": 400.0}.')
@@ -257,13 +254,7 @@ def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str,
 
 
 def model_of(source: object) -> Model:
-    """Return the model of what a caller has.
-
-    Raises
-    ------
-    InputError
-        For anything that has none, or two, as the answer of a loop.
-    """
+    """Return the model of what a caller has; InputError for anything that has none, or two, as the answer of a loop."""
     if isinstance(source, Model):
         return source
     if isinstance(model := getattr(source, "model", None), Model):
@@ -275,19 +266,10 @@ def model_of(source: object) -> Model:
 
 
 def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> FittedModel:
-    """Return a model with its numbers from whatever a caller has.
+    """Return a model with its numbers from whatever a caller has; `values` [SI, radians] replace those of the source.
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        A bare model takes its numbers from `values`, then from what it knows.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-
-    Raises
-    ------
-    InputError
-        For a name that is not a parameter of the model, or a parameter without a finite value.
+    A bare model takes its numbers from `values`, then from what it knows. InputError for a name that is not a parameter
+    of the model, or a parameter without a finite value.
     """
     model = model_of(source)
     given = given_numbers(model, values)

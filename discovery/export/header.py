@@ -24,10 +24,7 @@ def initial_states(found: FittedModel) -> list[str]:
 def origin(found: FittedModel) -> list[str]:
     """Return lines that say where the numbers come from, version, rig file, recordings, hashes, and what they weigh.
 
-    Parameters
-    ----------
-    found : FittedModel
-        The model; what its provenance does not hold is left out.
+    What the provenance does not hold is left out.
     """
     p = found.provenance
     lines = []
@@ -48,24 +45,12 @@ def _one_line(text: str) -> str:
 
 
 def comment(lines: Iterable[str]) -> str:
-    """Return lines as those of a comment in C; none can end it, begin another or continue on the next line.
-
-    Parameters
-    ----------
-    lines : iterable of str
-        Plain text.
-    """
+    """Return lines of plain text as those of a comment in C; none can end it, begin another or go on in the next."""
     plain = (_one_line(line).replace("*/", "* /").replace("/*", "/ *").rstrip("\\") for line in lines)
     return "\n".join(f" * {line}".rstrip() for line in plain)
 
 
 def docstring(*paragraphs: str) -> str:
-    """Return paragraphs as the body of a docstring; empty ones are left out, and none can end it.
-
-    Parameters
-    ----------
-    *paragraphs : str
-        Plain text.
-    """
+    """Return paragraphs of plain text as the body of a docstring; empty ones are left out, and none can end it."""
     text = "\n\n".join(p for p in paragraphs if p)
     return text.replace("\\", "\\\\").replace('"""', "'''")

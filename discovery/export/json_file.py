@@ -66,10 +66,6 @@ def from_json(text: str) -> FittedModel:
     text : str
         The JSON itself, not the path of its file.
 
-    Returns
-    -------
-    FittedModel
-
     Raises
     ------
     InputError

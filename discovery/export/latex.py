@@ -160,13 +160,7 @@ def _reading(model: Model, write: Writer) -> list[LatexLine]:
 
 
 def latex_lines(model: Model) -> tuple[LatexLine, ...]:
-    """Return the mathematics of a model, line by line: motion, memory, radius law, drive, reading.
-
-    Parameters
-    ----------
-    model : Model
-        The model; its parameters stay letters.
-    """
+    """Return the mathematics of a model in letters, line by line: motion, memory, radius law, drive, reading."""
     write = Writer(model)
     terms = closed_form(model)
     lines: list[LatexLine] = []

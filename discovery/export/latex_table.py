@@ -34,12 +34,7 @@ def words_in_text(text: str) -> str:
 def parameter_table(found: FittedModel, write: Callable[[sp.Expr], str]) -> list[str]:
     """Return the lines of a tabular environment: value with one standard deviation, unit and meaning of each parameter.
 
-    Parameters
-    ----------
-    found : FittedModel
-        The model with its numbers.
-    write : callable
-        Returns the LaTeX of a symbol.
+    `write` returns the LaTeX of a symbol.
     """
     lines = [r"\begin{tabular}{llll}", r"parameter & value & unit & meaning \\ \hline"]
     for name, parameter in found.model.parameters.items():

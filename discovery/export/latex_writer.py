@@ -31,15 +31,7 @@ LETTERED = frozenset(_NAMES)
 
 @dataclass(frozen=True)
 class LatexLine:
-    """One line of mathematics.
-
-    Parameters
-    ----------
-    words : str
-        What it is, as plain words; empty where it goes on.
-    latex : str
-        Mathematics without delimiters.
-    """
+    """One line of mathematics without delimiters, with plain words for what it is; empty where it goes on."""
 
     words: str
     latex: str

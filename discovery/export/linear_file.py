@@ -39,15 +39,7 @@ def _matrices(found: Mapping[str, NDArray[np.float64]], suffix: str = "") -> lis
 
 
 def linear_to_python(linear: LinearModel, source: FittedModel) -> str:
-    """Return a linear model as Python that needs numpy, and python-control for its function `system`.
-
-    Parameters
-    ----------
-    linear : LinearModel
-        The matrices.
-    source : FittedModel
-        Where they come from.
-    """
+    """Return a linear model and where it comes from as Python that needs numpy, and python-control for its `system`."""
     point = "\n".join(f"{n}: {v:.9g}" for n, v in linear.point.items())
     time = "continuous time" if linear.sample_time is None else f"samples of {linear.sample_time:g} s, input held"
     late = f"The reading is {linear.delay:g} s old" if linear.delay else ""

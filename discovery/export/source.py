@@ -14,7 +14,7 @@ from discovery.declarations import symbols as s
 from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import composition, docstring, initial_states, origin
-from discovery.export.source_text import ARM_WORDS, FREE_WORDS, MOVED_WORDS, OSCILLATOR_WORDS
+from discovery.export.source_text import input_words
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, program_of, substituted
 from discovery.export.templates import filled, indented
 
@@ -154,8 +154,7 @@ def to_numpy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     found = fitted_model(source, values)
     base, program = found.model.mechanics, program_of(found.model)
     arm, moves = base.system.has_rod, base.input_moves
-    used = _symbols(*program.slopes, *program.reading, *dict(program.assignments).values())
-    words = ARM_WORDS if arm else MOVED_WORDS if moves else OSCILLATOR_WORDS if s.u in used else FREE_WORDS
+    words = input_words(found.model, program)
     inputs = sp.symbols(words["INPUTS"], real=True, seq=True)
     if moves and not arm:
         program = substituted(program, dict(zip((s.theta_m, s.omega_m, s.alpha_m), inputs, strict=True)))

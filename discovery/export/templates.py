@@ -26,15 +26,7 @@ def _environment() -> Environment:
 
 
 def filled(template: str, fields: Mapping[str, Any]) -> str:
-    """Return a template with its fields, ``@NAME@`` there; what a field holds is no template.
-
-    Parameters
-    ----------
-    template : str
-        Name of its file.
-    fields : mapping of str to object
-        By name.
-    """
+    """Return the template in a file with its fields, ``@NAME@`` there; what a field holds is no template."""
     return _environment().get_template(template).render(fields)
 
 

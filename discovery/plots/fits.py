@@ -64,10 +64,6 @@ class FitViews:
         ----------
         axes : Axes or sequence of Axes, optional
             One for each recording; new ones otherwise.
-
-        Returns
-        -------
-        list of Axes
         """
         experiments = self.problem.bench.experiments
         drawn = axes_below(len(experiments), axes)

@@ -94,10 +94,6 @@ class LoopViews:
         ----------
         axes : Axes or sequence of Axes, optional
             One for each recording, training first; new ones otherwise.
-
-        Returns
-        -------
-        list of Axes
         """
         drawn = axes_below(len(self.recordings), axes)
         for i, (ax, r) in enumerate(zip(drawn, self.recordings, strict=True)):

@@ -60,10 +60,6 @@ class PosteriorViews:
         axes : Axes or sequence of Axes, optional
             One for each; new ones otherwise.
 
-        Returns
-        -------
-        list of Axes
-
         Raises
         ------
         InputError

@@ -79,10 +79,6 @@ class DatasetViews:
         ----------
         axes : Axes or sequence of Axes, optional
             One for each recording; new ones otherwise.
-
-        Returns
-        -------
-        list of Axes
         """
         every = (*self.everything, *(("test", e) for e in self.test))
         drawn = axes_below(len(every), axes)

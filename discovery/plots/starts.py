@@ -17,12 +17,7 @@ __all__ = ["starts_table"]
 def starts_table(told: Iterable[tuple[str, Mapping[str, Any]]], value: str) -> pd.DataFrame:
     """Return a row for every recording: deflection and rate at its first time, their standard deviations and units.
 
-    Parameters
-    ----------
-    told : iterable of (name, mapping)
-        Entries with `value`, ``"sd"`` and ``"unit"``; those of physics are passed over.
-    value : str
-        Key of the value.
+    Of each name there are `value`, ``"sd"`` and ``"unit"``; those of physics are passed over.
     """
     import pandas as pd
 

@@ -12,10 +12,9 @@ from urllib.parse import quote
 
 from markupsafe import Markup, escape
 
-from discovery.foundation.io import atomic_write
 from discovery.report.figures.specimens import draw_specimens
 from discovery.report.numbers import interval, scale_for, significant, unit_text
-from discovery.report.page import embed, environment
+from discovery.report.page import embed, environment, written
 from discovery.report.style import styled
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import effect_name, listed, sentence
@@ -33,30 +32,24 @@ _SAID = 200
 def build_campaign(
     folder: Path, rows: Sequence[Mapping[str, Any]], pooled: Sequence[Mapping[str, Any]], dashboard: str = ""
 ) -> Path:
-    """Write ``campaign.html`` and ``tables/`` of a campaign.
+    """Write ``campaign.html``, one file, and ``tables/`` of a campaign, and return the path of the page.
+
+    A case that has a page of its own, ``CASE/report.html``, is linked to it.
 
     Parameters
     ----------
     folder : Path
-        The folder of the campaign. A case that has a page of its own, ``CASE/report.html``, is linked to it.
-    rows : sequence of mapping
-        Outcomes of the cases, from `discovery.runs.campaign.rows`.
-    pooled : sequence of mapping
-        From `discovery.runs.pooling.pooled_parameters`.
+        The folder of the campaign.
+    rows, pooled : sequence of mapping
+        From `discovery.runs.campaign.rows` and `discovery.runs.pooling.pooled_parameters`.
     dashboard : str
         Address of the dashboard of the cluster that did the cases; of the web, else it is not linked.
-
-    Returns
-    -------
-    Path
-        The page, one file.
     """
     tables = {"matrix": _matrix(folder, rows), "worst": _worst(folder, rows)}
     if pooled:
         tables["pooled"] = _pooled(pooled)
     for table in tables.values():
-        with atomic_write(folder / "tables" / f"{table.name}.csv") as draft:
-            draft.write_text(table.csv(), encoding="utf-8")
+        written(folder / "tables" / f"{table.name}.csv", table.csv())
     with styled():
         figures = [embed(folder, picture) for picture in draw_specimens(pooled)]
     context = {
@@ -67,10 +60,7 @@ def build_campaign(
         "figures": {"specimens": figures},
         "failed": [(row["name"], row["error"][:_SAID]) for row in rows if row["error"]],
     }
-    path = folder / PAGE
-    with atomic_write(path) as draft:
-        draft.write_text(environment().get_template("campaign.html.j2").render(context), encoding="utf-8")
-    return path
+    return written(folder / PAGE, environment().get_template("campaign.html.j2").render(context))
 
 
 def _answer(rows: Sequence[Mapping[str, Any]]) -> str:

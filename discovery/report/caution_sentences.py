@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from discovery.declarations.registry import effect_name
@@ -24,14 +24,6 @@ def _value(found: Record) -> str:
     return f"{found['about']} = {figures(found['numbers']['value'])} {'' if unit == '1' else unit}".rstrip()
 
 
-def _declared(found: Record) -> str:
-    return (
-        f"{_value(found)} of the declared model ends at its bound, which follows from the recorded motion and not from "
-        "physics, so that added effects may make up for it: check the units of time, input and output, or record "
-        "faster motions"
-    )
-
-
 def _strayed(found: Record) -> str:
     numbers = found["numbers"]
     others = f" ({', '.join(numbers['others'])}: far above the guess, too)" if numbers["others"] else ""
@@ -39,13 +31,6 @@ def _strayed(found: Record) -> str:
         f"{_value(found)} of the declared model ends {figures(numbers['value'] / numbers['guess'], 2)} times as large "
         f"as its guess of {figures(numbers['guess'])}{others}, and added effects may make up for it: state its `value` "
         "and `sd` from a data sheet or a scale, or check units and signs of what the rig file states"
-    )
-
-
-def _effect(found: Record) -> str:
-    return (
-        f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
-        "check the constants that the rig file states, units and signs"
     )
 
 
@@ -70,21 +55,6 @@ def _burst(found: Record) -> str:
     if found["numbers"].get("input_jumps"):
         when, asked = f"{when}, where its input jumps", "does that act late, or slower than the model says?"
     return f"{part} of what is left of {found['about']} lies {when}: {asked}"
-
-
-def _like_noise(found: Record) -> str:
-    return (
-        f"what is left is {figures(found['numbers']['ratio'], 2)} times the noise, as large held out, and depends on "
-        "no state of the motion: it may be noise of the instrument that has a memory, or is larger than stated"
-    )
-
-
-def _not_carried(found: Record) -> str:
-    train, held = (_times(found["numbers"][k]) for k in ("train", "held"))
-    return (
-        f"with what was added the error is {train} in training, and {held} held out: it may describe these training "
-        "recordings only"
-    )
 
 
 def _times(fall: float) -> str:
@@ -116,13 +86,26 @@ def _scattered(found: Record) -> str:
     )
 
 
-_SENTENCES = {
-    "declared_edge": _declared,
+_SENTENCES: Mapping[str, Callable[[Record], str]] = {
+    "declared_edge": lambda found: (
+        f"{_value(found)} of the declared model ends at its bound, which follows from the recorded motion and not from "
+        "physics, so that added effects may make up for it: check the units of time, input and output, or record "
+        "faster motions"
+    ),
     "strayed": _strayed,
-    "effect_edge": _effect,
+    "effect_edge": lambda found: (
+        f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
+        "check the constants that the rig file states, units and signs"
+    ),
     "missed": _missed,
     "burst": _burst,
-    "like_noise": _like_noise,
-    "not_carried": _not_carried,
+    "like_noise": lambda found: (
+        f"what is left is {figures(found['numbers']['ratio'], 2)} times the noise, as large held out, and depends on "
+        "no state of the motion: it may be noise of the instrument that has a memory, or is larger than stated"
+    ),
+    "not_carried": lambda found: (
+        f"with what was added the error is {_times(found['numbers']['train'])} in training, and "
+        f"{_times(found['numbers']['held'])} held out: it may describe these training recordings only"
+    ),
     "scattered": _scattered,
 }

@@ -30,16 +30,8 @@ _GAP, _LARGEST = -32768, 32767
 def chart_data(run: Run) -> Markup | None:
     """Return the recordings with what each model leaves of them, as JSON that can stand in a script element.
 
-    Parameters
-    ----------
-    run : Run
-        Its trajectories are read.
-
-    Returns
-    -------
-    Markup or None
-        A list with an entry a recording, the held-out ones first: `name`, `role`, `time` and `channels`. A channel
-        has `measured`, and `left`, by model the model minus the measurement. None where no trajectory is stored.
+    A list with an entry a recording, the held-out ones first: `name`, `role`, `time` and `channels`. A channel has
+    `measured`, and `left`, by model the model minus the measurement. None where no trajectory is stored.
     """
     held = [t.name for t in run.held_out]
     ordered = sorted(run.trajectories, key=lambda t: t.name not in held)

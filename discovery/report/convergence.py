@@ -26,7 +26,7 @@ def convergence_sentence(run: Run) -> str:
     from discovery.posterior.diagnostics import LENGTH_IN_TAU
     from discovery.posterior.independence import LARGEST_K
 
-    rows = (run.results.get("posterior") or {}).get("rows")
+    rows = run.posterior.get("rows")
     if not rows:
         return ""
     worst, fewest = max(rows, key=lambda r: r["r_hat"]), min(rows, key=lambda r: r["ess"])
@@ -64,7 +64,7 @@ def diagnostics_table(run: Run) -> Table | None:
     keys = [k for k in _WORDS if any(k in r for r in rows)]
     if not keys:
         return None
-    tau = ((run.results["posterior"] or {}).get("autocorrelation") or {}).get("tau") or run.sampling.get("tau", {})
+    tau = (run.posterior.get("autocorrelation") or {}).get("tau") or run.sampling.get("tau", {})
     cells, raw = [], []
     for r in rows:
         name = r["name"]

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from markupsafe import escape
 
 from discovery.declarations.effect import Effect
+from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
+from discovery.mechanics.systems import declaration_of, declared_base
 from discovery.report.effect_formulas import NEXT, equal, laws
 from discovery.report.mathml import row, symbol
 from discovery.report.mathml_expression import expression
-
-if TYPE_CHECKING:
-    from discovery.equations.declared_terms import DeclaredLine
 
 __all__ = ["declared_formulas", "fault_formula", "known_constants", "placed_formula"]
 
@@ -26,24 +24,11 @@ def _equation(line: DeclaredLine) -> str:
 
 
 def declared_formulas(name: str, effects: Iterable[Effect]) -> list[tuple[str, str, bool]]:
-    """Return energies, forces, places and output of a declared system.
+    """Return words and MathML of the energies, forces, places and output of a declared system, named by its base.
 
-    Parameters
-    ----------
-    name : str
-        Of its base.
-    effects : iterable of Effect
-        Those of the model.
-
-    Returns
-    -------
-    list of (str, str, bool)
-        Words, MathML, and whether the equation is incomplete without it: every energy and force, a place at which an
-        effect acts, and what is read where that is no coordinate.
+    Third, whether the equation is incomplete without it: so is every energy and force, a place at which one of the
+    effects acts, and what is read where that is no coordinate.
     """
-    from discovery.equations.declared_terms import declared_lines
-    from discovery.mechanics.systems import declared_base
-
     base = declared_base(name)
     if base is None:
         return []
@@ -59,16 +44,12 @@ def declared_formulas(name: str, effects: Iterable[Effect]) -> list[tuple[str, s
 
 def known_constants(name: str) -> dict[str, float]:
     """Return the constants of a declared system with their values, by the name of its base; none of another base."""
-    from discovery.mechanics.systems import declaration_of
-
     declaration = declaration_of(name)
     return {} if declaration is None else {n: c.value for n, c in declaration.constants.items() if not c.free}
 
 
 def placed_formula(effect: Effect) -> str:
     """Return what an effect at a place declares, in the displacement there, and what it takes from the place."""
-    from discovery.equations.declared_terms import placed_lines
-
     lines = placed_lines(effect)
     names = {x.name for line in lines for x in line.value.free_symbols}
     taken = [(f"{stem}_{effect.place}", word) for stem, word in _THERE.items()]
@@ -82,8 +63,6 @@ def placed_formula(effect: Effect) -> str:
 
 def fault_formula(effects: Sequence[Effect], base: str, system: str) -> str:
     """Return the law of what the input or the instrument of a declared system does, in the name of the input."""
-    from discovery.mechanics.systems import declaration_of
-
     declaration = declaration_of(base)
     given = "u" if declaration is None or declaration.input is None else declaration.input[0]
     return laws(effects, system, (given, "y_read", "y_told"))

@@ -7,6 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from discovery.equations.equation import MOVING_INPUT, equation_terms
+from discovery.equations.model import Model
 from discovery.mechanics import get_base
 from discovery.report.equations import undriven
 from discovery.report.numbers import unit_text
@@ -20,14 +22,8 @@ __all__ = ["drive_symbols", "drive_words"]
 def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     """Return what stands for the input of a system on a line, by symbol: its gains, and u; nothing without an input.
 
-    Parameters
-    ----------
-    model : mapping
-        What `discovery.equations.model.Model.to_dict` gave.
+    The model is what `discovery.equations.model.Model.to_dict` gave.
     """
-    from discovery.equations.equation import MOVING_INPUT, equation_terms
-    from discovery.equations.model import Model
-
     base = get_base(model["base"])
     if base.system.has_rod or base.places() or undriven(model):
         return {}

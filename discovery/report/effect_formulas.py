@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import sympy as sp
+
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import Effect
 from discovery.declarations.systems import System
+from discovery.equations.contributions import radius_of
 from discovery.report.mathml import row, symbol
 from discovery.report.mathml_expression import expression
-
-if TYPE_CHECKING:
-    import sympy as sp
-
-    from discovery.declarations.effect import Effect
 
 __all__ = [
     "LETTERS",
@@ -51,8 +51,6 @@ def signed(body: str) -> str:
 
 def rounded_factors(value: sp.Expr) -> sp.Expr:
     """Return the expression with decimal factors to four digits."""
-    import sympy as sp
-
     return value.xreplace({f: sp.Float(float(f), 4) for f in value.atoms(sp.Float)})
 
 
@@ -70,8 +68,6 @@ def _turned(by: str) -> str:
 
 def _bending(effect: Any, name: str) -> list[str]:
     """Return what b is in a law of the rod: the curvature at a place or at the root, else a part of the bending."""
-    from discovery.declarations import symbols as s
-
     laws_of = [effect.expression(), *effect.states().values()]
     if name == "q" or not {s.bend, s.bend_dot, s.root, s.root_dot} & set().union(*(x.free_symbols for x in laws_of)):
         return []
@@ -87,17 +83,7 @@ def _states(effect: Any, name: str) -> list[str]:
 
 
 def effect_formula(effect: Effect, system: str) -> str:
-    """Return what an effect declares: its energy, power, law or what the instrument reports.
-
-    Parameters
-    ----------
-    effect : Effect
-        The effect.
-    system : str
-        Kind of system.
-    """
-    import sympy as sp
-
+    """Return what an effect declares on a kind of system: its energy, power, law or what the instrument reports."""
     name, declared = coordinate_name(system), getattr(effect, "expression", None)
     if effect.kind in LETTERS:
         assert declared is not None
@@ -123,19 +109,7 @@ def effect_formula(effect: Effect, system: str) -> str:
 
 
 def mode_formula(mode: Any, push: sp.Expr | None = None) -> str:
-    """Return the equation of a mode that an input pushes.
-
-    Parameters
-    ----------
-    mode : Mode
-        The effect.
-    push : sympy.Expr, optional
-        What the input alone does to the coordinate; g u if not given.
-    """
-    import sympy as sp
-
-    from discovery.declarations import symbols as s
-
+    """Return the equation of a mode that an input pushes: by g u, or by what it alone does to the coordinate."""
     push = s.u * sp.Symbol("g", real=True) if push is None else push
     z, states = mode.displacement(), mode.states()
     rate, acceleration = (sp.Symbol(f"{z.name}{dots}", real=True) for dots in ("'", "''"))
@@ -158,22 +132,10 @@ def together(effects: Iterable[Effect]) -> list[list[Effect]]:
 
 
 def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u", "q", "q_read")) -> str:
-    """Return the one law that closures, drives, or sensors of one kind have together.
+    """Return the one law of closures, drives, or sensors of one kind, a group of `together`, on a kind of system.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        A group as `together` returns it.
-    system : str
-        Kind of system.
-    names : (str, str, str)
-        Of the input of a system without a rod, of its output, and of what is told of that.
+    `names` are those of the input of a system without a rod, of its output, and of what is told of that.
     """
-    import sympy as sp
-
-    from discovery.declarations import symbols as s
-    from discovery.equations.contributions import radius_of
-
     arm, kind = System.of(system).has_rod, effects[0].kind
     # A declared system has the names of its user.
     name = coordinate_name(system) if arm or names[1] == "q" else ""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
+import sympy as sp
+
+from discovery.declarations.effect import Effect
 from discovery.report.effect_formulas import LETTERS, along_the_rod, coordinate_name, equal, rounded_factors, signed
 from discovery.report.mathml import inline, row, symbol
 from discovery.report.mathml_expression import expression
-
-if TYPE_CHECKING:
-    import sympy as sp
-
-    from discovery.declarations.effect import Effect
 
 __all__ = ["are_summed", "meanings", "summed"]
 
@@ -46,22 +43,7 @@ def are_summed(effect: Effect) -> bool:
 
 
 def summed(effects: Sequence[Effect], system: str, values: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return one formula for each energy to which effects add.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Those that `are_summed`.
-    system : str
-        Kind of system.
-    values : mapping of str to float
-        Numbers of parameters and of known quantities by name.
-
-    Returns
-    -------
-    list of (str, str)
-        Words and MathML.
-    """
+    """Return words and MathML for each energy to which effects that `are_summed` add, with numbers by name."""
     terms: dict[str, list[str]] = {}
     for effect in effects:
         terms.setdefault(LETTERS[effect.kind], []).extend(_terms(effect, coordinate_name(system), values))
@@ -75,8 +57,6 @@ def summed(effects: Sequence[Effect], system: str, values: Mapping[str, float]) 
 
 
 def _terms(effect: Effect, coordinate: str, values: Mapping[str, float]) -> list[str]:
-    import sympy as sp
-
     declared = effect.expression()  # type: ignore[attr-defined]
     known = {x: sp.Float(values[x.name]) for x in declared.free_symbols if x.name in values}
     told = declared.xreplace(known)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from discovery.declarations.effect import Mode, Sensor
+import sympy as sp
+from markupsafe import Markup
+
+from discovery.declarations import symbols as s
+from discovery.declarations.effect import Effect, Memory, Mode, Sensor
 from discovery.declarations.registry import get_effect
+from discovery.equations.equation import equation_terms, motion_symbols
+from discovery.equations.model import Model
 from discovery.mechanics import get_base
-from discovery.mechanics.rod import rod_of
 from discovery.report.declared_formulas import declared_formulas, fault_formula, placed_formula
 from discovery.report.effect_formulas import (
     LETTERS,
@@ -24,93 +28,29 @@ from discovery.report.effect_formulas import (
     together,
 )
 from discovery.report.energies import are_summed, summed
-from discovery.report.mathml import number, power, row, symbol, total
+from discovery.report.latex import latex
+from discovery.report.mathml import block, number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
-
-if TYPE_CHECKING:
-    import sympy as sp
-
-    from discovery.declarations.effect import Effect
-    from discovery.mechanics.base import Mechanics
 
 __all__ = ["Formula", "discovered_equation", "model_formulas", "undriven"]
 
 
 @dataclass(frozen=True)
 class Formula:
-    """One line of mathematics with the words before it.
+    """One line of mathematics in presentation MathML without its enclosing element, with the words before it.
 
-    Parameters
-    ----------
-    words : str
-        A clause that says what it is.
-    body : str
-        Presentation MathML without the enclosing element.
-    needed : bool
-        Whether the equation is incomplete without it, although no parameter may stand in it.
+    The equation is incomplete without one that is `needed`, although no parameter may stand in it.
     """
 
     words: str
     body: str
     needed: bool = False
 
-
-def _push(effect: Effect, mechanics: Mechanics) -> sp.Expr:
-    """Return what an effect adds to the left-hand side of an equation of one coordinate."""
-    import sympy as sp
-
-    from discovery.declarations import symbols as s
-
-    declared = effect.expression()  # type: ignore[attr-defined]
-    if effect.kind == "memory":
-        return -sp.diff(declared, s.bend_dot)
-    if effect.kind == "kinetic":
-        end = mechanics.channels[s.slope_dot].value.subs(mechanics.rates[0], s.omega)
-        momentum = sp.expand(sp.diff(declared.subs(s.slope_dot, end), s.omega))
-        acceleration = sp.Symbol("acceleration", real=True)
-        pairs = ((s.theta_m, s.omega_m), (s.omega_m, s.alpha_m), (s.theta, s.omega), (s.omega, acceleration))
-        return sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(declared, s.theta)
-    simple = {s.rho: 1, s.v2: s.omega**2, s.w2: s.delta_dot**2}
-    if getattr(effect, "on", None) is not None:
-        return (-declared * _lever(effect.on, mechanics)).subs(simple)  # type: ignore[attr-defined]
-    channels = s.POSITION_CHANNELS if effect.kind == "potential" else s.RATE_CHANNELS
-    sign = -1 if effect.kind == "load" else 1
-    added = sp.Integer(0)
-    for channel in channels:
-        force = sp.diff(declared, channel)
-        if force != 0:
-            added += sign * force * _lever(channel, mechanics)
-    return added.subs(simple).doit()
-
-
-def _lever(channel: sp.Symbol, mechanics: Mechanics) -> sp.Expr:
-    from discovery.declarations import symbols as s
-
-    simple = {s.v2: 2 * s.omega, s.w2: 2 * s.delta_dot}
-    if channel in simple:
-        return simple[channel]
-    jacobian, q = mechanics.channels[channel].jacobian[0], mechanics.coordinates[0]
-    if channel in (s.U, s.U_4):
-        return jacobian.subs(q, s.delta + q - mechanics.channels[s.delta].value)
-    return jacobian.subs({q: s.theta, mechanics.rates[0]: s.omega})
-
-
-def _scalar_equation(model: Mapping) -> str:
-    """Return the equation of motion of the paper's arm."""
-    mechanics = get_base(model["base"]).mechanics(rod_of(map(get_effect, model["effects"])))
-    name = "theta_t"
-    parts = [symbol(name, 2)]
-    for effect_id in model["effects"]:
-        effect = get_effect(effect_id)
-        if effect.kind in LETTERS:
-            pushes = rounded_factors(_push(effect, mechanics)).as_ordered_terms()
-            written = [expression(push, name) for push in pushes if push != 0]
-            if getattr(effect, "local", False):
-                # The static shape has the bending (1 - s) delta.
-                written = [along_the_rod(row("<mn>1</mn><mo>−</mo>", symbol("s")), *written)]
-            parts += [signed(body) for body in written]
-    return equal(row(*parts), "<mn>0</mn>")
+    @property
+    def shown(self) -> tuple[str, Markup, str]:
+        """Its words, its mathematics on a line of its own, and the same as LaTeX."""
+        return self.words, Markup(block(self.body)), latex(self.body)
 
 
 def undriven(model: Mapping) -> bool:
@@ -120,45 +60,45 @@ def undriven(model: Mapping) -> bool:
 
 def _multiplied_out(term: sp.Expr, values: Mapping[str, float]) -> sp.Expr:
     """Return a term with a number for the product of two parameters or more before it."""
-    import sympy as sp
-
     factor, rest = term.as_independent(*[x for x in term.free_symbols if x.name not in values], as_Add=False)
     if len(factor.free_symbols) < 2:
         return term
     return sp.Float(float(factor.xreplace({x: sp.Float(values[x.name]) for x in factor.free_symbols})), 4) * rest
 
 
-def _on_a_line(model: Mapping, values: Mapping[str, float]) -> tuple[list[Formula], list[Effect]]:
-    """Return the equation of motion of a system with one coordinate on a line, its modes, and what is read of it.
+def _one_coordinate(model: Mapping, values: Mapping[str, float]) -> tuple[list[Formula], list[Effect]]:
+    """Return the equation of motion of a system with one coordinate, its modes, and what is read of it.
 
     The effects that need no formula any more come second.
     """
-    import sympy as sp
-
-    from discovery.equations.equation import equation_terms, motion_symbols
-    from discovery.equations.model import Model
-
-    base, described = get_base(model["base"]), Model(model["base"], tuple(model["effects"]))
-    terms = equation_terms(described)
+    described = Model(model["base"], tuple(model["effects"]))
+    system, terms = described.mechanics.system, equation_terms(described)
+    name = coordinate_name(system)
     # One coordinate has one set of states: their number is left out.
     states = [(z.name + dots, z.name.removesuffix("_0") + dots) for z, _ in terms.memory for dots in ("", "''")]
     plain = {sp.Symbol(long, real=True): sp.Symbol(short, real=True) for long, short in states}
     left = [expression(terms.acceleration)]
     if terms.inertia != 1:
-        left.insert(0, row("<mo>(</mo>", expression(terms.inertia, "q"), "<mo>)</mo>"))
-    for _, term in terms.terms:
-        parts = rounded_factors(term.xreplace(plain)).as_ordered_terms()
-        left += [signed(expression(_multiplied_out(part, values), "q")) for part in parts]
+        left.insert(0, row("<mo>(</mo>", expression(terms.inertia, name), "<mo>)</mo>"))
+    bent = {e.id(): e for e in described.terms if isinstance(e, Memory) and system.has_rod}
+    for owner, term in terms.terms:
+        shown = -sp.diff(bent[owner].expression(), s.bend_dot) if owner in bent else term.xreplace(plain)
+        parts = [_multiplied_out(part, values) for part in rounded_factors(shown).as_ordered_terms()]
+        written = [expression(part, name) for part in parts]
+        if owner in bent and bent[owner].local:
+            # The static shape has the bending (1 - s) delta.
+            written = [along_the_rod(row("<mn>1</mn><mo>−</mo>", symbol("s")), *written)]
+        left += map(signed, written)
     drive = terms.drive.subs(sp.Symbol("g", real=True), 0) if undriven(model) else terms.drive
-    found = [Formula("Equation of motion", equal(row(*left), expression(drive, "q")), needed=True)]
+    found = [Formula("Equation of motion", equal(row(*left), expression(drive, name)), needed=True)]
     told: list[Effect] = [e for e in described.terms if isinstance(e, Mode)]
     found += [Formula(mode.title(), mode_formula(mode, drive)) for mode in told]
     read = terms.output
-    if read is not None and read != motion_symbols(base.system)[0]:
+    if read is not None and read != motion_symbols(system)[0]:
         sensors = [e for e in described.terms if isinstance(e, Sensor) and e.lateness() == 0]
         for sensor in sensors:
             read = sensor.oscillator_reading(read)
-        body = expression(read.xreplace(plain), "q")
+        body = expression(read.xreplace(plain), name)
         found.append(Formula("What the instrument reads", equal(symbol("y_read"), body), needed=True))
         told += sensors
     return found, told
@@ -209,34 +149,23 @@ def _reduced_arm() -> list[Formula]:
 
 
 def model_formulas(model: Mapping, system: str, values: Mapping[str, float] | None = None) -> list[Formula]:
-    """Return the formulas of a model.
+    """Return the formulas of what `discovery.equations.model.Model.to_dict` gave for a kind of system.
 
-    Parameters
-    ----------
-    model : mapping
-        What `discovery.equations.model.Model.to_dict` gave.
-    system : str
-        Kind of system.
-    values : mapping of str to float, optional
-        Numbers of parameters and of known quantities: each energy of an arm is then one sum with them.
-
-    Returns
-    -------
-    list of Formula
-        The equation of motion where the base has one coordinate, with the modes beside it and what is read where that
-        is not the coordinate, else Lagrange's equations and every effect's part in them; then what closures, drives
-        and sensors say.
+    First the equation of motion where the base has one coordinate, with the modes beside it and what is read where that
+    is not the coordinate, else Lagrange's equations and every effect's part in them; then what closures, drives and
+    sensors say. With `values`, the numbers of parameters and known quantities by name, each energy of an arm is one sum
+    with them.
     """
     told: list[Effect] = []
-    scalar = not get_base(model["base"]).system.has_rod or model["base"] == "constant_radius"
+    has_rod = get_base(model["base"]).system.has_rod
+    scalar = not has_rod or model["base"] == "constant_radius"
     if "system" in model:
         found = [Formula(*line) for line in declared_formulas(model["base"], map(get_effect, model["effects"]))]
-    elif not get_base(model["base"]).system.has_rod:
-        found, told = _on_a_line(model, values or {})
     elif scalar:
-        deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))
-        equation = Formula("Equation of motion", _scalar_equation(model), needed=True)
-        found = [equation, Formula("with the deflection", deflection)]
+        found, told = _one_coordinate(model, values or {})
+        if has_rod:
+            deflection = equal(symbol("delta"), row(symbol("theta_t"), "<mo>−</mo>", symbol("theta_m")))
+            found.append(Formula("with the deflection", deflection))
     else:
         found = _reduced_arm() if model["base"] == "reduced" else _exact_arm()
     effects = [e for e in map(get_effect, model["effects"]) if e not in told]
@@ -258,13 +187,5 @@ def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:
 
 
 def discovered_equation(terms: list[tuple[str, str]], inputs: list[tuple[str, str]], system: str) -> str:
-    """Return an equation found by sparse regression, with its numbers.
-
-    Parameters
-    ----------
-    terms, inputs : list of (str, str)
-        Printed coefficient and MathML of each term on the left, and of the inputs on the right.
-    system : str
-        Kind of system.
-    """
+    """Return an equation found by regression, from the printed coefficient and the MathML of each term and input."""
     return equal(total([("", symbol(coordinate_name(system), 2)), *terms]), total(inputs))

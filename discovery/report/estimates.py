@@ -87,7 +87,7 @@ def symbol_of(parameter: str) -> Markup:
 
 def sampled_parameters(run: Run) -> dict[str, Any]:
     """Return the declarations of the parameters of the model that the posterior is of, by name."""
-    which = "after" if (run.results["posterior"] or {}).get("subject") == "after" else "before"
+    which = "after" if run.posterior.get("subject") == "after" else "before"
     return declared_parameters(run.loop["model"][which]["model"])
 
 
@@ -152,7 +152,7 @@ def start_words(name: str) -> str:
 def nuisance_table(run: Run) -> Table | None:
     """Return the sampled initial states."""
     shown = {r["name"] for r in run.quantities_sampled}
-    rows = [r for r in run.results["posterior"]["rows"] if r["name"] not in shown]
+    rows = [r for r in run.posterior["rows"] if r["name"] not in shown]
     if not rows:
         return None
     unit = run.coordinate_unit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,9 @@ __all__ = [
     "residual_table",
     "terms_table",
 ]
+
+#: Equations of each size, and the most likely candidates of each search, that the page shows.
+_EACH, _BEST = 3, 8
 
 
 def terms_table(run: Run) -> Table:
@@ -57,29 +61,20 @@ def terms_table(run: Run) -> Table:
     )
 
 
-def equations_table(run: Run, each: int = 3) -> Table | None:
+def equations_table(run: Run) -> Table | None:
     """Return the best equations of every size: terms, misfit, likelihood ratio, probability."""
     table: Sequence[Mapping[str, Any]] = run.results["discovery"].get("table", [])
     chosen = tuple(t["term"] for t in run.results["discovery"]["terms"])
-    cells, raw, count = [], [], {}  # type: ignore[var-annotated]
+    cells, raw, count = [], [], Counter[int]()
     for e in table:
         size = len(e["terms"])
         raw.append([size, "; ".join(e["terms"]), e["unexplained"], e["likelihood_ratio"], e["probability"]])
-        count[size] = count.get(size, 0) + 1
-        if count[size] > each:
+        count[size] += 1
+        if count[size] > _EACH:
             continue
         terms = Markup(", ").join(term_cell(t) for t in e["terms"])
-        mark = "chosen" if tuple(e["terms"]) == chosen else ""
-        cells.append(
-            [
-                f"{size}",
-                terms,
-                significant(e["unexplained"], 2),
-                ratio(e["likelihood_ratio"]),
-                significant(e["probability"], 2),
-                mark,
-            ]
-        )
+        numbers = [significant(e["unexplained"], 2), ratio(e["likelihood_ratio"]), significant(e["probability"], 2)]
+        cells.append([f"{size}", terms, *numbers, "chosen" if tuple(e["terms"]) == chosen else ""])
     if not cells:
         return None
     head = ("size", "terms", "unexplained share", "likelihood ratio", "probability", "")
@@ -161,7 +156,7 @@ def dependence_table(run: Run) -> Table | None:
     return Table("dependence", caption, head, cells, keys, raw)
 
 
-def ranking_table(run: Run, best: int = 8) -> Table | None:
+def ranking_table(run: Run) -> Table | None:
     """Return the candidates of every search through the catalogue, and what became of them."""
     keys = ("train", "held", "size", "model_error", "chi2", "parameters")
     cells, raw = [], []
@@ -171,7 +166,7 @@ def ranking_table(run: Run, best: int = 8) -> Table | None:
             if outcome == "added":
                 outcome += fate(run, c["effects"])
             raw.append([i, "; ".join(c["effects"]), outcome, *(c[k] for k in keys)])
-            if place < best or outcome:
+            if place < _BEST or outcome:
                 numbers = [significant(c[k]) for k in ("train", "held", "size", "model_error")]
                 cells.append([f"{i}", listed(map(effect_name, c["effects"])), outcome, *numbers, f"{c['parameters']}"])
     if not cells:
@@ -187,7 +182,7 @@ def ranking_table(run: Run, best: int = 8) -> Table | None:
         "free parameters",
     )
     caption = (
-        f"The {best} most likely candidates of every search and all that were tried; the CSV file has every one that "
+        f"The {_BEST} most likely candidates of every search and all that were tried; the CSV file has every one that "
         "was weighed. Training: log evidence gained over the model of the search. Held out: log predictive score "
         "gained. Size: movement of the prediction over the model error that is left."
     )

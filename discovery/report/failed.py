@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from markupsafe import Markup
-
 from discovery.report.equations import model_formulas
 from discovery.report.failure_sentences import failure_sentence, remedy_sentence
 from discovery.report.figures import motion
-from discovery.report.latex import latex
-from discovery.report.mathml import block
 from discovery.report.measures import recordings_table
 from discovery.report.results import Run
 from discovery.report.scripts import policy, scripts
@@ -38,7 +34,7 @@ def failed_context(run: Run) -> dict[str, Any]:
         "why": failure_sentence(failure),
         "remedy": remedy_sentence(failure),
         "message": failure["message"],
-        "formulas": [(f.words, Markup(block(f.body)), latex(f.body)) for f in formulas],
+        "declared_formulas": [f.shown for f in formulas],
         "recordings": recordings_table(run).html(),
         "notes": [(r["name"], n) for r in run.results["recordings"] for n in r.get("notes", ())],
         "provenance": run.results["provenance"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from discovery.report.number_words import plain
+from discovery.report.numbers import plain
 
 __all__ = ["failure_sentence", "remedy_sentence"]
 

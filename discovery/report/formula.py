@@ -84,10 +84,7 @@ class _Reader:
 def formula(text: str) -> str:
     """Return MathML of a term as results name it, such as ``delta^2 theta_t'`` or ``1 - a delta^2``.
 
-    Raises
-    ------
-    InputError
-        If the text is not such a formula.
+    InputError if the text is not such a formula.
     """
     reader = _Reader(text)
     body = reader.sum()

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from discovery.foundation.errors import InputError
-from discovery.foundation.io import atomic_write
 from discovery.mechanics import get_base
 from discovery.report.numbers import scale_for_change
-from discovery.report.page import environment
+from discovery.report.page import environment, written
 from discovery.report.results import read_run
 from discovery.report.sentences import chances
 from discovery.report.words import effect_name, origin, sentence, values_text
@@ -46,19 +45,11 @@ _PAGES = {
 
 
 def build_index(folder: Path) -> Path:
-    """Write ``index.html`` in a folder of runs.
+    """Write ``index.html`` in a folder of runs, and return it; pictures are embedded, pages of the runs are linked.
 
-    Parameters
-    ----------
-    folder : Path
-        Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
-        ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side,
-        ``closed_loop`` the controllers.
-
-    Returns
-    -------
-    Path
-        The page; the pictures are embedded, pages of the runs are linked.
+    Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
+    ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side, ``closed_loop``
+    the controllers.
 
     Raises
     ------
@@ -76,10 +67,7 @@ def build_index(folder: Path) -> Path:
         ],
         "pages": _pages(folder),
     }
-    path = folder / "index.html"
-    with atomic_write(path) as temporary:
-        temporary.write_text(environment().get_template("index.html.j2").render(context), encoding="utf-8")
-    return path
+    return written(folder / "index.html", environment().get_template("index.html.j2").render(context))
 
 
 def _pages(folder: Path) -> list[tuple[str, str, str]]:

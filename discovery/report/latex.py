@@ -19,12 +19,7 @@ _DOTS = {"˙": "dot", ".": "dot", "..": "ddot", "...": "dddot"}
 
 
 def latex(body: str) -> str:
-    r"""Return presentation MathML, as the page shows it, as LaTeX.
-
-    Parameters
-    ----------
-    body : str
-        One formula, with or without its enclosing element.
+    r"""Return a formula in presentation MathML, as the page shows it, as LaTeX.
 
     Examples
     --------

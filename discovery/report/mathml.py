@@ -95,14 +95,9 @@ def number(text: str) -> str:
 
 
 def symbol(name: str, dots: int = 0) -> str:
-    """Return a symbol with subscripts after underscores, Greek letters by name, and dots for rates.
+    """Return a symbol with subscripts after underscores, Greek letters by name, and dots for its time derivatives.
 
-    Parameters
-    ----------
-    name : str
-        Such as ``theta_t``; a LaTeX backslash before a Greek letter is passed over.
-    dots : int
-        Number of time derivatives.
+    A LaTeX backslash before a Greek letter is passed over.
     """
     # A name comes from a file: nothing in it is markup.
     head, *tail = str(escape(re.sub(r"\\mathrm|[\\{}]", "", name))).split("_")

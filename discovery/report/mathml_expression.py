@@ -127,13 +127,7 @@ def _latex(name: str) -> str:
 def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
     """Return MathML of a sympy expression in the symbols of `discovery.declarations.symbols`.
 
-    Parameters
-    ----------
-    value : sympy.Expr
-        The expression.
-    coordinate : str
-        What the coordinate is called: ``theta_t`` of an arm, ``q`` of an oscillator; empty where every symbol is
-        written as it is named.
+    The coordinate is ``theta_t`` of an arm, ``q`` of an oscillator; empty where every symbol is written as it is named.
     """
     # The speed itself, so that its square root and its powers look as one writes them.
     shown = sp.sympify(value).subs(v2, sp.Symbol("tip_speed", positive=True) ** 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from discovery.report.estimates import published
@@ -16,7 +16,7 @@ from discovery.report.words import FITS, deflection_unit, effect_name, error_gro
 __all__ = ["clean_table", "errors_table", "fits_table", "quantities", "recordings_table", "scored_table"]
 
 _ROLES = {"train": "training", "holdout": "held out", "test": "only scored"}
-_MEASURES = ("rms", "mean", "peak")
+_WHEN, _MEASURES = ("before", "after"), ("rms", "mean", "peak")
 _SHOWN = (("angle", "mean"), ("radius", "mean"), ("radius", "peak"), ("position", "mean"), ("position", "peak"))
 
 
@@ -55,16 +55,27 @@ def _spread(values: Mapping[str, Any] | None, scale: Scale) -> list[str]:
     return [scale.text((values or {}).get(m)) for m in _MEASURES]
 
 
+def _side_by_side(
+    name: str,
+    caption: str,
+    rows: Sequence[tuple[str, str, Mapping[str, Any]]],
+    scale: Scale,
+    *,
+    of: tuple[str, str] = ("recording", "recording"),
+    unit: str = "",
+) -> Table:
+    """Return a table of errors before and after, in rows of a name for the file, one for the page, and the errors."""
+    cells = [[shown, *(text for w in _WHEN for text in _spread(m[w], scale))] for _, shown, m in rows]
+    raw = [[key, *(m[w][k] for w in _WHEN for k in _MEASURES), *([unit] if unit else [])] for key, _, m in rows]
+    head = (of[0], *(f"{w}, {k} [{scale.symbol}]" for w in _WHEN for k in _MEASURES))
+    keys = (of[1], *(f"{w}_{k}" for w in _WHEN for k in _MEASURES), *(["unit"] if unit else []))
+    return Table(name, caption, head, cells, keys, raw)
+
+
 def errors_table(run: Run) -> Table:
     """Return the errors before and after by group of recordings."""
     errors, scale = run.loop["errors"], error_scale(run)
-    names = error_groups(run)
-    cells = [
-        [name, *_spread(errors["before"][g], scale), *_spread(errors["after"][g], scale)] for g, name in names.items()
-    ]
-    head = ("", *(f"{when}, {m} [{scale.symbol}]" for when in ("before", "after") for m in _MEASURES))
-    raw = [[g, *(errors[w][g][m] for w in ("before", "after") for m in _MEASURES), errors["unit"]] for g in names]
-    keys = ("group", *(f"{w}_{m}" for w in ("before", "after") for m in _MEASURES), "unit")
+    rows = [(g, name, {w: errors[w][g] for w in _WHEN}) for g, name in error_groups(run).items()]
     floor = scale.quantity(errors["noise_floor"])
     what = (
         "distance between predicted and recorded tip"
@@ -73,7 +84,7 @@ def errors_table(run: Run) -> Table:
     )
     kind = f"{errors['holdout_kind']}, moving by {significant(errors['holdout_motion'])} times the noise"
     caption = f"Free-run errors: {what}. A perfect model would leave {floor} rms of what is held out: {kind}."
-    return Table("errors", caption, head, cells, keys, raw)
+    return _side_by_side("errors", caption, rows, scale, of=("", "group"), unit=errors["unit"])
 
 
 def scored_table(run: Run) -> Table | None:
@@ -81,16 +92,9 @@ def scored_table(run: Run) -> Table | None:
     tested = run.results.get("test")
     if not tested:
         return None
-    scale = error_scale(run)
-    labels = ("before", "after")
-    cells = [[effect_name(name), *(c for w in labels for c in _spread(m[w], scale))] for name, m in tested.items()]
-    raw = [
-        [name, *(m[w][k] for w in labels for k in _MEASURES), run.loop["errors"]["unit"]] for name, m in tested.items()
-    ]
-    head = ("recording", *(f"{w}, {k} [{scale.symbol}]" for w in labels for k in _MEASURES))
-    keys = ("recording", *(f"{w}_{k}" for w in labels for k in _MEASURES), "unit")
+    rows = [(name, effect_name(name), m) for name, m in tested.items()]
     caption = "Free-run errors on recordings that are only scored: neither a fit nor a decision has seen them."
-    return Table("scored", caption, head, cells, keys, raw)
+    return _side_by_side("scored", caption, rows, error_scale(run), unit=run.loop["errors"]["unit"])
 
 
 def clean_table(run: Run) -> Table | None:
@@ -99,16 +103,10 @@ def clean_table(run: Run) -> Table | None:
     if not clean:
         return None
     first = next(iter(clean.values()))
-    before, after = (first[w]["mean"] for w in ("before", "after"))
+    before, after = (first[w]["mean"] for w in _WHEN)
     scale = scale_for(run.loop["errors"]["unit"], before if math.isfinite(before) else after)
-    labels = ("before", "after")
-    cells = [[name, *(c for w in labels for c in _spread(m[w], scale))] for name, m in clean.items()]
-    raw = [[name, *(m[w][k] for w in labels for k in _MEASURES)] for name, m in clean.items()]
-    head = ("recording", *(f"{w}, {k} [{scale.symbol}]" for w in labels for k in _MEASURES))
-    keys = ("recording", *(f"{w}_{k}" for w in labels for k in _MEASURES))
-    return Table(
-        "clean", "Distance to the noise-free tip, which a simulation knows and no fit saw.", head, cells, keys, raw
-    )
+    caption = "Distance to the noise-free tip, which a simulation knows and no fit saw."
+    return _side_by_side("clean", caption, [(name, name, m) for name, m in clean.items()], scale)
 
 
 def fits_table(run: Run) -> Table | None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.declarations.registry import effect_name
-from discovery.report.number_words import listed, plain, sizes
+from discovery.report.numbers import listed, plain, sizes
 
 __all__ = ["as_none", "depends_words", "held_words", "model_error_words", "share_words"]
 

@@ -48,7 +48,7 @@ def noise_differs(run: Run) -> list[str]:
     from discovery.posterior.noise import words_of
 
     best = preferred_noise(run)
-    if best is None or not run.results.get("posterior"):
+    if best is None or not run.posterior:
         return []
     sampled, preferred = effect_name(run.noise_sampled), effect_name(best["noise"])
     others: Mapping[str, Any] = best["intervals"]
@@ -143,7 +143,7 @@ def noise_table(run: Run) -> Table | None:
     if not noise or not noise.get("models"):
         return None
     models = noise["models"]
-    sampled = run.noise_sampled if run.results.get("posterior") else None
+    sampled = run.noise_sampled if run.posterior else None
     preferred = noise["chosen"] if preferred_noise(run) or noise["chosen"] == run.noise_sampled else None
     names = _physical(models[0]["intervals"])
     best = max(m["log_evidence"] for m in models)

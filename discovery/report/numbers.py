@@ -1,10 +1,10 @@
-"""Numbers as a reader wants them: rounded to their uncertainty, with a true minus sign and units in superscripts."""
+"""Numbers as a reader wants them: of a page with a true minus sign and units in superscripts, of sentences in ASCII."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,13 +18,16 @@ __all__ = [
     "fixed",
     "in_newtons",
     "interval",
+    "listed",
     "near_one",
+    "plain",
     "power_of_ten",
     "ratio",
     "rounded",
     "scale_for",
     "scale_for_change",
     "significant",
+    "sizes",
     "uncertain",
     "unit_text",
 ]
@@ -56,15 +59,7 @@ class Scale:
 
 
 def scale_for(unit: str, typical: float) -> Scale:
-    """Return the prefix under which values of a typical size are easy to read.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit of the values.
-    typical : float
-        Their size.
-    """
+    """Return the prefix of an SI unit under which values of a typical size are easy to read."""
     factor, prefix = prefix_for(unit, typical)
     return Scale(factor, prefix + unit_text(unit))
 
@@ -141,9 +136,7 @@ def uncertain(value: float | None, sd: float | None) -> str:
         return MISSING
     if sd is None or not math.isfinite(sd) or sd <= 0:
         return significant(value, 5)
-    digits, exponent = places(value, sd)
-    both = " ± ".join(fixed(number / 10.0**exponent, digits) for number in (value, sd))
-    return f"({both}){_NARROW}{power_of_ten(exponent)}" if exponent else both
+    return _both((value, sd), " ± ", *places(value, sd))
 
 
 def rounded(value: float | None, sd: float | None) -> str:
@@ -201,6 +194,35 @@ def interval(low: float | None, high: float | None) -> str:
         return MISSING
     if high == low:
         return f"{significant(low, 5)} to {significant(high, 5)}"
-    digits, exponent = places(max(abs(low), abs(high)), high - low)
-    both = " to ".join(fixed(number / 10.0**exponent, digits) for number in (low, high))
+    return _both((low, high), " to ", *places(max(abs(low), abs(high)), high - low))
+
+
+def _both(values: tuple[float, float], between: str, digits: int, exponent: int) -> str:
+    both = between.join(fixed(value / 10.0**exponent, digits) for value in values)
     return f"({both}){_NARROW}{power_of_ten(exponent)}" if exponent else both
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words as a reader lists them: a, b and c."""
+    words = list(words)
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def plain(value: float | None, digits: int = 3) -> str:
+    """Return a number without an exponent where it has few digits."""
+    if value is None or math.isnan(value):
+        return "unknown"
+    if math.isinf(value):
+        return "beyond all bounds"
+    if value == 0 or not 1e-4 <= abs(value) < 1e7:
+        return f"{value:.{digits}g}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}")))))
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if digits == 2 and "." in text else text
+
+
+def sizes(values: Sequence[float | None], unit: str) -> tuple[list[str], str]:
+    """Return sizes in one unit, with a prefix that makes the largest easy to read, and that unit."""
+    known = [v for v in values if v is not None and math.isfinite(v)]
+    factor, prefix = prefix_for(unit, max(known, default=0.0))
+    return [plain(None if v is None else factor * v) for v in values], "" if unit == "1" else prefix + unit

@@ -9,14 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from markupsafe import Markup
-
 from discovery.foundation.arguments import as_path
 from discovery.foundation.io import atomic_write
 from discovery.report import ambiguity, answer, convergence, evidence, latent, measures, noise, posterior, story
 from discovery.report.charts import chart_data
 from discovery.report.drive import drive_words
-from discovery.report.equations import Formula, model_formulas
+from discovery.report.equations import model_formulas
 from discovery.report.estimates import (
     elastica_table,
     final_table,
@@ -28,7 +26,6 @@ from discovery.report.estimates import (
 from discovery.report.failed import failed_context, failed_pictures
 from discovery.report.figures import draw_all
 from discovery.report.latex import latex
-from discovery.report.mathml import block
 from discovery.report.model_error_sentences import model_error_words
 from discovery.report.numbers import interval, significant, uncertain, unit_text
 from discovery.report.references import methods_used, sources_table
@@ -43,7 +40,7 @@ from discovery.report.words import clause, effect_name, effect_title, headline, 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["added_effects", "build_report", "embed", "environment"]
+__all__ = ["added_effects", "build_report", "embed", "environment", "written"]
 
 #: Letters of the name of a figure's file.
 _LONGEST = 100
@@ -82,23 +79,26 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
         with styled():
             shown = {"data": [embed(run.folder, picture) for picture in failed_pictures(run)]}
         html = environment().get_template("failed.html.j2").render(**failed_context(run), figures=shown)
-        return _written(run.folder, html)
+        return _page(run.folder, html)
     tables = _tables(run)
     figures: dict[str, list[dict[str, Any]]] = {}
     with styled():
         for section, pictures in draw_all(run).items():
             figures[section] = [embed(run.folder, picture) for picture in pictures]
     for table in tables.values():
-        with atomic_write(run.folder / "tables" / f"{table.name}.csv") as temporary:
-            temporary.write_text(table.csv(), encoding="utf-8")
-    return _written(run.folder, environment().get_template("page.html.j2").render(_context(run, tables, figures)))
+        written(run.folder / "tables" / f"{table.name}.csv", table.csv())
+    return _page(run.folder, environment().get_template("page.html.j2").render(_context(run, tables, figures)))
 
 
-def _written(folder: Path, html: str) -> Path:
-    path = folder / "report.html"
+def _page(folder: Path, html: str) -> Path:
+    # The odds that are told stand in one line.
+    return written(folder / "report.html", html.replace("10 000", "10\N{NO-BREAK SPACE}000"))
+
+
+def written(path: Path, text: str) -> Path:
+    """Write a file beside its place first, and return it."""
     with atomic_write(path) as temporary:
-        # The odds that are told stand in one line.
-        temporary.write_text(html.replace("10 000", "10\N{NO-BREAK SPACE}000"), encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
     return path
 
 
@@ -175,10 +175,6 @@ def _tables(run: Run) -> dict[str, Table]:
         sources_table(run),
     ]
     return {table.name: table for table in made if table is not None}
-
-
-def _lines(formulas: list[Formula]) -> list[tuple[str, Markup, str]]:
-    return [(f.words, Markup(block(f.body)), latex(f.body)) for f in formulas]
 
 
 def added_effects(run: Run) -> list[dict[str, Any]]:
@@ -266,9 +262,9 @@ def _model_part(run: Run) -> dict[str, Any]:
     """Return the declared and the final model."""
     model, system = run.loop["model"], run.results["rig"]["kind"]
     return {
-        "declared_formulas": _lines(model_formulas(model["before"]["model"], system)),
+        "declared_formulas": [f.shown for f in model_formulas(model["before"]["model"], system)],
         "drive": drive_words(run),
-        "final_formulas": _lines(model_formulas(model["after"]["model"], system)),
+        "final_formulas": [f.shown for f in model_formulas(model["after"]["model"], system)],
         "same_model": model["before"]["model"] == model["after"]["model"],
         "final": model["after"],
         "reduced_chi2": significant(model["after"]["reduced_chi2"], 4),

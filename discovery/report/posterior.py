@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from discovery.report.estimates import prior_words, symbol_of
 from discovery.report.numbers import MISSING, fixed, interval, near_one, scale_for, significant
 from discovery.report.results import Run
@@ -23,10 +20,6 @@ __all__ = [
 ]
 
 
-def _posterior(run: Run) -> Mapping[str, Any]:
-    return run.results.get("posterior") or {}
-
-
 def is_as_asked(run: Run) -> bool:
     """Return whether nothing that was asked for is still to come."""
     pending = run.results.get("pending")
@@ -38,7 +31,7 @@ def pending_sentence(run: Run) -> str:
     pending = run.results.get("pending")
     if not pending or pending["because"] == "asked":
         said = "This run sampled no posterior." if run.is_whole else "A loop samples no posterior."
-        return "" if _posterior(run) else said
+        return "" if run.posterior else said
     missing = listed(pending["left_out"])
     on = "The same command goes on from there."
     if pending["because"] == "running":
@@ -53,7 +46,7 @@ def pending_sentence(run: Run) -> str:
 
 def priors_table(run: Run) -> Table | None:
     """Return prior against posterior, and what priors of other widths would do."""
-    priors = _posterior(run).get("priors")
+    priors = run.posterior.get("priors")
     if not priors:
         return None
     factors = [w["factor"] for w in priors[0]["widths"]]
@@ -87,7 +80,7 @@ def priors_table(run: Run) -> Table | None:
 
 def prior_sentence(run: Run) -> str:
     """Return in one sentence whether the posterior leans on its priors; empty where it was not asked."""
-    priors = _posterior(run).get("priors")
+    priors = run.posterior.get("priors")
     if not priors:
         return ""
     leaning = [prose(p["name"]) for p in priors if p["sensitive"]]
@@ -98,10 +91,10 @@ def prior_sentence(run: Run) -> str:
 
 def profiles_table(run: Run) -> Table | None:
     """Return the intervals of the profile likelihood beside those of the posterior."""
-    profiles = _posterior(run).get("profiles")
+    profiles = run.posterior.get("profiles")
     if not profiles:
         return None
-    rows = {r["name"]: r for r in _posterior(run)["rows"]}
+    rows = {r["name"]: r for r in run.posterior["rows"]}
     cells, raw = [], []
     for p in profiles:
         r = rows[p["name"]]
@@ -128,7 +121,7 @@ def _open(ends: list[float | None]) -> str:
 def correlation_sentences(run: Run) -> list[str]:
     """Return what the parameters that depend on each other share, the strongest pair first."""
     found = []
-    for p in (_posterior(run).get("correlations") or {}).get("pairs", ()):
+    for p in (run.posterior.get("correlations") or {}).get("pairs", ()):
         a, b = (prose(n) for n in p["pair"])
         how = "rise together" if p["correlation"] > 0 else "one rises where the other falls"
         found.append(f"{a} and {b} ({significant(p['correlation'], 2)}, {how}): {prose(p['meaning'])}.")
@@ -137,7 +130,7 @@ def correlation_sentences(run: Run) -> list[str]:
 
 def coverage_table(run: Run) -> Table | None:
     """Return how many readings lie within the 90 % predictive band."""
-    rows = _posterior(run).get("coverage")
+    rows = run.posterior.get("coverage")
     if not rows:
         return None
     cells, raw = [], []

@@ -88,15 +88,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Run:
-    """The result files of a run directory.
-
-    Parameters
-    ----------
-    folder : Path
-        The run directory.
-    results : mapping
-        Content of ``results.json``.
-    """
+    """The result files of a run directory, with the content of its ``results.json``."""
 
     folder: Path
     results: Mapping[str, Any]
@@ -179,6 +171,11 @@ class Run:
         except OSError as error:
             raise InputError(f"{path} cannot be read as netCDF: {error}. Run the pipeline again.") from error
 
+    @property
+    def posterior(self) -> Mapping[str, Any]:
+        """What the run says of its posterior; empty where there is none."""
+        return self.results.get("posterior") or {}
+
     @cached_property
     def _sampled(self) -> xr.Dataset | None:
         return self.open("posterior.nc", "posterior")
@@ -198,7 +195,7 @@ class Run:
     @property
     def noise_sampled(self) -> str:
         """Name of the noise model of the posterior."""
-        stated = (self.results.get("posterior") or {}).get("noise")
+        stated = self.posterior.get("noise")
         return str(stated or self.sampling.get("noise", "gaussian"))
 
     @cached_property
@@ -209,7 +206,7 @@ class Run:
     @cached_property
     def quantities_sampled(self) -> tuple[Mapping[str, Any], ...]:
         """Rows of the posterior's summary but for the initial states."""
-        return tuple(r for r in (self.results.get("posterior") or {}).get("rows", ()) if not is_start(r["name"]))
+        return tuple(r for r in self.posterior.get("rows", ()) if not is_start(r["name"]))
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -270,11 +267,6 @@ def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory
 
 def read_run(folder: Path) -> Run:
     """Read the result files of a run.
-
-    Parameters
-    ----------
-    folder : Path
-        The run directory, with ``results.json`` in it.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from discovery.declarations.registry import effect_name
 from discovery.estimation.importance import LARGEST_K
 from discovery.report.failure_sentences import failure_sentence
 from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
-from discovery.report.number_words import listed, plain, sizes
+from discovery.report.numbers import listed, plain, sizes
 
 __all__ = [
     "OUTCOMES",
@@ -164,12 +164,6 @@ def _accepted(numbers: Record) -> str:
     return f"the log evidence gains {gains}: {chances(numbers['odds'])}{limited}"
 
 
-def _training(numbers: Record) -> str:
-    gain = numbers["train"]
-    change = "gains only" if gain > 0 else "loses"
-    return f"the log evidence {change} {_nats(abs(gain))} in training"
-
-
 def _held_out(numbers: Record) -> str:
     # Results of old do not hold what the estimate alone predicts.
     ahead = numbers.get("ahead", numbers["held"])
@@ -178,35 +172,10 @@ def _held_out(numbers: Record) -> str:
     return f"the log evidence gains {_nats(numbers['train'])} in training, but {who}{change} on the held-out recordings"
 
 
-def _chance(numbers: Record) -> str:
-    told = f"it gains {_nats(numbers['train'])} in training, no more than the best of the catalogue would"
-    return f"{told} by chance from errors like those left"
-
-
-def _size(numbers: Record) -> str:
-    moved = plain(numbers["size"], 2)
-    return f"the prediction moves by {moved} times the model error that is left, which may look the same"
-
-
-def _sampled(numbers: Record) -> str:
-    change, error, k = (plain(numbers.get(n), 2) for n in ("correction", "error", "pareto_k"))
-    return f"what is not normal about the posterior changes the log evidence by {change} ± {error} nats (Pareto k {k})"
-
-
 def _laplace(numbers: Record) -> str:
     k = numbers.get("pareto_k", math.inf)
     told = f"their largest weights have Pareto k = {plain(k, 2)}" if LARGEST_K < k < math.inf else "few count"
     return f"the draws of importance sampling cannot be trusted ({told}): probabilities take the posterior as Gaussian"
-
-
-def _astray(numbers: Record) -> str:
-    remedy = "check columns, signs, units, and that [model] holds the main force"
-    return f"the declared model leaves {plain(100 * numbers.get('left', math.nan), 2)} % of the variance: {remedy}"
-
-
-def _complete(numbers: Record) -> str:
-    promise, chance = (plain(numbers.get(k)) for k in ("promise", "chance"))
-    return f"what is left is noise: the best candidate promises a chi-square of {promise}, chance alone {chance}"
 
 
 def _budget(numbers: Record) -> str:
@@ -227,15 +196,33 @@ def _budget(numbers: Record) -> str:
 
 _REASONS: Mapping[str, Callable[[Record], str]] = {
     "accepted": _accepted,
-    "training": _training,
+    "training": lambda numbers: (
+        f"the log evidence {'gains only' if numbers['train'] > 0 else 'loses'} {_nats(abs(numbers['train']))} in "
+        "training"
+    ),
     "held_out": _held_out,
-    "chance": _chance,
-    "size": _size,
+    "chance": lambda numbers: (
+        f"it gains {_nats(numbers['train'])} in training, no more than the best of the catalogue would by chance from "
+        "errors like those left"
+    ),
+    "size": lambda numbers: (
+        f"the prediction moves by {plain(numbers['size'], 2)} times the model error that is left, which may look the "
+        "same"
+    ),
     "finite": lambda _: "the motion blows up",
-    "complete": _complete,
-    "sampled": _sampled,
+    "complete": lambda numbers: (
+        f"what is left is noise: the best candidate promises a chi-square of {plain(numbers.get('promise'))}, chance "
+        f"alone {plain(numbers.get('chance'))}"
+    ),
+    "sampled": lambda numbers: (
+        f"what is not normal about the posterior changes the log evidence by {plain(numbers.get('correction'), 2)} ± "
+        f"{plain(numbers.get('error'), 2)} nats (Pareto k {plain(numbers.get('pareto_k'), 2)})"
+    ),
     "laplace": _laplace,
-    "astray": _astray,
+    "astray": lambda numbers: (
+        f"the declared model leaves {plain(100 * numbers.get('left', math.nan), 2)} % of the variance: check columns, "
+        "signs, units, and that [model] holds the main force"
+    ),
     "unknown": lambda numbers: (
         f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
         f"and {plain(numbers['held'])} held out"

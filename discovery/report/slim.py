@@ -19,13 +19,7 @@ _CURVE = 120
 
 
 def slim_svg(text: str) -> str:
-    """Return a drawing whose curves are written as steps in tenths of a point.
-
-    Parameters
-    ----------
-    text : str
-        As matplotlib writes it; small shapes, as markers are, keep their digits.
-    """
+    """Return a drawing of matplotlib with its curves as steps in tenths of a point; small shapes, as markers, stay."""
     drawn = _PATH.sub(lambda m: f' d="{_steps(m[1])}"' if len(m[1]) > _CURVE else m[0], text)
     return _PLACE.sub(r'\1"', drawn)
 

@@ -28,18 +28,9 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Search:
-    """One search through the catalogue: every candidate weighed beside the same effects.
+    """One search through the catalogue: every candidate weighed `beside` the same effects, the most likely first.
 
-    Parameters
-    ----------
-    beside : tuple of str
-        Effects that were in the model.
-    candidates : sequence of mapping
-        What was weighed, the most likely first, as in loop.json.
-    taken : tuple of str
-        What joined the model; empty if nothing did.
-    refused : mapping of tuple to str
-        Code of the reason, by what was tried in vain.
+    `taken` joined the model, empty if nothing did; `refused` has the code of the reason by what was tried in vain.
     """
 
     beside: tuple[str, ...]

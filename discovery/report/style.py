@@ -80,22 +80,9 @@ _STYLE: Any = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with the words that go with it.
+    """A figure with the stem of its file and the words that go with it; `alt` is for those who cannot see it.
 
-    Parameters
-    ----------
-    name : str
-        Stem of its file.
-    figure : Figure
-        The drawing.
-    caption : str
-        What is drawn, and what it shows.
-    alt : str
-        The same for those who cannot see it.
-    wide : bool
-        It needs the full width of the page.
-    raster : bool
-        Stored as PNG, because as SVG it would be heavy.
+    It is `wide` where it needs the full width of the page, and stored as PNG (`raster`) where it would be heavy as SVG.
     """
 
     name: str
@@ -138,15 +125,7 @@ def render(picture: Picture) -> tuple[str, bytes]:
 
 
 def decimate(time: FloatArray, values: FloatArray, limit: int = 1400) -> tuple[FloatArray, FloatArray]:
-    """Return a curve of at most about `limit` points that keeps the extremes of every stretch.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        The curve; NaN marks gaps.
-    limit : int
-        Number of points.
-    """
+    """Return a curve (n,) of at most about `limit` points that keeps the extremes of every stretch; NaN marks gaps."""
     n = time.size
     if n <= limit:
         return time, values

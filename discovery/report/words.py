@@ -13,8 +13,7 @@ from discovery.declarations.registry import catalogue, effect_name, get_effect
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
-from discovery.report.number_words import listed
-from discovery.report.numbers import Scale, power_of_ten, scale_for_change, uncertain, unit_text
+from discovery.report.numbers import Scale, listed, power_of_ten, scale_for_change, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
 from discovery.results.judging import held_group
@@ -104,15 +103,7 @@ def page_prose(text: str) -> Markup:
 
 
 def values_text(parameters: Mapping[str, Mapping[str, Any]], coordinate: str) -> str:
-    """Return parameters of loop.json with their values and units, one after the other.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Records of value, standard deviation and unit by name.
-    coordinate : str
-        The unit that q stands for.
-    """
+    """Return parameters of loop.json with their values and units; `coordinate` is the unit that q stands for."""
     return "; ".join(
         f"{name} = {uncertain(p['value'], p['sd'])} {unit_text(p['unit'], coordinate)}".strip()
         for name, p in parameters.items()

@@ -35,16 +35,9 @@ def save_groups(path: Path, groups: Mapping[str, xr.Dataset]) -> None:
 def trajectories(
     dataset: Dataset, predictions: Mapping[str, Sequence[FloatArray | None]], bands: Sequence[Any] = ()
 ) -> dict[str, xr.Dataset]:
-    """Return measured and predicted channels of every recording.
+    """Return measured and predicted channels of every recording, training first, with bands by recording name.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Recordings, training first.
-    predictions : mapping of str to sequence of ndarray or None
-        By model: one array (n, c) for each recording, None where there is none.
-    bands : sequence of Band
-        Posterior predictive bands by recording name.
+    `predictions` hold by model an array (n, c) for each recording, None where there is none.
     """
     groups = {}
     for i, (role, e) in enumerate(dataset.everything):
@@ -107,15 +100,15 @@ def laws(posterior, delta_max: float) -> xr.Dataset:
     }
     draws = posterior.flat() if posterior is not None else {}
     thin = slice(None, None, max(1, len(next(iter(draws.values()), [])) // 2000))
+    curves: dict[str, FloatArray] = {}
     if {"alpha", "beta"} <= draws.keys():
         ratio = (draws["beta"] / draws["alpha"])[thin]
-        curves = delta[None] + ratio[:, None] * delta[None] ** 3
-        for q, values in zip(("q05", "q50", "q95"), np.quantile(curves, (0.05, 0.5, 0.95), axis=0), strict=True):
-            variables[f"posterior_spring_{q}"] = (("delta",), values)
+        curves["spring"] = delta[None] + ratio[:, None] * delta[None] ** 3
     if "gamma" in draws:
-        curves = np.cos(draws["gamma"][thin][:, None] * delta[None])
-        for q, values in zip(("q05", "q50", "q95"), np.quantile(curves, (0.05, 0.5, 0.95), axis=0), strict=True):
-            variables[f"posterior_radius_{q}"] = (("delta",), values)
+        curves["radius"] = np.cos(draws["gamma"][thin][:, None] * delta[None])
+    for law, values in curves.items():
+        for q, curve in zip(("q05", "q50", "q95"), np.quantile(values, (0.05, 0.5, 0.95), axis=0), strict=True):
+            variables[f"posterior_{law}_{q}"] = (("delta",), curve)
     return xr.Dataset(variables, {"delta": delta}, {"delta_max": delta_max})
 
 

@@ -41,17 +41,8 @@ def hashes(folder: Path, names: Iterable[str]) -> dict[str, str]:
 def check_whole(folder: Path, results: Mapping[str, Any]) -> None:
     """Refuse the files of a run where one is not that which its results.json names.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the run.
-    results : mapping
-        Content of its results.json; one of an earlier version names no files, and is believed.
-
-    Raises
-    ------
-    InputError
-        If a file of the run is missing, is another one, or is of no run.
+    One of an earlier version names no files, and is believed. InputError if a file of the run is missing, is another
+    one, or is of no run.
     """
     origin = results.get("provenance")
     named = origin.get("files") if isinstance(origin, Mapping) else None

@@ -37,35 +37,12 @@ _KIND_UNITS = {
     "drive": "q",
 }
 _SYMBOL_UNITS = {
-    **{
-        s.t: "s",
-        s.theta: "q",
-        s.omega: "q s^-1",
-        s.delta: "q",
-        s.delta_dot: "q s^-1",
-        s.v2: "q^2 s^-2",
-        s.w2: "q^2 s^-2",
-        s.U: "q^2",
-        s.U_4: "q^4",
-        s.slope: "q",
-        s.slope_dot: "q s^-1",
-        s.arc: "1",
-        s.bend: "q",
-        s.bend_dot: "q s^-1",
-        s.root: "q",
-        s.root_dot: "q s^-1",
-    },
-    **{
-        s.rho: "1",
-        s.theta_m: "q",
-        s.omega_m: "q s^-1",
-        s.alpha_m: "q s^-2",
-        s.alpha: "s^-2",
-        s.xi: "s^-1",
-        s.length: "m",
-        s.u: "u",
-    },
-    s.push: "q s^-2",
+    **dict.fromkeys((s.theta, s.delta, s.slope, s.bend, s.root, s.theta_m), "q"),
+    **dict.fromkeys((s.omega, s.delta_dot, s.slope_dot, s.bend_dot, s.root_dot, s.omega_m), "q s^-1"),
+    **dict.fromkeys((s.alpha_m, s.push), "q s^-2"),
+    **dict.fromkeys((s.v2, s.w2), "q^2 s^-2"),
+    **dict.fromkeys((s.arc, s.rho), "1"),
+    **{s.t: "s", s.U: "q^2", s.U_4: "q^4", s.alpha: "s^-2", s.xi: "s^-1", s.length: "m", s.u: "u"},
 }
 #: Lengths along the axes are relative to the arm; those of an oscillator are its coordinate.
 _CARTESIAN_UNITS = {

@@ -64,12 +64,7 @@ def _there_in_a_second() -> Drive:
 def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
     """Simulate a manoeuvre with one effect, fit it, and return the fit with the true values.
 
-    Parameters
-    ----------
-    effect : str
-        Id.
-    base : str, optional
-        Name of the base; the simplest one on which the effect means something by default.
+    Without a base, it is the simplest one on which the effect means something.
     """
     arms = ARM in get_effect(effect).systems
     bases = ("constant_radius", "reduced", "elastica_1") if arms else ("oscillator", "servo", "base_excited")
@@ -120,15 +115,7 @@ def _fits(
 
 
 def check_recovery(effect: str, base: str = "") -> None:
-    """Assert that what is recovered lies within 4 sds of the truth, and that the recording tells that from the start.
-
-    Parameters
-    ----------
-    effect : str
-        Id.
-    base : str, optional
-        Name of the base; the simplest one on which the effect means something by default.
-    """
+    """Assert that what is recovered lies within 4 sds of the truth, and that the recording tells it from the start."""
     fitted, truth = recover(effect, base)
     declared = fitted.model.parameters
     for name, value in truth.items():

@@ -22,9 +22,7 @@ def _picture(run: Run, trajectory: Trajectory) -> Picture | None:
         np.stack([found[f"{kind}_{q}"].to_numpy() for q in ("q05", "q50", "q95")]) for kind in ("motion", "reading")
     )
     share = {
-        (c["channel"], c["part"]): c["share"]
-        for c in run.results["posterior"]["coverage"]
-        if c["recording"] == trajectory.name
+        (c["channel"], c["part"]): c["share"] for c in run.posterior["coverage"] if c["recording"] == trajectory.name
     }
     figure = new_figure(1.7 * len(trajectory.channels) + 0.8)
     axes = np.atleast_1d(figure.subplots(len(trajectory.channels), 1, sharex=True))
@@ -54,7 +52,7 @@ def _picture(run: Run, trajectory: Trajectory) -> Picture | None:
 
 def draw(run: Run) -> list[Picture]:
     """Return the bands of the first training recording and of the first two held-out ones."""
-    if not (run.results.get("posterior") or {}).get("coverage"):
+    if not run.posterior.get("coverage"):
         return []
     train = [t for t in run.trajectories if t.role == "train"][:1]
     held = [t for t in run.held_out if t not in train][:2]

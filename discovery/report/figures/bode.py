@@ -25,15 +25,8 @@ _LINES = 8
 def response(time: FloatArray, given: FloatArray, read: FloatArray) -> tuple[FloatArray, NDArray[np.complex128]]:
     """Return frequencies [Hz] and the response at them, by Welch's averaged cross-spectra (the H1 estimate).
 
-    Parameters
-    ----------
-    time, given, read : ndarray, shape (n,)
-        Instants [s], input and output; gaps are bridged and uneven steps made even by straight lines.
-
-    Returns
-    -------
-    tuple of ndarray
-        Only the frequencies at which the input has power; the response is NaN where the output does not follow it.
+    Of instants [s], input and output (n,), gaps are bridged and uneven steps made even by straight lines. Only
+    frequencies at which the input has power are returned; the response is NaN where the output does not follow it.
     """
     from scipy.signal import csd, welch
 

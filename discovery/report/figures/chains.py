@@ -26,7 +26,7 @@ _STEPS = 400
 
 def draw(run: Run) -> Picture | None:
     """Return traces and autocorrelation functions of the parameters and the noise, one line an ensemble."""
-    found = (run.results.get("posterior") or {}).get("autocorrelation")
+    found = run.posterior.get("autocorrelation")
     shown = [r for r in run.quantities_sampled if r["name"] in run.draws][:_MOST]
     if not found or not shown:
         return None

@@ -82,7 +82,7 @@ def draw(run: Run) -> Picture | None:
     labels = [quantity_label(r["name"], unit) for r, unit in zip(shown, units, strict=True)]
     figure = new_figure(1.35 * len(shown), 1.35 * len(shown), layout="none")
     _draw_pairs(figure, draws * scale, labels, [r["fit_value"] * k for r, k in zip(shown, scale, strict=True)])
-    priors = {p["name"]: p for p in (run.results["posterior"] or {}).get("profiles", ())}
+    priors = {p["name"]: p for p in run.posterior.get("profiles", ())}
     for i, r in enumerate(shown):
         if r["name"] in priors:
             axis, prior = figure.axes[i * (len(shown) + 1)], priors[r["name"]]

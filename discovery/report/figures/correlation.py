@@ -14,7 +14,7 @@ __all__ = ["draw"]
 
 def draw(run: Run) -> Picture | None:
     """Return the matrix of correlation coefficients, each written in its cell."""
-    found = (run.results.get("posterior") or {}).get("correlations")
+    found = run.posterior.get("correlations")
     if not found or len(found["names"]) < 2:
         return None
     names, matrix = found["names"], np.array(found["matrix"])

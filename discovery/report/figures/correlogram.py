@@ -26,19 +26,9 @@ _BAND = 2.576
 
 
 def correlation(a: FloatArray, b: FloatArray, most: int) -> FloatArray:
-    """Return the correlation of a with b so many samples earlier, for lags 0 to `most`.
+    """Return the correlation (most + 1,) of a (n,) with b so many samples earlier, for lags 0 to `most`.
 
-    Parameters
-    ----------
-    a, b : ndarray, shape (n,)
-        Series of the same instants; NaN marks gaps, which count as the mean.
-    most : int
-        Largest lag [samples].
-
-    Returns
-    -------
-    ndarray, shape (most + 1,)
-        Zero where either series does not vary.
+    NaN marks gaps, which count as the mean; it is zero where either series does not vary.
     """
     x, y = (np.nan_to_num(v - np.nanmean(v)) for v in (a, b))
     size = np.sqrt(np.sum(x**2) * np.sum(y**2))

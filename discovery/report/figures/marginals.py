@@ -33,7 +33,7 @@ def _draw_curves(axis: Any, p: Mapping[str, Any], draws: Any) -> None:
 
 def draw(run: Run) -> Picture | None:
     """Return one panel a parameter: the posterior's histogram, the profile likelihood and the prior, to height 1."""
-    posterior = run.results.get("posterior") or {}
+    posterior = run.posterior
     profiles = [p for p in posterior.get("profiles", ()) if p["name"] in run.draws]
     if not profiles:
         return None
