@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from discovery.foundation.errors import suggestion
 from discovery.rigs.quantities import QUANTITIES, key_of
+from discovery.rigs.rig_lines import RigText
 from discovery.rigs.rig_schema import (
     ColumnsTable,
     ControllerTable,
@@ -30,37 +30,24 @@ from discovery.rigs.system_table import ConstantTable, SystemTable
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-__all__ = ["explain", "line_of"]
+__all__ = ["explain"]
 
 
-def line_of(text: str, keys: Sequence[str]) -> int | str:
-    """Line of the innermost of nested keys that can be found in the text, else ``?``."""
-    lines = text.splitlines()
-    position, found = 0, 0
-    for key in keys:
-        pattern = re.compile(rf"(?:\A\s*\[+\s*(?:\w+\.)*|\A\s*|[{{,.]\s*)[\"']?{re.escape(key)}[\"']?\s*(?:=|\]|\.)")
-        for number in range(position, len(lines)):
-            if pattern.search(lines[number].split("#", 1)[0]):
-                position, found = number, number + 1
-                break
-    return found or "?"
-
-
-def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...] = (), *, bare: bool = False) -> str:
+def explain(file: RigText, error: ValidationError, outer: tuple[str, ...] = (), *, bare: bool = False) -> str:
     """Return one paragraph from pydantic's first complaint, on a key that is not known before one that is missing.
 
     `outer` are the keys around what was validated; `bare` says that the innermost of them has the value itself.
     """
-    found = [(outer if bare else (*outer, *_keys(d, text, outer)), d) for d in error.errors()]
+    found = [(outer if bare else (*outer, *_keys(d, file.text, outer)), d) for d in error.errors()]
     keys, detail = next(((k, d) for k, d in found if d["type"] == "extra_forbidden"), found[0])
     name = ".".join(keys)
     # A key that may hold either of two types complains of both.
     others = len({(k, d["loc"][: len(k) + sum(isinstance(p, int) for p in d["loc"])]) for k, d in found}) - 1
     more = f" ({others} more after this one.)" if others else ""
     if detail["type"] == "missing":
-        where = f", line {line_of(text, keys[:-1])}," if len(keys) > 1 else ""
-        return f"The rig file {path}{where} lacks the key {name!r}. Add it.{more}"
-    where = f"The rig file {path}, line {line_of(text, keys)}:"
+        where = f"{file.at(*keys[:-1])}," if len(keys) > 1 else file
+        return f"{where} lacks the key {name!r}. Add it.{more}"
+    where = f"{file.at(*keys)}:"
     if detail["type"] == "extra_forbidden":
         return f"{where} the key {name!r} is not known.{_known_instead(keys, detail['input'])}{more}"
     value = detail["input"]
