@@ -11,17 +11,16 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
 from discovery.estimation.fit import Fit
 from discovery.estimation.residual import ResidualReport, memory
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
 
 __all__ = ["SCATTERED", "Caution", "at_edges", "burst", "like_noise", "missed", "not_carried", "scattered", "strayed"]
 
-FloatArray = NDArray[np.float64]
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
 #: Times the training error, a hold-out that is missed by a model which leaves an error there, too.

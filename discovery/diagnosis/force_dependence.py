@@ -13,14 +13,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from discovery.diagnosis.latent_force import FINE, LatentForce
+from discovery.foundation.arrays import FloatArray, IntArray
 
 __all__ = ["ForceDependence", "Sites", "Smooth", "dependences", "depends_on"]
 
-FloatArray = NDArray[np.float64]
 #: What the force of an arm, or of an oscillator, may depend on.
 ARM_SETS = (
     ("deflection",), ("angle",), ("rate",), ("motor_angle",), ("time",),
@@ -109,7 +108,7 @@ class Sites:
     variables: Mapping[str, FloatArray]
     imitated: FloatArray
     scale: FloatArray
-    blocks: NDArray[np.int64]
+    blocks: IntArray
     lengths: tuple[int, ...]
 
     @classmethod

@@ -15,19 +15,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
 from discovery.diagnosis.chain_newton import ROUNDS, Newton
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["FINE", "LatentForce", "reconstruct"]
 
-FloatArray = NDArray[np.float64]
 #: Knots in one period of the motion.
 KNOTS = 12
 #: Times in one spacing of the knots at which the force is reported.

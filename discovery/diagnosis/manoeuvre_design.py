@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment, largest_deflection
@@ -29,8 +29,6 @@ __all__ = [
     "moves_from_unit",
     "reach",
 ]
-
-FloatArray = NDArray[np.float64]
 
 #: Slowest and gentlest move, as a part of the limit.
 _GENTLE = 0.25

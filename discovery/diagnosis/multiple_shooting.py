@@ -12,18 +12,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from discovery.declarations.effect import Mode, Sensor
 from discovery.diagnosis.slow_model import Law, SlowModel
 from discovery.estimation.problem import Problem, values_of
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import Simulator, check_finite
 
 __all__ = ["Chain", "Linearised"]
 
-FloatArray = NDArray[np.float64]
 #: Relative size of the differences that give derivatives.
 _SMALL = 1e-6
 #: Cuts are at most this many median sampling intervals apart: gaps are bridged by more of them.

@@ -18,12 +18,12 @@ from itertools import permutations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
 from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.sampling import median_step
 from discovery.recordings.angles import within_half_a_turn
@@ -31,7 +31,6 @@ from discovery.simulation.simulate import Simulator
 
 __all__ = ["Distance", "Trial", "distance_on_given"]
 
-FloatArray = NDArray[np.float64]
 #: Samples at which trial manoeuvres are compared: several in each period of the motion.
 _SAMPLES = 400
 

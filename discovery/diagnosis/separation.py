@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.simplicity import simplicity
 from discovery.diagnosis.manoeuvre_design import (
@@ -28,13 +27,13 @@ from discovery.diagnosis.manoeuvre_design import (
 from discovery.diagnosis.move_search import MoveSearch
 from discovery.diagnosis.rival_distance import Distance, Trial, distance_on_given
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.screening.likeness import similarity
 
 __all__ = ["Separation", "separate", "similarity_matrix"]
 
-FloatArray = NDArray[np.float64]
 #: Chi-square by which the right rival must be expected to win: less may be chance.
 _DECIDES = 10.0
 #: Places on either side from which a system without an input is let go.

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.arrays import IntArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.text_encoding import decoded
 
@@ -31,7 +32,7 @@ _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 def parse_text(
     path: Path, text: str, header: Sequence[str] | None = None
-) -> tuple[dict[str, npt.NDArray[Any]], npt.NDArray[np.int64]]:
+) -> tuple[dict[str, npt.NDArray[Any]], IntArray]:
     """Read the columns of a text file.
 
     Parameters
@@ -170,7 +171,7 @@ def _check_names(path: Path, line: int, names: Sequence[str], first: Sequence[st
 
 
 def _check_cells(
-    path: Path, lines: npt.NDArray[np.int64], rows: Sequence[str], separator: str, columns: int, *, titled: bool
+    path: Path, lines: IntArray, rows: Sequence[str], separator: str, columns: int, *, titled: bool
 ) -> None:
     blanks = separator == _BLANKS
     # What stands above a table was taken for its names.

@@ -17,8 +17,8 @@ from typing import Any
 import emcee
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.posterior.ensembles import Ensemble
@@ -26,7 +26,6 @@ from discovery.posterior.student_mixture import StudentMixture
 
 __all__ = ["Remembered", "densities", "fingerprint", "restore", "save"]
 
-FloatArray = NDArray[np.float64]
 _PROPOSAL = tuple(field.name for field in fields(StudentMixture))
 #: Points that are asked for together, in whole lanes of the kernel, and seconds after which what was done is kept.
 _BLOCK, _KEPT_AFTER = 512, 2.0

@@ -14,11 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["Convergence", "convergence", "tail_effective"]
-
-FloatArray = NDArray[np.float64]
 
 #: A chain must be so many autocorrelation times long for the estimate of that time to be trusted.
 LENGTH_IN_TAU = 50

@@ -15,8 +15,8 @@ from typing import Any
 import emcee
 import numpy as np
 from numpy.random import MT19937, Generator, RandomState, SeedSequence
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.workers import single_algebra
 from discovery.posterior.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch
@@ -24,7 +24,6 @@ from discovery.posterior.student_mixture import StudentMixture
 
 __all__ = ["TEMPERED", "Ensemble", "check_walkers", "grow", "start_ensembles"]
 
-FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 _LARGEST_CONDITION = 1e8

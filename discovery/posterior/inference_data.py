@@ -13,14 +13,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from discovery.foundation.arrays import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["arranged", "as_chains", "attributes", "by_name", "of_all_readings", "of_readings", "of_walkers"]
 
-FloatArray = NDArray[np.float64]
 _DIMENSIONS = ("chain", "draw")
 _LABELLED = re.compile(r"(?P<stem>[^\[]+)\[(?P<label>.*)\]")
 

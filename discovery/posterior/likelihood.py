@@ -19,9 +19,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Normal, Prior
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import NotIdentifiable
 from discovery.posterior.instrument import Instrument, instruments
 from discovery.posterior.noise import GAUSSIAN, Noise, NoiseParameter, noise_of
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
 
 __all__ = ["NOISE_PRIOR", "LogPosterior", "log_posterior"]
-
-FloatArray = NDArray[np.float64]
 
 #: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
 NOISE_PRIOR = Normal(0.0, 5.0)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Prior
 from discovery.estimation.importance import Weighted, importance_sample
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 FEWEST_DRAWS = 100
 
 __all__ = ["FEWEST_DRAWS", "Evidence", "log_evidence", "log_prior_mass"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
 __all__ = ["Pooled", "Quantity", "pool"]
 
-FloatArray = NDArray[np.float64]
 #: Points at which the spread is integrated over, and how far beyond the smallest and the largest scale of the data.
 _POINTS, _BEYOND = 600, 1e4
 #: Probabilities of the ends and the middle of an interval.

@@ -13,13 +13,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.priors import MarginalPrior
 
 __all__ = ["FACTORS", "LIMIT", "PriorEffect", "prior_effects"]
 
-FloatArray = NDArray[np.float64]
 #: How many times as wide all priors are made together.
 FACTORS = (0.5, 2.0)
 #: A change beyond this, in posterior standard deviations, means that the prior matters.

@@ -17,18 +17,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import LogPosterior
 
 __all__ = ["CUT", "Profile", "profiles"]
 
-FloatArray = NDArray[np.float64]
 #: Quantile 0.9 of chi-square with one degree of freedom.
 CUT = 2.7055434540954
 #: Held values of a parameter, and how far they reach in the fit's standard deviations.

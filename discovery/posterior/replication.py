@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import log_ndtr
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.start_names import start_of
 from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["Replicated", "check_pointwise", "replicated"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Prior
 from discovery.estimation.batch import fit_problems
@@ -21,6 +20,7 @@ from discovery.estimation.guess import restoring, scan
 from discovery.estimation.least_squares import levenberg_marquardt, minimise
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.noise import Noise
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["Mode", "joint_mode", "noise_density"]
-
-FloatArray = NDArray[np.float64]
 
 # Turns end when one gains less, as a logarithm of the density.
 _TURNS, _GAIN = 12, 0.02

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.foundation.errors import SimulationFailure
 from discovery.posterior.correlations import Autocorrelation, Correlations, autocorrelation, correlations
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Coverage", "PosteriorStudy", "study_posterior"]
 
-FloatArray = NDArray[np.float64]
 #: Recordings of more samples get no predictive band.
 LONGEST_BAND = 20_000
 #: Points of a prior's density over the range of the profile.

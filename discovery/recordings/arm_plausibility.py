@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import quoted
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
 from discovery.foundation.sampling import median_step
@@ -15,8 +15,6 @@ from discovery.recordings.angles import within_half_a_turn
 from discovery.rigs.rig import Rig
 
 __all__ = ["check_arm"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 #: So small a share of readings may be wild ones.

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import Flag
@@ -18,7 +18,6 @@ from discovery.rigs.rig import Rig
 
 __all__ = ["averaged", "averaged_down"]
 
-FloatArray = npt.NDArray[np.float64]
 #: A recording keeps at least so many readings: fewer would hardly make anything quicker.
 _KEPT = 2000
 #: Averages over so many times the readings that err alike are nearly independent, and at least so many are kept.
@@ -163,7 +162,7 @@ def _means(columns: FloatArray, length: int) -> FloatArray:
     return np.asarray(means - (1 - 1 / length**2) * np.concatenate([bend[:1], bend, bend[-1:]]))
 
 
-def _lost(present: npt.NDArray[np.bool_], length: int) -> float:
+def _lost(present: BoolArray, length: int) -> float:
     """Return which share of the readings that are present stretches with a gap in them lose."""
     present = present[_first(length) :]
     used = present.size // length * length

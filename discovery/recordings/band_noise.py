@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.spectra import filled, spectrum
 
 __all__ = ["BandNoise", "band_noise"]
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import correlate, correlation_lags
 
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.quantisation import quantum
 from discovery.recordings.reading_noise import white_noise
 
 __all__ = ["copied", "scaled_copy"]
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Of the noise: what two signals with noises of their own never come down to.
 _NEAR = 0.3

@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
-import numpy as np
-import numpy.typing as npt
-
 from discovery.foundation.arguments import as_path, as_paths, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.plots.recordings import DatasetViews
@@ -32,8 +30,6 @@ from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
 
 __all__ = ["Dataset", "load_dataset"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

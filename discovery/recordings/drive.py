@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-__all__ = ["Drive", "spline_drive"]
+from discovery.foundation.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["Drive", "spline_drive"]
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.systems import System
 from discovery.declarations.units import in_coordinate, si_symbol
 from discovery.foundation.arguments import check_whole
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.start_names import start_name
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
@@ -22,8 +22,6 @@ from discovery.simulation.grid import DriveLike
 from discovery.simulation.pace import Pace
 
 __all__ = ["Experiment", "make_experiment"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import si_factor
 from discovery.foundation.arguments import as_path
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table, read_table
 from discovery.recordings.plausibility import check_signals
@@ -29,8 +29,6 @@ from discovery.recordings.recording_columns import (
 from discovery.rigs.rig import Rig
 
 __all__ = ["Signals"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass

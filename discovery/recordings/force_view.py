@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.rigs.rig import ForceView
 
 __all__ = ["force_samples", "noise_gain", "sampling_rate", "zero_phase"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _ORDER = 4
 _SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
@@ -66,7 +64,7 @@ def noise_gain(rate: float, cutoff: float) -> float:
     return float(np.sqrt(np.mean(np.abs(response) ** 4)))
 
 
-def force_samples(view: ForceView, time: FloatArray, rate: float) -> npt.NDArray[np.bool_]:
+def force_samples(view: ForceView, time: FloatArray, rate: float) -> BoolArray:
     """Mark the samples of the force that are used, without those that the ends disturb.
 
     They are thinned as `view` says, and at least until their noise is white.

@@ -10,17 +10,16 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ellipk
 
 from discovery.declarations.units import si_factor
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.flags import Flag
 from discovery.rigs.rig import Rig
 
 __all__ = ["angle_doubt", "fall_doubt", "slow_fall"]
 
-FloatArray = npt.NDArray[np.float64]
 Motion = tuple[FloatArray, FloatArray]
 
 _ANGLES = ("turn", "rad", "deg", "mrad")

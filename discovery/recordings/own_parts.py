@@ -7,9 +7,9 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import Flag
@@ -19,7 +19,6 @@ from discovery.rigs.rig import RecordPart, Rig
 
 __all__ = ["bridged", "own_parts", "release"]
 
-FloatArray = npt.NDArray[np.float64]
 Reader = Callable[[RecordPart], Recording]
 
 _UNKNOWN = 0.05  # of a signal's standard deviation
@@ -111,7 +110,7 @@ def _read_all(
         return []
 
 
-def bridged(r: Recording) -> npt.NDArray[np.bool_]:
+def bridged(r: Recording) -> BoolArray:
     """Return for each step from sample to sample whether input or output can be interpolated over it, shape (n - 1,).
 
     A gap of the same length is tried at many places where there are samples: how far they lie from the spline through
@@ -183,7 +182,7 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
     return int(good[left])
 
 
-def _first(true: npt.NDArray[np.bool_]) -> int | None:
+def _first(true: BoolArray) -> int | None:
     """Return where two in a row are true for the first time."""
     both = np.flatnonzero(true[:-1] & true[1:])
     return int(both[0]) if both.size else None

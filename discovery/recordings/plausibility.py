@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import quoted
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
 
 __all__ = ["check_signals"]
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Sizes of numbers whose fifth powers can be computed.
 _SMALLEST_NUMBER, _LARGEST_NUMBER = 1e-60, 1e60

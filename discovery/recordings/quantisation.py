@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 
-__all__ = ["lasting_rounding", "quantum", "resolution"]
+from discovery.foundation.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["lasting_rounding", "quantum", "resolution"]
 
 _CANDIDATES = (0.05, 0.25, 0.5, 0.0)
 _TOLERANCE = 0.05

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.flags import MISREAD, Flag
@@ -15,8 +15,6 @@ from discovery.recordings.quantisation import quantum
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 
 __all__ = ["bend_flags", "clean_output", "gap_flags", "swing_flags", "time_flags"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _JITTER = 0.05  # of a step
 _RARE, _MOST = 0.1, 0.9  # share of the steps

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
 from discovery.recordings.quantisation import resolution
 
 __all__ = ["estimate_noise", "noise_flags"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _FEWEST = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ

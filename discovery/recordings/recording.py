@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
@@ -33,7 +33,6 @@ from discovery.rigs.rig import ForceView, Rig
 
 __all__ = ["Recording", "read_recording"]
 
-FloatArray = npt.NDArray[np.float64]
 Bands = list[BandNoise | None]
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor
 from discovery.foundation.arguments import check_whole
+from discovery.foundation.arrays import IntArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table
 from discovery.rigs.rig import Rig
@@ -140,7 +140,7 @@ def check_part(samples: Any, where: Any) -> None:
 
 def picked_rows(
     table: Table, names: dict[str, str], samples: tuple[int, int] | None, where: Sequence[tuple[str, str | float]]
-) -> npt.NDArray[np.int64]:
+) -> IntArray:
     """Rows in which columns have given values, and of these a part.
 
     Raises

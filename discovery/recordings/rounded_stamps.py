@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from discovery.declarations.units import si_factor
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
@@ -18,7 +19,6 @@ from discovery.rigs.rig import Rig
 
 __all__ = ["SteadyClock", "on_its_clock", "steady_clock"]
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 _FEWEST = 20  # stamps that all lie on a clock by chance are fewer

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.recordings.time_jitter import left_by_cubics
 
 __all__ = ["FlatRuns", "drift", "flat_runs", "spikes"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _SHORTEST_CLIPPED = 3  # equal readings at the extreme
 _SHORTEST_STUCK = 10  # equal readings elsewhere
@@ -139,7 +136,7 @@ def _interrupts(values: FloatArray, start: int, length: int, error: float, abrup
     return False
 
 
-def spikes(time: FloatArray, values: FloatArray, error: float) -> npt.NDArray[np.int64]:
+def spikes(time: FloatArray, values: FloatArray, error: float) -> IntArray:
     """Find single readings far from where their neighbours put them.
 
     A cubic through two neighbours on either side predicts a reading. A spike misses its prediction by far more than is

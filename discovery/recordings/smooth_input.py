@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.fft import irfft, rfft
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive, spline_drive
 from discovery.recordings.motion_profile import smooth_motion
@@ -14,8 +14,6 @@ from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
 
 __all__ = ["build_drive"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _UPSAMPLING = 8
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 
 __all__ = ["estimate_jitter", "left_by_cubics", "scatter", "stamp_deviation"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _FEWEST = 200  # readings, fewer scatter too little to tell their noise from that of their stamps
 _SURE = 4.0  # standard deviations

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import quoted, si_factor
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
 from discovery.recordings.flags import Flag
@@ -13,8 +13,6 @@ from discovery.recordings.gravity_scale import slow_fall
 from discovery.rigs.rig import Rig
 
 __all__ = ["check_units", "near_hanging"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _FULL_TURN = 2.0 * np.pi
 _JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours that lie so near each other [rad]
@@ -73,7 +71,7 @@ def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list
     return (joined if turns or places.size else angle), flags
 
 
-def _turns_away(angle: FloatArray) -> npt.NDArray[np.bool_]:
+def _turns_away(angle: FloatArray) -> BoolArray:
     """Return readings that lie off the others and are entered and left by more than the turn that a sensor may lose."""
     good = np.flatnonzero(np.isfinite(angle))
     found = np.zeros(angle.size, bool)
@@ -84,7 +82,7 @@ def _turns_away(angle: FloatArray) -> npt.NDArray[np.bool_]:
     return found
 
 
-def _alone(angle: FloatArray) -> npt.NDArray[np.bool_]:
+def _alone(angle: FloatArray) -> BoolArray:
     """Return which readings jump by what is no full turn away from two neighbours that agree."""
     found = np.zeros(angle.size, bool)
     jump = np.diff(angle)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.units import quoted
+from discovery.foundation.arrays import BoolArray
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
@@ -15,8 +15,6 @@ from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.recording import Recording
 
 __all__ = ["refuse_unusable"]
-
-BoolArray = NDArray[np.bool_]
 
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 _FEWEST = 30

@@ -8,11 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from discovery.diagnosis.missing_force import MissingForce
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
@@ -27,8 +25,6 @@ if TYPE_CHECKING:
     from discovery.posterior.study import PosteriorStudy
 
 __all__ = ["Answer", "Sampled"]
-
-FloatArray = NDArray[np.float64]
 
 
 #: What follows the answer, in words; and under which names it is in results.json.

@@ -6,9 +6,9 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.units import si_symbol
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.quantisation import quantum
@@ -16,8 +16,6 @@ from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.rig import Rig
 
 __all__ = ["describe"]
-
-FloatArray = NDArray[np.float64]
 
 
 def describe(dataset: Dataset) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.bent_intervals import without_bent
 from discovery.estimation.declared import rig_uncertainty
@@ -21,6 +20,7 @@ from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine, variance_left
 from discovery.estimation.step import error_unit
 from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.progress import Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
@@ -46,7 +46,6 @@ from discovery.simulation.simulate import THREADS
 
 __all__ = ["UPGRADES", "close_loop"]
 
-FloatArray = NDArray[np.float64]
 #: The exact arm on which effects are searched.
 _EXACT = UPGRADES[-1][0]
 #: A trajectory error below so many noise sds at every sample is none to the search.

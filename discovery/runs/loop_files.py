@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.diagnosis.missing_force import MissingForce
 from discovery.estimation.fit import Fit
@@ -14,6 +13,7 @@ from discovery.estimation.natural_units import natural_units
 from discovery.estimation.predict import predict
 from discovery.estimation.residual import errors
 from discovery.export import FittedModel
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.io import atomic_write
 from discovery.recordings.dataset import Dataset
@@ -32,8 +32,6 @@ __all__ = [
     "to_clean",
     "write_loop",
 ]
-
-FloatArray = NDArray[np.float64]
 
 
 def models_of(result: LoopResult) -> dict[str, Any]:

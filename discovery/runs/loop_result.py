@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.units import quoted
@@ -20,6 +19,7 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
 from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.estimate_text import figures
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
@@ -33,8 +33,6 @@ from discovery.selection.verdict import (
 )
 
 __all__ = ["UPGRADES", "LoopResult"]
-
-FloatArray = NDArray[np.float64]
 
 
 #: Better bases, and what the step to each is called when the loop finds it.

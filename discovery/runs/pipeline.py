@@ -10,12 +10,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from discovery.estimation.fit import Fit
 from discovery.estimation.starts import held_out
 from discovery.foundation.arguments import as_folder, check_seed, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
 from discovery.foundation.time_limit import TimeIsUp, time_limit
@@ -31,8 +29,6 @@ from discovery.runs.loop_files import loops_predictions, models_of, of_loop, sav
 from discovery.runs.regression_stage import can_discover, discover
 
 __all__ = ["add_posterior", "answer", "run", "save_failed"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> list[FloatArray]:

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.systems import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
@@ -19,6 +18,7 @@ from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Tell, silent
 from discovery.foundation.sampling import gaps
@@ -51,8 +51,6 @@ __all__ = [
     "unexplained",
     "weighed",
 ]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

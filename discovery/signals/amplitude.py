@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 
 __all__ = ["Backbone", "backbone"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

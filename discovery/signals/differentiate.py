@@ -16,10 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.signals.penalised_spline import (
     DEGREE,
@@ -34,7 +34,6 @@ from discovery.signals.penalised_spline import (
 
 __all__ = ["FloatArray", "Smoother", "Trajectory", "smooth"]
 
-FloatArray = NDArray[np.float64]
 #: Orders of the penalised derivative to choose from.
 _ORDERS = (3, 4)
 

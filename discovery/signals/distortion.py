@@ -17,9 +17,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.signals.multisine import Distortion, Multisine, Parity
 from discovery.signals.periods import find_periods, settling_of, whole_periods
 from discovery.signals.spectral_lines import MIN_LINES, LineNoise, Lines, line_noise, lines_of, tones_of
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from discovery.recordings.recording import Recording
 
 __all__ = ["analyse_multisine"]
-
-FloatArray = NDArray[np.float64]
 
 
 IRREGULAR = 0.05  # of a sampling interval: times may be rounded
@@ -102,7 +100,7 @@ def _distortions(
     """One entry for each parity that the multisine can tell; unexcited lines are preferred to the spread."""
     samples = floor.samples * float(np.mean(lines.kinds != "outside"))
 
-    def judged(parity: Parity, use: NDArray[np.bool_], spread: bool = False) -> Distortion:
+    def judged(parity: Parity, use: BoolArray, spread: bool = False) -> Distortion:
         power = np.where(use, lines.spread if spread else lines.output, 0.0)
         # The noise is smeared over frequency as its pieces are short; so is what is compared with it.
         weight = np.convolve(use, floor.kernel, "same")[use]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from discovery.declarations.systems import System
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.signals.differentiate import FloatArray, Trajectory, smooth
+from discovery.signals.differentiate import Trajectory, smooth
 
 if TYPE_CHECKING:
     from discovery.recordings.recording import Recording

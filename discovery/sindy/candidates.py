@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 import pysindy
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion, State
 
 __all__ = ["Candidates", "Term"]

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_banded
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
-from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.candidates import Candidates, Term
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import estimate_text
-from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.evidence import CANNOT_TELL, log_ratio, loudness
 from discovery.sindy.library import stretches

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from discovery.signals.differentiate import FloatArray
+from discovery.foundation.arrays import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.evidence import Choice, loudness
 from discovery.sindy.library import Library, build_library

@@ -8,8 +8,8 @@ from itertools import count, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.simulation.grid import DriveLike
 from discovery.theory.coupling import Arm, effective_inertia
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from discovery.recordings.experiment import Experiment
 
 __all__ = ["ArmMotion", "check_start", "fitted_coupling", "integrate", "move_arm"]
-
-FloatArray = NDArray[np.float64]
 
 _TOLERANCE = 1e-9
 #: States beyond this size, or so many evaluations within one stretch, count as blown up.

@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import sympy as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Joint, Kinetic
@@ -24,6 +24,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.base import SHORTENING_RADIUS, Channel
@@ -33,8 +34,6 @@ from discovery.rigs.rig import Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 
 __all__ = ["Arm", "effective_inertia"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _kinetic_torque(energy: sp.Expr, second: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:

@@ -12,13 +12,11 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 
 __all__ = ["FAST", "LANES", "TOGETHER", "exponential", "oscillating", "padded"]
-
-FloatArray = NDArray[np.float64]
 
 LANES = 32
 FAST = {"contract", "reassoc", "nsz", "arcp"}
@@ -198,7 +196,7 @@ def padded(residual: FloatArray, *rows: FloatArray) -> tuple[FloatArray, list[Fl
 
 
 def exponential(
-    time: FloatArray, seen: NDArray[np.bool_], residual: FloatArray, share: FloatArray, tau: FloatArray, keep: bool
+    time: FloatArray, seen: BoolArray, residual: FloatArray, share: FloatArray, tau: FloatArray, keep: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Filter residuals of unit variance, a share of which is exponentially correlated (Ornstein and Uhlenbeck).
 
@@ -231,7 +229,7 @@ def exponential(
 
 def oscillating(
     time: FloatArray,
-    seen: NDArray[np.bool_],
+    seen: BoolArray,
     residual: FloatArray,
     share: FloatArray,
     omega: FloatArray,

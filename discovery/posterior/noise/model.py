@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from discovery.declarations.parameters import Prior
+from discovery.foundation.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LOG_2PI", "Logistic", "Noise", "NoiseParameter", "seen_by", "share_of"]
 
-FloatArray = NDArray[np.float64]
 LOG_2PI = float(np.log(2 * np.pi))
 
 
@@ -129,7 +129,7 @@ class Noise(ABC):
         return self.whitened(i, residual, x, noise)
 
 
-def seen_by(experiment: Experiment) -> NDArray[np.bool_]:
+def seen_by(experiment: Experiment) -> BoolArray:
     """Return which readings count, up to the last of them, shape (n, c)."""
     seen = experiment.weights() > 0
     stop = int(np.flatnonzero(seen.any(axis=1))[-1]) + 1 if seen.any() else 0

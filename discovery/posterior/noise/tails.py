@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 from discovery.posterior.noise.filters import FAST, LANES, TOGETHER, padded
 
 __all__ = ["rounded", "scattered"]
-
-FloatArray = NDArray[np.float64]
 
 
 @compiled(nogil=True, fastmath=FAST, error_model="numpy")
@@ -77,7 +75,7 @@ def scattered(residual: FloatArray, factor: FloatArray) -> FloatArray:
     return total[:k]
 
 
-def rounded(seen: NDArray[np.bool_], residual: FloatArray, half: FloatArray, sd: FloatArray) -> FloatArray:
+def rounded(seen: BoolArray, residual: FloatArray, half: FloatArray, sd: FloatArray) -> FloatArray:
     """Return the log probability of readings that were rounded.
 
     Parameters

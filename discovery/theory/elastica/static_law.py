@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.theory.elastica.integrals import TINY, bend, increasing_root
 
@@ -27,8 +28,6 @@ __all__ = [
     "perpendicular_law",
     "usable_deflections",
 ]
-
-FloatArray = npt.NDArray[np.float64]
 
 DEFLECTION_MAX = np.pi / 2
 """Largest tip deflection of :func:`perpendicular_law` [rad]; there the force points back along the clamped end."""
