@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from discovery.recordings.band_noise import BandNoise, band_noise
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
+from discovery.recordings.plausibility import check_signals
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import estimate_noise, noise_flags
@@ -166,7 +166,7 @@ def read_recording(
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, bands, more = _cleaned(rig, found, stated)
-    found.check(rig)
+    check_signals(found, rig.traits.fewest)
     jitter = _jitter(rig, found, noise)
     more += _told_of_jitter(rig, found, jitter)
     if rig.view is not None and found.inputs is not None:
@@ -198,16 +198,15 @@ def _rig(given: Rig | None) -> Rig:
 def _checked(rig: Rig, found: Signals) -> list[Flag]:
     """Refuse what cannot be a measurement of this rig; join the turns of an angle, and take in an added input."""
     flags: list[Flag] = []
-    time, inputs, outputs = found.time, found.inputs, found.outputs
+    inputs, outputs = found.inputs, found.outputs
     if rig.traits.hangs and rig.view is None and "output" in outputs:
         outputs["output"], flags = near_hanging(outputs["output"], found.units["output"])
-    found.check(rig)
+    check_signals(found, rig.traits.fewest)
     if rig.traits.has_rod:
-        given: dict[str, Any] = {"time": time, "inputs": inputs, "outputs": outputs}
-        check_arm(found.table, found.names, units=found.units, rig=rig, **given)
+        check_arm(found, rig)
         flags = [] if inputs is None else bend_flags(inputs, outputs)
     elif outputs:
-        check_units(found.table, rig, found.names, time, outputs["output"], inputs is not None)
+        check_units(found, rig)
     if inputs is not None and found.added is not None and rig.controller is not None:
         # What is added to the command acts as a reference that is further off.
         found.inputs = inputs + found.added / (rig.controller.kv * rig.controller.kp)

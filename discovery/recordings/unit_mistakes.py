@@ -7,7 +7,8 @@ import numpy as np
 from discovery.declarations.units import quoted, si_factor
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.io import Table
+from discovery.recordings.angles import within_half_a_turn
+from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import slow_fall
 from discovery.rigs.rig import Rig
@@ -86,30 +87,15 @@ def _alone(angle: FloatArray) -> BoolArray:
     """Return which readings jump by what is no full turn away from two neighbours that agree."""
     found = np.zeros(angle.size, bool)
     jump = np.diff(angle)
-    turned = np.abs(np.remainder(jump + np.pi, _FULL_TURN) - np.pi)
+    turned = np.abs(within_half_a_turn(jump))
     there, back = jump[:-1], jump[1:]
     away = (np.abs(there) > _JUMP) & (np.abs(back) > _JUMP) & (np.sign(there) != np.sign(back))
     found[1:-1] = away & (np.maximum(turned[:-1], turned[1:]) > 0.5 * _JUMP) & (np.abs(angle[2:] - angle[:-2]) < _NEAR)
     return found
 
 
-def check_units(
-    table: Table, rig: Rig, names: dict[str, str], time: FloatArray, output: FloatArray, driven: bool
-) -> None:
-    """Refuse a motion that gravity cannot have made.
-
-    Parameters
-    ----------
-    table : Table
-        The file, for the messages.
-    rig : Rig
-        The system; only pendulums and falling bodies are held against gravity.
-    names : dict of str to str
-        Signal to the name of its column.
-    time, output : array, shape (n,)
-        In SI units.
-    driven : bool
-        Whether a force acts beside gravity.
+def check_units(found: Signals, rig: Rig) -> None:
+    """Refuse a motion that gravity cannot have made; only pendulums and falling bodies are held against it.
 
     Raises
     ------
@@ -119,16 +105,15 @@ def check_units(
     """
     if rig.gravity is None or rig.view is not None:
         return
+    output = found.outputs["output"]
     good = np.isfinite(output)
-    t, y = time[good], output[good]
-    where = f"{table.path}, column {names['output']!r}"
-    if rig.traits.hangs and not driven:
-        _check_swing(where, rig, y, float(np.nanmax(np.abs(table.numbers(names["output"])))))
+    t, y = found.time[good], output[good]
+    if rig.traits.hangs and found.inputs is None:
+        _check_swing(found.at("output"), rig, y, float(np.nanmax(np.abs(found.table.numbers(found.names["output"])))))
         # Too slow or too fast is more often the time's fault than the angle's.
-        clock = f", column {names['time']!r}" if "time" in names else ""
-        _check_pace(f"{table.path}{clock}", rig, t, y)
+        _check_pace(found.at("time") if "time" in found.names else str(found.table.path), rig, t, y)
     elif rig.traits.falls:
-        _check_fall(where, rig.gravity.value, t, y)
+        _check_fall(found.at("output"), rig.gravity.value, t, y)
 
 
 def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> None:
