@@ -43,17 +43,9 @@ def fingerprint(*parts: bytes | str) -> str:
 def save(
     path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str, asked: FloatArray | None = None
 ) -> None:
-    """Write a checkpoint (HDF5), beside its place first: there is never half a file.
+    """Write a checkpoint (HDF5) of the run of a fingerprint, beside its place first: there is never half a file.
 
-    Parameters
-    ----------
-    path : path
-    ensembles : sequence of Ensemble
-        As they are.
-    run : str
-        Fingerprint of the run.
-    asked : ndarray, shape (n, 2), optional
-        Log densities that the run asked for beside them, see `Remembered`.
+    `asked` (n, 2) are the log densities that the run asked for beside its ensembles, see `Remembered`.
     """
     # In memory: on a full disk the library of the format ends the process.
     made = BytesIO()
@@ -76,20 +68,7 @@ def save(
 
 
 def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> bool:
-    """Bring ensembles to where a checkpoint left them.
-
-    Parameters
-    ----------
-    path : path
-    ensembles : sequence of Ensemble
-        As at the start of the run.
-    run : str
-        Fingerprint of the run.
-
-    Returns
-    -------
-    bool
-        False if there is no such file.
+    """Bring ensembles to where a checkpoint of their run left them, and return whether there is one.
 
     Raises
     ------
@@ -135,15 +114,7 @@ def _restore(ensemble: Ensemble, group: Any) -> None:
 
 
 class Remembered:
-    """A log density that is asked for points in an order that only a seed decides.
-
-    Parameters
-    ----------
-    log_density : callable
-        Log density at points (k, d).
-    keep : callable
-        Keeps `values`; called every few seconds.
-    """
+    """A log density of points (k, d) that are asked for in an order that only a seed decides; `keep` keeps `values`."""
 
     def __init__(self, log_density: Callable[[FloatArray], FloatArray], keep: Callable[[], None]) -> None:
         #: First coordinate and log density of every point so far, or those of an earlier run, shape (n, 2).

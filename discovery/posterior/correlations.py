@@ -103,13 +103,7 @@ class Autocorrelation:
 
 
 def autocorrelation(posterior: Posterior) -> Autocorrelation:
-    """Return the autocorrelation of a posterior's draws; initial states are left out.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws (ensembles, draws, walkers, d), `thin` steps apart.
-    """
+    """Return the autocorrelation of a posterior's draws; initial states are left out."""
     thin = int(posterior.provenance.get("thin", 1))
     names = quantities(posterior)
     tau = {n: float(posterior.tau[n]) for n in names}

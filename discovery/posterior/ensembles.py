@@ -126,11 +126,7 @@ class Ensemble:
 
 
 def check_walkers(coords: FloatArray) -> None:
-    """Refuse walkers that could never leave the subspace in which they start.
-
-    Parameters
-    ----------
-    coords : ndarray, shape (walkers, d)
+    """Refuse walkers (walkers, d) that could never leave the subspace in which they start.
 
     Raises
     ------
@@ -153,18 +149,9 @@ def check_walkers(coords: FloatArray) -> None:
 def start_ensembles(
     log_density: LogDensity, dimension: int, *, walkers: int, seeds: Sequence[SeedSequence]
 ) -> list[Ensemble]:
-    """Return ensembles that start around the origin, each from a seed of its own.
+    """Return ensembles that start around the origin of whitened coordinates, each from a seed of its own.
 
-    Parameters
-    ----------
-    log_density : callable
-        Log density at whitened points (k, d).
-    dimension : int
-        Dimension d.
-    walkers : int
-        Walkers of each ensemble.
-    seeds : sequence of SeedSequence
-        One of each ensemble; two streams are spawned from it, one for the start and one for the chain.
+    Two streams are spawned from each seed, one for the start and one for the chain.
 
     Raises
     ------

@@ -214,18 +214,11 @@ def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
 
 
 def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
-    """Return the log posterior around a fit.
+    """Return the log posterior around a fit on any base, under a noise model by its name.
 
     For Gaussian noise, the covariance is that of Gauss and Newton at the minimum, with the residuals' own size as
     noise, and with the widths of the declared priors: it is finite also where a parameter lies on a bound. For other
     noise it is that of generalised least squares, around the mode under that noise.
-
-    Parameters
-    ----------
-    fit : Fit
-        Any fit, on any base.
-    noise : str
-        ``"gaussian"``, or another noise model: a key of `discovery.posterior.noise.NOISE_MODELS`.
 
     Raises
     ------

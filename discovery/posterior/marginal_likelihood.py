@@ -73,21 +73,7 @@ class Evidence:
 
 
 def log_evidence(target: LogPosterior, rng: Generator, draws: int = 4000) -> Evidence:
-    """Return the log evidence of a posterior.
-
-    Parameters
-    ----------
-    target : LogPosterior
-        From `discovery.posterior.likelihood.log_posterior`.
-    rng : Generator
-        Source of the draws.
-    draws : int
-        Draws of the last round.
-
-    Returns
-    -------
-    Evidence
-        Look at `Evidence.reliable` before its number.
+    """Return the log evidence of a posterior, by so many draws; look at `Evidence.reliable` before its number.
 
     Raises
     ------

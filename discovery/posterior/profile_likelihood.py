@@ -77,16 +77,10 @@ class Profile:
 
 
 def profiles(target: LogPosterior, points: int = _POINTS) -> list[Profile]:
-    """Return the profile likelihood of every free physical parameter that has a spread.
+    """Return the profile likelihood, at so many held values, of every free physical parameter that has a spread.
 
-    All held values of one parameter are refitted together, in common simulation calls.
-
-    Parameters
-    ----------
-    target : LogPosterior
-        Of a fit: its minimum, and its covariance for the range of held values and the starts.
-    points : int
-        Held values of each parameter.
+    All held values of one parameter are refitted together, in common simulation calls. The minimum of `target` and its
+    covariance give the range of held values and the starts.
     """
     problem = _at_its_own_noise(target.problem, target.centre)
     m = len(problem.names)

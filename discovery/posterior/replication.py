@@ -74,18 +74,7 @@ def check_pointwise(noise: str) -> None:
 def replicated(
     posterior: Posterior, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
 ) -> list[Replicated]:
-    """Return the fitted readings of recordings beside what draws make of them.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Where the draws are from.
-    experiments : sequence of Experiment
-        Recordings that were fitted.
-    draws : mapping of str to ndarray, shape (k,)
-        Draws of every quantity.
-    rng : Generator
-        Makes the noise.
+    """Return the fitted readings of recordings beside what draws (k,) of every quantity make of them.
 
     Raises
     ------

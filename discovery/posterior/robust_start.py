@@ -79,19 +79,8 @@ def noise_density(
 def joint_mode(fit: Fit, models: Sequence[Noise], size_prior: Prior) -> Mode:
     """Return the mode of free numbers and noise; where the noise allows for outliers, however far off a fit is.
 
-    Parameters
-    ----------
-    fit : Fit
-        Its minimum is that of ordinary least squares.
-    models : sequence of Noise
-        Noise of every instrument.
-    size_prior : Prior
-        Of the logarithm of the size of a noise.
-
-    Returns
-    -------
-    Mode
-        Of the priors of the free numbers only what is known from the rig counts.
+    The fit's minimum is that of ordinary least squares, `size_prior` that of the logarithm of the size of a noise. Of
+    the priors of the free numbers only what is known from the rig counts.
     """
     starts = [fit.minimum.x]
     if any(model.outliers for model in models):

@@ -153,20 +153,9 @@ class PosteriorStudy:
 def study_posterior(
     posterior: Posterior, fit: Fit, holdout: Sequence[Experiment] = (), *, rng: Generator, draws: int = 200
 ) -> PosteriorStudy:
-    """Study a posterior.
+    """Study a posterior of a fit; of held-out recordings, which it did not see, only the initial states are fitted.
 
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws.
-    fit : Fit
-        The fit that was sampled.
-    holdout : sequence of Experiment
-        Recordings that it did not see; only their initial states are fitted.
-    rng : Generator
-        For the predictive bands.
-    draws : int
-        Draws of each band.
+    The predictive bands have so many draws each.
     """
     target = log_posterior(fit)
     priors, flat = marginal_priors(target), posterior.flat()

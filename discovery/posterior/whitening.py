@@ -115,18 +115,7 @@ def settled(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mode of a posterior by scoring steps in whitened coordinates, and the factor scaled to its curvature.
 
-    Parameters
-    ----------
-    density : callable
-        Gives the log density at whitened points (k, d) for a centre and a factor.
-    centre : ndarray, shape (d,)
-        Where to start.
-    factor : ndarray, shape (d, d)
-        Lower triangular factor of a covariance.
-
-    Returns
-    -------
-    centre, factor : ndarray
+    `density` gives the log density at whitened points (k, d) for a centre (d,) and a lower triangular factor (d, d).
     """
     d = centre.size
     points = np.concatenate([np.zeros((1, d)), _WHITE_STEP * np.eye(d), -_WHITE_STEP * np.eye(d)])

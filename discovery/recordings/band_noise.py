@@ -58,27 +58,14 @@ class BandNoise:
 def band_noise(
     time: FloatArray, values: FloatArray, scatter: float, given: FloatArray | None = None
 ) -> BandNoise | None:
-    """Find noise that readings show at a distance, and hide from one to the next.
+    """Find noise that readings (n,) show at a distance, and hide from one to the next; None where there is none.
 
     The spectrum of white noise is flat to its end. That of noise which a filter has passed is flat above the lines of
     the motion and falls beyond the filter's cut-off. Such a plateau is taken for noise where it spans two octaves,
-    stands above the scatter, is small against the motion, has one size throughout the recording, is Gaussian, and lies
-    where the input moves nothing. Impacts and friction are none: they come at times. Errors of rounding are left to
-    `discovery.recordings.quantisation.lasting_rounding`.
-
-    Parameters
-    ----------
-    time, values : array, shape (n,)
-        Times [s] and readings; NaN are gaps.
-    scatter : float
-        Noise as the scatter from one reading to the next shows it, in the unit of `values`.
-    given : array, shape (n,), optional
-        The input.
-
-    Returns
-    -------
-    BandNoise or None
-        None where there is no such plateau, and for times that are not steady.
+    stands above the scatter from one reading to the next, is small against the motion, has one size throughout the
+    recording, is Gaussian, and lies where the input, if there is one, moves nothing. Impacts and friction are none:
+    they come at times. Errors of rounding are left to `discovery.recordings.quantisation.lasting_rounding`. Nothing is
+    found at times [s] that are not steady.
     """
     if np.mean(np.isfinite(values)) < 1.0 - _MISSING or gaps(time).any():
         return None

@@ -92,16 +92,9 @@ class Experiment:
         return self.drive.evaluate(self.recording.time)[0]
 
     def channels(self, reading: FloatArray) -> FloatArray:
-        """Return the recorded channels for simulated readings.
+        """Return the recorded channels (n, c, k) for simulated readings (n, r, k).
 
-        Parameters
-        ----------
-        reading : ndarray, shape (n, r, k)
-            Tip x, y [m] of an arm, or the output of an oscillator.
-
-        Returns
-        -------
-        ndarray, shape (n, c, k)
+        A reading is tip x, y [m] of an arm, or the output of an oscillator.
         """
         names = self.recording.channels
         if self.rig.view is not None:
@@ -183,10 +176,7 @@ class Experiment:
     def initial_state(self, natural_time: float) -> tuple[float, float]:
         """Return where a fit begins: `initial_guess`, or of a free swing whose acceleration is read, what swings so.
 
-        Parameters
-        ----------
-        natural_time : float
-            Inverse angular frequency of the swing [s].
+        `natural_time` is the inverse angular frequency of the swing [s].
         """
         if not self.reads_acceleration or self.drive is not None:
             return self.initial_guess

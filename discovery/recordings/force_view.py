@@ -34,18 +34,9 @@ def sampling_rate(time: FloatArray, source: str) -> float:
 
 
 def zero_phase(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
-    """Low-pass equally spaced samples: a Butterworth filter of order 4, forwards and backwards.
+    """Low-pass equally spaced samples (n, ...) along the first axis: a Butterworth filter of order 4, to and fro.
 
-    Parameters
-    ----------
-    values : array, shape (n, ...)
-        Samples along the first axis.
-    rate, cutoff : float
-        Sampling rate and frequency at which the amplitude is halved [Hz]; from half the rate on nothing is done.
-
-    Returns
-    -------
-    array, shape (n, ...)
+    The amplitude is halved at `cutoff` [Hz]; from half the rate [Hz] on nothing is done.
     """
     from scipy.signal import sosfiltfilt
 

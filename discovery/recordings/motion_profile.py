@@ -32,20 +32,11 @@ _FINEST = 1e-8  # error of a reading against the range of all, at least
 
 
 def smooth_motion(t: FloatArray, y: FloatArray, noise: float) -> Drive:
-    """Fit a motion profile to the readings of an encoder.
+    """Fit a motion profile to the readings y (n,) of an encoder at times t (n,) [s].
 
-    Parameters
-    ----------
-    t, y : array, shape (n,)
-        Times [s] and readings.
-    noise : float
-        Standard deviation of a reading's error, in the unit of `y`; raised to the rounding of `y` if it is below.
-
-    Returns
-    -------
-    Drive
-        Cubic pieces; acceleration is continuous but at the kinks, and zero in rests and cruises; the rate is zero in
-        rests.
+    `noise` is the standard deviation of a reading's error, in the unit of `y`; it is raised to the rounding of `y` if
+    it is below. Pieces are cubic; acceleration is continuous but at the kinks, and zero in rests and cruises; the rate
+    is zero in rests.
     """
     if t.size < _FEWEST:
         return spline_drive(t, y)

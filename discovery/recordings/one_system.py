@@ -30,14 +30,7 @@ def _told(experiment: Experiment) -> str:
 
 
 def check_one_system(experiments: Sequence[Experiment], like: Experiment | None = None) -> None:
-    """Refuse recordings of different systems.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Recordings that are used together.
-    like : Experiment, optional
-        One of the system that they must be of; the first of them otherwise.
+    """Refuse recordings of different systems: of another one than that of `like`, or of the first of them.
 
     Raises
     ------

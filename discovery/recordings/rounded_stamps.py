@@ -51,14 +51,9 @@ class SteadyClock:
 
 
 def on_its_clock(rig: Rig, found: Signals) -> list[Flag]:
-    """Take the times of the clock that explains rounded stamps, and tell it.
+    """Take the times of the clock that explains rounded stamps, also where they repeat, and tell it.
 
-    Parameters
-    ----------
-    rig : Rig
-        Where it states how stamps err, they stay as they are.
-    found : Signals
-        `time` is replaced, also where rounded stamps repeat.
+    Where the rig states how stamps err, they stay as they are.
     """
     if rig.columns.time.jitter is not None or "time" not in found.names:
         return []

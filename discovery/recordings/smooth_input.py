@@ -19,21 +19,12 @@ _UPSAMPLING = 8
 
 
 def build_drive(recording: Recording, rig: Rig) -> Drive | None:
-    """Make the input of a recording continuous in time.
+    """Make the input of a recording continuous in time; None for a free decay, which has none.
 
-    Parameters
-    ----------
-    recording : Recording
-    rig : Rig
-        Says how the input runs between samples: a motion, such as an arm's motor angle, is smoothed to its encoder's
-        error (``angle_noise``, uniform; estimated where the rig does not state it); any other is interpolated, band
-        limited, by a cubic spline (``"auto"`` too, until `discovery.estimation.input_choice` has chosen), linearly or
-        held.
-
-    Returns
-    -------
-    Drive or None
-        None for a free decay, which has no input.
+    The rig says how the input runs between samples: a motion, such as an arm's motor angle, is smoothed to its
+    encoder's error (``angle_noise``, uniform; estimated where the rig does not state it); any other is interpolated,
+    band limited, by a cubic spline (``"auto"`` too, until `discovery.estimation.input_choice` has chosen), linearly or
+    held.
 
     Raises
     ------

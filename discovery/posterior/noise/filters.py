@@ -210,15 +210,13 @@ def exponential(
         Channels are independent of each other.
     share, tau : ndarray, shape (k,)
         Share of the variance [-] and correlation time [s].
-    keep : bool
-        Whether the innovations are wanted.
 
     Returns
     -------
     square, log_variance : ndarray, shape (k,)
         Sums of the squared innovations over their variances and of the logarithms of these variances.
     innovation : ndarray, shape (n, c, k)
-        White and of unit variance, zero in gaps; empty unless wanted.
+        White and of unit variance, zero in gaps; empty unless `keep` asks for them.
     """
     k = residual.shape[2]
     block, (a, t) = padded(residual, share, tau)
@@ -239,19 +237,8 @@ def oscillating(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Filter residuals with a part that is one damped oscillator under white noise, seen by all channels.
 
-    Parameters
-    ----------
-    time, seen, residual, keep
-        As in `exponential`; the variance is one where `slope` is.
-    share, omega, xi : ndarray, shape (k,)
-        Share of the variance [-], angular frequency [rad/s] and damping [1/s] of the oscillator.
-    slope : ndarray, shape (n, c)
-        What a channel sees of the oscillator.
-
-    Returns
-    -------
-    square, log_variance, innovation
-        As of `exponential`.
+    Arguments and results are those of `exponential`, but for the angular frequency omega [rad/s] and the damping xi
+    [1/s] of the oscillator, each (k,), and what a channel sees of it, slope (n, c): the variance is one where it is.
     """
     k = residual.shape[2]
     block, (a, w, b) = padded(residual, share, omega, xi)

@@ -99,22 +99,16 @@ class Noise(ABC):
 
     @abstractmethod
     def log_likelihood(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return the log density of the readings of one experiment, in units of the stated noise.
+        """Return the log density (k,) of the readings of experiment i, in units of the stated noise.
 
         Parameters
         ----------
-        i : int
-            Number of the experiment.
         residual : ndarray, shape (n, c, k)
             (prediction - measurement) / stated noise, zero in gaps.
         x : ndarray, shape (p, k)
             Free numbers of the problem.
         noise : ndarray, shape (1 + m, k)
             Parameters of the noise.
-
-        Returns
-        -------
-        ndarray, shape (k,)
         """
 
     @abstractmethod
