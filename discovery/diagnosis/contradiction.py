@@ -116,10 +116,6 @@ def check_contradictions(
         Quicker mechanics, on which effects are tried where the fit is no worse on them; by default those of the fit.
     context : Context
         Recordings and settings of the search.
-
-    Returns
-    -------
-    ContradictionReport
     """
     experiments = fit.problem.bench.experiments
     arm = experiments[0].system.has_rod

@@ -161,14 +161,7 @@ def _likeliest(newton: Newton, spacing: float, period: float, name: str) -> tupl
 
 
 def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
-    """Return the force that makes a fitted model follow one of its recordings.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fitted model; its parameters are held.
-    index : int
-        Which of the fitted recordings.
+    """Return the force that makes a fitted model, its parameters held, follow one of its recordings.
 
     Raises
     ------

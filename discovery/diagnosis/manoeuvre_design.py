@@ -113,17 +113,8 @@ def reach(speed: float, acceleration: float, duration: float) -> float:
 def moves_from_unit(unit: FloatArray, limits: MotorLimits) -> tuple[Move, ...]:
     """Return the moves that a point of the unit cube stands for, all within the limits.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (4 k,)
-        For each of k moves, all in [0, 1]: where it goes, its speed, its acceleration, the rest before it.
-    limits : MotorLimits
-        Limits that hold for every point.
-
-    Returns
-    -------
-    tuple of Move
-        At most k: one that would go nowhere, or that there is no time for, is left out.
+    The point (4 k,) says for each of k moves, all in [0, 1]: where it goes, its speed, its acceleration, the rest
+    before it. A move that would go nowhere, or that there is no time for, is left out.
     """
     plan: list[tuple[float, float, float, float]] = []
     here, busy, waits = 0.0, 0.0, 0.0
@@ -154,13 +145,6 @@ def moves_from_unit(unit: FloatArray, limits: MotorLimits) -> tuple[Move, ...]:
 
 def hub_drive(moves: Sequence[Move], initial: float = 0.0) -> Drive:
     """Return the hub's angle during moves that follow each other, at rest between, before and after them.
-
-    Parameters
-    ----------
-    moves : sequence of Move
-        In the order of time, at least one; none may begin before the one before has ended.
-    initial : float
-        Angle before the first [rad].
 
     Raises
     ------

@@ -72,12 +72,8 @@ class MissingForce:
 def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
     """Return what a fitted model leaves unexplained as a force, what the force depends on, and patches for it.
 
-    Parameters
-    ----------
-    fit : Fit
-        The final model on its training recordings; its parameters are held while the force is reconstructed.
-    holdout : sequence of Experiment
-        Recordings to try patches on; the parts of the training recordings that were not fitted if there are none.
+    The parameters are held while the force is reconstructed. Patches are tried on the held-out recordings, or on the
+    parts of the training recordings that were not fitted if there are none.
 
     Raises
     ------

@@ -157,20 +157,10 @@ class Chain:
         self.slow.parameters[k] = alpha * (1 - float(change @ before) / float(change @ change))
 
     def advance(self, states: FloatArray, force: FloatArray, law: Law | None = None) -> FloatArray:
-        """Return the end of every step.
+        """Return the end of every step (2, m).
 
-        Parameters
-        ----------
-        states : ndarray, shape (2, m)
-            Start of every step.
-        force : ndarray, shape (2, m)
-            Force at start and end of every step [s^-2 q].
-        law : Law, optional
-            A force that depends on the motion, added to it.
-
-        Returns
-        -------
-        ndarray, shape (2, m)
+        States (2, m) are those at the start of every step, forces (2, m) those at its start and its end [s^-2 q]; a law
+        is a force that depends on the motion, added to them.
         """
         own, lengths = list(self.slow.parameters), self._lengths
         step = lengths / self._steps

@@ -89,20 +89,7 @@ def _unit(effect: str, name: str) -> str:
 def reconcile(
     fit: Fit, name: str, predicted: tuple[float, float], candidates: Sequence[str], context: Context
 ) -> tuple[Reconciliation, ...]:
-    """Try effects that could reconcile a fitted parameter with its prediction.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit, its parameter free of the prediction.
-    name : str
-        The contradicting parameter, free in the fit.
-    predicted : (float, float)
-        Mean and standard deviation that were predicted.
-    candidates : sequence of str
-        Effects to try.
-    context : Context
-        Recordings and settings of the search.
+    """Try effects that could reconcile a fitted parameter, free of its prediction, with the predicted mean and sd.
 
     Returns
     -------

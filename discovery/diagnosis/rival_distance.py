@@ -147,12 +147,7 @@ class Trial:
     def compare(self, moves: Sequence[Move], release: float = 0.0) -> tuple[Distance, float]:
         """Return the distance of the nearest pair on a manoeuvre, and the largest deflection predicted [q].
 
-        Parameters
-        ----------
-        moves : sequence of Move
-            Of the input; none for a system without one.
-        release : float
-            How far from rest the system is let go [q].
+        A system without an input has no moves; it is let go so far from rest, `release` [q].
         """
         found, deflection = self._found(moves, release)
         if not np.isfinite(deflection):

@@ -122,14 +122,11 @@ class Separation:
 
 
 def similarity_matrix(fits: Sequence[Fit]) -> FloatArray:
-    """Return how alike the rivals' own effects act on the recordings that they were fitted to.
+    """Return how alike the rivals' own effects act on the recordings that they were fitted to, shape (r, r).
 
-    Returns
-    -------
-    ndarray, shape (r, r)
-        Largest principal cosine between the sensitivities of what each fit has beyond the parameters common to all,
-        with what the common ones, as far as the rig leaves them free, and the initial states absorb projected out; NaN
-        for a fit that has nothing more.
+    It is the largest principal cosine between the sensitivities of what each fit has beyond the parameters common to
+    all, with what the common ones, as far as the rig leaves them free, and the initial states absorb projected out; NaN
+    for a fit that has nothing more.
     """
     common = set.intersection(*(set(f.problem.names) for f in fits))
     # With the rows of the priors: what the rig knows cannot absorb at will.

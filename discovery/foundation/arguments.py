@@ -32,18 +32,7 @@ __all__ = [
 
 
 def expect(given: object, kind: type, name: str, remedy: str) -> None:
-    """Refuse an argument of another kind.
-
-    Parameters
-    ----------
-    given : object
-        What the caller passed.
-    kind : type
-        What it must be.
-    name : str
-        Name of the argument.
-    remedy : str
-        How the right one is made, as a sentence.
+    """Refuse an argument of another kind; the remedy says how the right one is made, as a sentence.
 
     Raises
     ------
@@ -88,13 +77,7 @@ def as_folder(given: Any, name: str, remedy: str) -> Path:
 
 
 def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
-    """Return names: one alone is taken as a list of one.
-
-    Raises
-    ------
-    InputError
-        For what is no name and no list of them.
-    """
+    """Return names: one alone is taken as a list of one; what is no name and no list of them is refused."""
     found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
     for word in found:
         if not isinstance(word, str):
@@ -105,16 +88,7 @@ def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
 def check_names(given: Iterable[object], known: Iterable[str], owner: str, what: str) -> None:
     """Refuse names that nothing has: a slip of the pen would be passed over.
 
-    Parameters
-    ----------
-    given : iterable
-        The names that are used.
-    known : iterable of str
-        Those that there are.
-    owner : str
-        Who has them, as in "The model".
-    what : str
-        What they are, as in "parameter".
+    `owner` has those that are known, as in "The model", and `what` says what they are, as in "parameter".
 
     Raises
     ------
@@ -130,13 +104,7 @@ def check_names(given: Iterable[object], known: Iterable[str], owner: str, what:
 
 
 def check_keys(given: object, wanted: Iterable[str], name: str, remedy: str) -> None:
-    """Refuse what is no mapping with all of these keys.
-
-    Raises
-    ------
-    InputError
-        With the keys that it lacks.
-    """
+    """Refuse what is no mapping with all of these keys."""
     expect(given, Mapping, name, remedy)
     missing = [key for key in wanted if key not in given]  # type: ignore[operator]
     if missing:
@@ -146,18 +114,7 @@ def check_keys(given: object, wanted: Iterable[str], name: str, remedy: str) -> 
 def check_number(
     given: Any, name: str, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
 ) -> float:
-    """Return a finite number within a range.
-
-    Parameters
-    ----------
-    given : object
-        What the caller passed.
-    name : str
-        Name of the argument.
-    least, most : float
-        Smallest and largest number.
-    above : float
-        The number is larger than this.
+    """Return a finite number from `least` to `most`, larger than `above`.
 
     Raises
     ------
@@ -188,13 +145,7 @@ def _range(least: float, most: float, above: float = -math.inf) -> str:
 
 
 def check_pair(given: Any, name: str, what: str) -> tuple[float, float]:
-    """Return two finite numbers, such as a deflection and a rate.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
+    """Return two finite numbers, such as a deflection and a rate; anything else is refused."""
     try:
         first, second = given
         return check_number(first, name), check_number(second, name)

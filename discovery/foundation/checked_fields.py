@@ -13,10 +13,7 @@ __all__ = ["check_fields"]
 def check_fields(settings: Any) -> None:
     """Refuse a field of a dataclass that is unlike its default, negative, or beyond the ``range`` of its metadata.
 
-    Parameters
-    ----------
-    settings : dataclass
-        Every field has a default. ``range`` is (least, most) and may be followed by what the number is larger than.
+    ``range`` is (least, most) and may be followed by what the number is larger than. Every field has a default.
 
     Raises
     ------

@@ -250,18 +250,9 @@ def _vectors(variables: Mapping[str, Any]) -> dict[str, npt.NDArray[Any]]:
 
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Write a file beside its place and move it there when it is complete.
+    """Write a file beside its place and move it there when it is complete; its folder is made if need be.
 
-    Parameters
-    ----------
-    path : path
-        The final place; its folder is made if need be.
-
-    Yields
-    ------
-    Path
-        Where to write; the same suffix, the same folder. It is removed if the block raises, and whatever stood at
-        `path` before is then still there.
+    What is written is removed if the block raises, and whatever stood at the place before is then still there.
 
     Raises
     ------

@@ -101,15 +101,7 @@ class LoopFailure(ComputationError):
 
 
 def failed_loop(dataset: Dataset, failure: ComputationError) -> FailedLoop:
-    """Return what can be told of a fit that failed.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Rig and recordings.
-    failure : ComputationError
-        What the fit, or the search after it, raised.
-    """
+    """Return what can be told of a fit, or the search after it, that raised this failure."""
     train = dataset.train
     units, model = natural_units(train), declared_model(train[0])
     gaussian = {} if train[0].system.has_rod else rig_uncertainty(train[0])

@@ -112,25 +112,10 @@ def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, d
 
 
 def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:
-    """Write what the instrument would read before and after the loop, with standard deviations.
+    """Write what the instrument would read before and after the loop, with standard deviations, to prediction.csv.
 
-    The declared model may blow up beyond the motions that it was fitted to: its columns are empty then.
-
-    Parameters
-    ----------
-    path : Path
-        prediction.csv.
-    experiment : Experiment
-        Times and input.
-    before, after : Fit
-        The declared model and the final one.
-    initial : tuple of float, optional
-        Deflection and rate at the first time; the static equilibrium at rest otherwise.
-
-    Returns
-    -------
-    str
-        Why the columns of the declared model are empty, if they are.
+    The motion begins at a deflection and a rate, in the static equilibrium at rest otherwise. The declared model may
+    blow up beyond the motions that it was fitted to: its columns are empty then, and what is returned says why.
 
     Raises
     ------

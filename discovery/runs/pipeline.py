@@ -150,22 +150,10 @@ def save_failed(out: Path, loop: FailedLoop, *, seed: int = 1, note: str = "") -
 
 
 def add_posterior(found: Answer, *, progress: Tell = silent, seconds: float = math.inf) -> dict[str, Any]:
-    """Sample the posterior of a run whose answer is saved, study it, and save all of it.
+    """Sample the posterior of a run whose answer is saved, study it, save it, and return what results.json holds.
 
-    Parameters
-    ----------
-    found : Answer
-        From `answer`.
-    progress : callable
-        Receives one sentence before every longer piece of work.
-    seconds : float
-        Time for it, saving left out; what is not done then is left out, and results.json says so. The chains stay:
-        the same run goes on with them. Only in the main thread.
-
-    Returns
-    -------
-    dict
-        The content of results.json.
+    What is not done after so many seconds, saving left out, is left out, and results.json says so. The chains stay: the
+    same run goes on with them. A limit holds in the main thread only.
 
     Raises
     ------

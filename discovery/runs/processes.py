@@ -22,10 +22,7 @@ class Died(Exception):
 class Pool:
     """Processes that do one piece of work each at a time; one is started where none waits for work.
 
-    Parameters
-    ----------
-    environment : mapping of str to str
-        Variables of theirs, beside those of this process.
+    The environment holds variables of theirs, beside those of this process.
     """
 
     def __init__(self, environment: dict[str, str]) -> None:
@@ -36,16 +33,7 @@ class Pool:
         self._busy: dict[Connection, tuple[Any, Any]] = {}
 
     def submit(self, key: Any, work: Callable[..., Any], *arguments: Any) -> None:
-        """Give work to a process that waits.
-
-        Parameters
-        ----------
-        key : object
-            By which `next` names it.
-        work : callable
-        *arguments : object
-            All must be picklable.
-        """
+        """Give work, picklable with its arguments, to a process that waits; `next` names it by its key."""
         content = pickle.dumps((work, arguments))
         process, pipe = self._idle.pop() if self._idle else self._started()
         # Of a process that has died meanwhile, `next` hears.

@@ -32,19 +32,11 @@ class Backbone:
 
 
 def backbone(time: FloatArray, deflection: FloatArray, period: float, start: float) -> Backbone:
-    """Return frequency and damping from the extremes of a free decay.
+    """Return frequency and damping from the extremes of a free decay, times [s] and deflections [q]; NaN marks gaps.
 
     Extremes are vertices of parabolas fitted to a third of a half period around each turning point; frequency and
-    damping are taken over whole periods, so that an offset of the rest position cancels to first order.
-
-    Parameters
-    ----------
-    time, deflection : ndarray, shape (n,)
-        Motion [s], [q]; NaN marks gaps.
-    period : float
-        Rough period [s].
-    start : float
-        Time from which the system moves freely [s].
+    damping are taken over whole periods, so that an offset of the rest position cancels to first order. `period` is a
+    rough one [s], and from `start` on the system moves freely [s].
     """
     good = np.isfinite(deflection) & (time >= start)
     t, d = time[good], deflection[good]

@@ -38,20 +38,10 @@ MARGIN_DB = 1.0  # noise through a resonance makes its own estimate less certain
 def analyse_multisine(recording: Recording) -> Multisine | None:
     """Find the periods of a multisine in the input and read noise and distortion off the lines of the first output.
 
-    Realisations with different phases may follow one another, with or without pauses; the period is found on the
-    input, as the lag at which stretches of it come again (or come again with the opposite sign, at half the period of
-    an odd multisine). It must be a whole number of samples.
-
-    Parameters
-    ----------
-    recording : Recording
-        Uniformly sampled; periods with gaps are left out.
-
-    Returns
-    -------
-    Multisine or None
-        None if the input is missing, irregularly sampled, or no multisine: nothing in it comes again, or fewer than
-        eight lines carry it.
+    Realisations with different phases may follow one another, with or without pauses; the period is found on the input,
+    as the lag at which stretches of it come again (or come again with the opposite sign, at half the period of an odd
+    multisine). It must be a whole number of samples. Periods with gaps are left out. None if the input is missing,
+    irregularly sampled, or no multisine: nothing in it comes again, or fewer than eight lines carry it.
     """
     time = recording.time
     if recording.input is None or time.size < 64:

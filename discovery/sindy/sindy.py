@@ -47,21 +47,9 @@ def discover(
     rng: np.random.Generator,
     resamples: int = 200,
 ) -> Discovery:
-    """Discover the terms of the equation of motion.
+    """Discover the terms of the equation of motion from smoothed recordings of one system.
 
-    Parameters
-    ----------
-    motions : sequence of Motion
-        One or more smoothed recordings of one system.
-    rng : numpy.random.Generator
-        Source of the resamples.
-    resamples : int
-        Number of resamples of whole stretches, with replacement.
-
-    Returns
-    -------
-    Discovery
-        Equation, probabilities, rivals and the table of the best equations of each size.
+    Whole stretches are resampled, with replacement.
 
     Raises
     ------

@@ -59,18 +59,9 @@ def integrate(
     time: FloatArray,
     kinks: FloatArray,
 ) -> FloatArray:
-    """Integrate with LSODA, restarted at every kink, and return the states (n, k) at `time`.
+    """Integrate with LSODA, restarted at every kink [s], and return the states (n, k) at increasing times (k,) [s].
 
-    Parameters
-    ----------
-    slopes : callable
-        Of time, state and whether the limit from the left is meant (at the end of a stretch).
-    start : ndarray, shape (n,)
-        State at the first time.
-    time : ndarray, shape (k,)
-        Increasing times [s].
-    kinks : ndarray
-        Times at which slopes jump [s].
+    `slopes` is a function of time, state and whether the limit from the left is meant (at the end of a stretch).
 
     Raises
     ------
@@ -143,16 +134,7 @@ def move_arm(
 ) -> ArmMotion:
     """Simulate the arm under a prescribed motion of its motor, with the coupling torque Gamma_c of (10), (11).
 
-    Parameters
-    ----------
-    arm : Arm
-        The model with its numbers.
-    drive : DriveLike
-        Motion of the motor.
-    time : ndarray, shape (k,)
-        Increasing times [s].
-    deflection, rate : float
-        At the first time [rad], [rad/s].
+    Times (k,) increase [s]; deflection [rad] and rate [rad/s] are those at the first.
 
     Raises
     ------

@@ -143,14 +143,8 @@ class Arm:
     def rows(self, time: ArrayLike, motor: ArrayLike, state: ArrayLike) -> list:
         """Return slopes, torque per inertia and tip, as `program` lists them.
 
-        Parameters
-        ----------
-        time : array_like, shape (k,) or ()
-            Times [s].
-        motor : array_like, shape (3, k) or (3,)
-            Motor angle [rad] and its first two derivatives.
-        state : array_like, shape (n, k) or (n,)
-            States in the order of the program: coordinates, rates, memory.
+        Times (k,) or () [s]; motor's angle [rad] and its first two derivatives, (3, k) or (3,); states (n, k) or (n,)
+        in the order of the program: coordinates, rates, memory.
         """
         return self._rows(time, motor, state, self.parameters)
 
