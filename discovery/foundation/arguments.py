@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsFloat
@@ -21,6 +22,7 @@ __all__ = [
     "as_paths",
     "as_words",
     "check_callable",
+    "check_fields",
     "check_keys",
     "check_names",
     "check_number",
@@ -174,3 +176,24 @@ def check_callable(given: object, name: str) -> None:
     """Refuse what cannot be called with a sentence on the progress; None means nobody is told."""
     if given is not None and not callable(given):
         raise InputError(f"`{name}` is a function of one sentence, such as print, but it is {given!r:.60}.")
+
+
+def check_fields(settings: Any) -> None:
+    """Refuse a field of a dataclass that is unlike its default, negative, or beyond the ``range`` of its metadata.
+
+    ``range`` is (least, most) and may be followed by what the number is larger than. Every field has a default.
+
+    Raises
+    ------
+    InputError
+        With the name of the field.
+    """
+    for known in fields(settings):
+        given, default = getattr(settings, known.name), known.default
+        if isinstance(default, float):
+            least, most, *above = known.metadata.get("range", (0.0, float("inf")))
+            check_number(given, known.name, least, most, **({"above": above[0]} if above else {}))
+        elif isinstance(default, int) and not isinstance(default, bool):
+            check_seed(given) if known.name == "seed" else check_whole(given, known.name, 0)
+        else:
+            expect(given, type(default), known.name, f"Give one, such as {default!r:.60}.")

@@ -32,8 +32,7 @@ from discovery.recordings.search_part import searched_part
 from discovery.runs.course import Course
 from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations
-from discovery.runs.loop_result import UPGRADES, LoopResult
-from discovery.runs.model_error_report import ModelErrorReport
+from discovery.runs.loop_result import UPGRADES, LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -253,10 +252,7 @@ def _result(
         before=before[0],
         after=after[0],
         steps=(*steps, *search.decisions),
-        errors={
-            **_errors_head(context),
-            **{w: {"train": _train_errors(train, on_train[w]), **judge.errors(held[w])} for w in fits},
-        },
+        errors=_errors(context, on_train, held),
         model_error=_model_error(context, search.root, before[1], after[1], reports["after"]),
         lead=lead,
         residual_before=reports["before"],
@@ -265,16 +261,6 @@ def _result(
         complete=complete,
         recordings=tuple(e.recording for e in (*train, *judge.separate)),
     )
-
-
-def _errors_head(context: Context) -> dict[str, Any]:
-    """Return what all errors share: unit, noise floor, and what kind of hold-out there is."""
-    return {
-        "unit": context.train[0].recording.units[0],
-        "noise_floor": context.judge.noise_floor,
-        "holdout_kind": context.judge.kind,
-        "holdout_motion": context.judge.motion,
-    }
 
 
 def _model_error(
@@ -291,8 +277,17 @@ def _model_error(
     return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, held=held, depends_on=depends)
 
 
-def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]) -> dict[str, float]:
-    return errors(
-        np.concatenate([p[e.fitted] for e, p in zip(train, predictions, strict=True)]),
-        np.concatenate([e.recording.output[e.fitted] for e in train]),
-    )
+def _errors(
+    context: Context, on_train: Mapping[str, list[FloatArray]], held: Mapping[str, list[FloatArray]]
+) -> dict[str, Any]:
+    """Return the errors before and after, with their unit, the noise floor, and what kind of hold-out there is."""
+    train, judge = context.train, context.judge
+    measured = np.concatenate([e.recording.output[e.fitted] for e in train])
+    fitted = {w: np.concatenate([p[e.fitted] for e, p in zip(train, on_train[w], strict=True)]) for w in on_train}
+    return {
+        "unit": train[0].recording.units[0],
+        "noise_floor": judge.noise_floor,
+        "holdout_kind": judge.kind,
+        "holdout_motion": judge.motion,
+        **{w: {"train": errors(fitted[w], measured), **judge.errors(held[w])} for w in on_train},
+    }

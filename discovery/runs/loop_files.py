@@ -24,7 +24,6 @@ from discovery.runs.loop_result import LoopResult
 
 __all__ = [
     "gather_loop",
-    "loops_predictions",
     "models_of",
     "of_loop",
     "save_curves",
@@ -74,14 +73,9 @@ def of_loop(dataset: Dataset, loop: LoopResult, missing: MissingForce | None) ->
     }
 
 
-def loops_predictions(loop: LoopResult) -> dict[str, list[FloatArray]]:
-    """Return the predictions of the models before and after, of every recording."""
-    return {when: list(loop.predictions[when]) for when in ("before", "after")}
-
-
 def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> None:
     """Gather in an empty folder what the page of a loop alone is made of."""
-    predictions = loops_predictions(result)
+    predictions = dict(result.predictions)
     content = {
         "provenance": provenance(dataset, seed=seed),
         **of_loop(dataset, result, missing),

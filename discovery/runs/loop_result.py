@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,18 +25,47 @@ from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import UNDERSTATED, impossible
 from discovery.recordings.recording import Recording
-from discovery.runs.model_error_report import ModelErrorReport
 from discovery.selection.decision import Decision
-from discovery.selection.verdict import (
-    Lead,
-    Named,
-)
+from discovery.selection.verdict import Lead, Named
 
-__all__ = ["UPGRADES", "LoopResult"]
+__all__ = ["UPGRADES", "LoopResult", "ModelErrorReport"]
 
 
 #: Better bases, and what the step to each is called when the loop finds it.
 UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
+
+
+@dataclass(frozen=True)
+class ModelErrorReport:
+    """The error that a model keeps beside the noise.
+
+    Parameters
+    ----------
+    before, after : float
+        Size for the declared and for the final model [unit of the output].
+    unit : str
+        That unit.
+    share : float
+        After over before.
+    least : float
+        Size up to which it counts as none [unit of the output].
+    held : float
+        Size for the final model on the held-out recordings [unit of the output]; zero without any.
+    depends_on : tuple of str
+        States that explain a part of what the final model leaves, the strongest first.
+    """
+
+    before: float
+    after: float
+    unit: str
+    share: float
+    least: float
+    held: float
+    depends_on: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {**asdict(self), "depends_on": list(self.depends_on)}
 
 
 @dataclass(frozen=True, repr=False)

@@ -25,7 +25,7 @@ from discovery.results.provenance import provenance, write_json
 from discovery.runs import stages
 from discovery.runs.answer import _PARTS, Answer, Sampled
 from discovery.runs.failed_loop import FailedLoop, gather_failed_loop
-from discovery.runs.loop_files import loops_predictions, models_of, of_loop, save_curves, to_clean, write_loop
+from discovery.runs.loop_files import models_of, of_loop, save_curves, to_clean, write_loop
 from discovery.runs.regression_stage import can_discover, discover
 
 __all__ = ["add_posterior", "answer", "run", "save_failed"]
@@ -119,7 +119,7 @@ def answer(
     fits = stages.estimate(dataset, progress=progress)
     missing = stages.unexplained(loop, dataset, progress=progress)
     linear = {n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"}
-    predictions = {**linear, **loops_predictions(loop)}
+    predictions = {**linear, **loop.predictions}
     content = {
         "provenance": provenance(dataset, seed=seed, command=command) | took,
         **of_loop(dataset, loop, missing),
