@@ -25,7 +25,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["FINE", "LatentForce", "reconstruct"]
+__all__ = ["FINE", "LatentForce", "cubic_splines", "reconstruct"]
 
 #: Knots in one period of the motion.
 KNOTS = 12
@@ -179,13 +179,13 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     pieces = max(4, int(np.ceil(KNOTS * span / period)))
     spacing = span / pieces
     knots = chain.time[0] + spacing * np.arange(-3, pieces + 4)
-    basis = _basis(chain.time, knots)
+    basis = cubic_splines(chain.time, knots)
     newton = Newton(chain, basis)
     prior, columns = _likeliest(newton, spacing, period, whole.recording.name)
     changes = (_parameters(fit, index)[: len(experiment.recording.time)] * newton.weights[:, :, None])[newton.used]
     imitating = prior.covariance @ (columns.T @ changes)
     time = np.linspace(chain.time[0], chain.time[-1], FINE * pieces + 1)
-    shown = _basis(time, knots)
+    shown = cubic_splines(time, knots)
     along = chain.along(newton.states)
     left = (chain.channels(newton.states) - experiment.recording.output) * newton.weights
     before = (chain.reading - experiment.recording.output) * newton.weights
@@ -202,7 +202,7 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     )
 
 
-def _basis(time: FloatArray, knots: FloatArray) -> FloatArray:
+def cubic_splines(time: FloatArray, knots: FloatArray) -> FloatArray:
     """Return the cubic B-splines (n, k) of uniform knots that reach three beyond the times on both sides."""
     inside = np.clip(time, knots[3], knots[-4])
     return np.asarray(BSpline.design_matrix(inside, knots, 3).toarray())

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["Mode", "joint_mode", "noise_density"]
+__all__ = ["Mode", "joint_mode", "noise_density", "residual_blocks"]
 
 # Turns end when one gains less, as a logarithm of the density.
 _TURNS, _GAIN = 12, 0.02
@@ -39,18 +39,10 @@ _MEDIAN = 0.6745
 
 @dataclass(frozen=True)
 class Mode:
-    """Most probable free numbers and noise.
+    """Most probable free numbers x (p,) and noise, the parameters of every instrument's.
 
-    Parameters
-    ----------
-    x : ndarray, shape (p,)
-        Free numbers.
-    noises : tuple of ndarray
-        Parameters of the noise of every instrument.
-    residuals : tuple of ndarray, each (n, c, 1)
-        Of every experiment, in stated noises.
-    log_density : float
-        Log likelihood and log prior of the noise.
+    `residuals`, each (n, c, 1), are those of every experiment, in stated noises; `log_density` is log likelihood and
+    log prior of the noise.
     """
 
     x: FloatArray
@@ -106,7 +98,7 @@ def _with_noise(
     problem: Problem, models: Sequence[Noise], x: FloatArray, size_prior: Prior, before: Sequence[FloatArray | None]
 ) -> Mode:
     """Return free numbers with their most probable noise."""
-    residuals = _blocks(problem, x[:, None])
+    residuals = residual_blocks(problem, x[:, None])
     seen = [each for _, each in problem.bench.blocks()]
     noises, total = [], 0.0
     for model, start in zip(models, before, strict=True):
@@ -143,7 +135,7 @@ def _most_probable(problem: Problem, models: Sequence[Noise], at: Mode) -> Float
 
     def scaled(x: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
-            blocks = _blocks(problem, x)
+            blocks = residual_blocks(problem, x)
             rows = [
                 model.scaled(i, blocks[i], at.x, noise).reshape(-1, x.shape[1])
                 for model, noise in zip(models, at.noises, strict=True)
@@ -156,7 +148,7 @@ def _most_probable(problem: Problem, models: Sequence[Noise], at: Mode) -> Float
     return minimum.x
 
 
-def _blocks(problem: Problem, x: FloatArray) -> list[FloatArray]:
+def residual_blocks(problem: Problem, x: FloatArray) -> list[FloatArray]:
     """Return the residuals (n, c, k) of every experiment for free numbers (p, k)."""
     residuals = problem.bench.residuals(*problem.expand(x))
     return [residuals[rows].reshape(*seen.shape, -1) for rows, seen in problem.bench.blocks()]
