@@ -146,17 +146,7 @@ def sparse_law(sites: Sites, depends: ForceDependence, names: Sequence[str]) -> 
 class Judge:
     """Held-out recordings, or the held-out parts of the fitted ones, and how far the model alone misses them.
 
-    Parameters
-    ----------
-    fit : Fit
-        The model.
-    holdout : sequence of Experiment
-        Recordings that were not fitted, whose initial states are; none: the other parts of the fitted ones.
-
-    Attributes
-    ----------
-    before : float
-        Rms error of the model alone, in the unit of the output; NaN where nothing is held out.
+    `before` is the rms error of the model alone, in the unit of the output; NaN where nothing is held out.
     """
 
     def __init__(self, fit: Fit, holdout: Sequence[Experiment]) -> None:

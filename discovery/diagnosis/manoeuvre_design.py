@@ -76,16 +76,8 @@ class MotorLimits:
 class Move:
     """One move of the hub with a trapezoidal speed.
 
-    Parameters
-    ----------
-    start : float
-        When it begins [s].
-    angle : float
-        How far it turns, signed [rad].
-    speed : float
-        Of its plateau, positive [rad/s].
-    ramp : float
-        Duration of each of its two ramps over its own, at most 0.5.
+    It begins at `start` [s] and turns by a signed angle [rad]. The speed is that of its plateau, positive [rad/s];
+    `ramp` is the duration of each of its two ramps over its own, at most 0.5.
     """
 
     start: float

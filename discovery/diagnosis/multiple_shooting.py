@@ -33,16 +33,10 @@ _STEP = 0.12
 
 @dataclass(frozen=True)
 class Linearised:
-    """How the end of every step changes with its start and with the force.
+    """How the end of every step changes: with the state at its start, shape (m, 2, 2), and with the force.
 
-    Parameters
-    ----------
-    transition : ndarray, shape (m, 2, 2)
-        With the state at its start.
-    force : ndarray, shape (2, m, 2)
-        With the force at its start and at its end, linear between them.
-    defect : ndarray, shape (m, 2)
-        By how much the end of the step misses the next cut.
+    The force (2, m, 2) is that at the start and at the end of the step, linear between them. The defect (m, 2) is by
+    how much the end of the step misses the next cut.
     """
 
     transition: FloatArray

@@ -39,14 +39,9 @@ _SAMPLES = 400
 class Distance:
     """How far the predictions of two rivals lie apart on one set of recordings.
 
-    Parameters
-    ----------
-    plain : float
-        Root mean square difference over samples and channels, parameters as they are [noise sds].
-    projected : float
-        The same of what the wrong one cannot absorb, the smaller of both directions [noise sds].
-    chi2 : float
-        Chi-square by which the right one is expected to win, in the worse direction.
+    It is the root mean square difference over samples and channels [noise sds], parameters as they are (`plain`) and of
+    what the wrong one cannot absorb (`projected`), the smaller of both directions; `chi2` is the one by which the right
+    one is expected to win, in the worse direction.
     """
 
     plain: float
@@ -115,14 +110,7 @@ class _Rival:
 
 
 class Trial:
-    """Rivals on trial manoeuvres.
-
-    Parameters
-    ----------
-    fits : sequence of Fit
-        On the same recordings.
-    duration : float
-        Of a trial [s].
+    """Rivals, fitted to the same recordings, on trial manoeuvres of some duration [s].
 
     Attributes
     ----------

@@ -95,19 +95,8 @@ def _smoothed(effects: Sequence[str], units: NaturalUnits, known: Mapping[str, f
 class SlowModel:
     """The mathematics of a model's slow motion; the external force is its last parameter.
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    units : NaturalUnits
-        Natural units.
-    known : mapping of str to float
-        Its parameters; missing ones are absent.
-
-    Attributes
-    ----------
-    reduced : bool
-        Whether it is less than the model itself.
+    Known parameters have their values, missing ones are absent. `reduced` says whether it is less than the model
+    itself.
     """
 
     def __init__(self, model: Model, units: NaturalUnits, known: Mapping[str, float]) -> None:

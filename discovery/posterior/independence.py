@@ -41,20 +41,10 @@ _MISSED = 10.0
 
 @dataclass(frozen=True)
 class Chains:
-    """Independent chains.
+    """Independent chains: points (chains, steps, d), and log densities there (chains, steps).
 
-    Parameters
-    ----------
-    points : ndarray, shape (chains, steps, d)
-        Where they were.
-    log_density : ndarray, shape (chains, steps)
-        The log density there.
-    accepted : float
-        Share of the draws that were accepted.
-    pareto_k : float
-        Shape of the largest weights.
-    found : Convergence
-        Diagnostics of the quantities.
+    `accepted` is the share of the draws that were accepted, `pareto_k` the shape of the largest weights, and `found`
+    has the diagnostics of the quantities.
     """
 
     points: FloatArray

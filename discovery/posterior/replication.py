@@ -29,22 +29,11 @@ __all__ = ["Replicated", "check_pointwise", "replicated"]
 
 @dataclass(frozen=True)
 class Replicated:
-    """The fitted readings of one recording beside what draws make of them.
+    """The n fitted readings of one recording beside what k draws make of them.
 
-    Parameters
-    ----------
-    name : str
-        Of the recording.
-    time : ndarray, shape (n,)
-        When each was read [s].
-    channel : tuple of str
-        By which channel each was read.
-    observed : ndarray, shape (n,)
-        The readings.
-    again : ndarray, shape (n, k)
-        What the instrument would have read, noise included, by draw.
-    log_likelihood : ndarray, shape (n, k)
-        Log density of each reading by draw; NaN where it is not defined.
+    `time` [s] and `channel` say when and by which channel each was `observed`. `again` (n, k) is what the instrument
+    would have read, noise included, and `log_likelihood` (n, k) the log density of each reading; NaN where it is not
+    defined.
     """
 
     name: str

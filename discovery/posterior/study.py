@@ -38,16 +38,8 @@ _NEARLY_ALL = (0.001, 0.999)
 class Coverage:
     """Share of the readings of one channel within the 90 % predictive band, noise included.
 
-    Parameters
-    ----------
-    recording, part, channel, unit : str
-        What was read; `part` is "fitted" or "held out".
-    readings : int
-        How many there are.
-    share : float
-        Of them within the band; 0.9 where noise and model are right.
-    width : float
-        Mean width of the band.
+    `part` is "fitted" or "held out", `readings` how many there are, and `width` the mean width of the band. The share
+    is 0.9 where noise and model are right.
     """
 
     recording: str
@@ -63,25 +55,8 @@ class Coverage:
 class PosteriorStudy:
     """Everything that a reader of a posterior asks for beside its summary.
 
-    Parameters
-    ----------
-    priors : mapping of str to MarginalPrior
-        Prior of every physical parameter.
-    prior_effects : tuple of PriorEffect
-        Contraction, and sensitivity to the priors' widths.
-    profiles : tuple of Profile
-        Profile likelihoods.
-    correlations : Correlations
-        Of the parameters and the noise.
-    autocorrelation : Autocorrelation
-        Of the chains.
-    bands : tuple of Band
-        Predictive bands of the recordings, those left out that are too long, and those held out in which a motion blows
-        up.
-    coverage : tuple of Coverage
-        How many readings they hold.
-    ranges : mapping of str to (float, float)
-        Where nearly all draws of every physical parameter lie.
+    Bands are left out of recordings that are too long, and of those held out in which a motion blows up. `ranges` say
+    where nearly all draws of every physical parameter lie.
     """
 
     priors: dict[str, MarginalPrior]

@@ -33,17 +33,7 @@ _ROUGHER = 1.1  # times the scatter on the stamps, beyond which readings were no
 
 @dataclass(frozen=True)
 class SteadyClock:
-    """Times of a steady clock.
-
-    Attributes
-    ----------
-    time : array, shape (n,)
-        In the unit of the stamps.
-    step : float
-        Between readings, in that unit.
-    rounding : float
-        Of the coarsest stamp, in that unit.
-    """
+    """Times (n,) of a steady clock, its step, and the rounding of the coarsest stamp, in the stamps' unit."""
 
     time: FloatArray
     step: float

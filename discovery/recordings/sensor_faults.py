@@ -34,17 +34,11 @@ _RESTS = 3  # periods
 
 @dataclass(frozen=True)
 class FlatRuns:
-    """Samples of a signal that stand still where the signal cannot.
+    """Samples (n,) of a signal that stand still where the signal cannot.
 
-    Attributes
-    ----------
-    stuck, clipped : array of bool, shape (n,)
-        Readings to be left out: the repeats of a stuck reading, with the first of them where a jump leads to it, and
-        those at the end of the instrument's range.
-    stretches : tuple of (int, int)
-        First sample that is left out and number of them, of each stuck stretch.
-    limits : tuple of float
-        Values at which the readings are clipped.
+    `stuck` and `clipped` mark readings to be left out: the repeats of a stuck reading, with the first of them where a
+    jump leads to it, and those at the end of the instrument's range. `stretches` have the first sample that is left out
+    and the number of them, of each stuck stretch; `limits` are the values at which the readings are clipped.
     """
 
     stuck: BoolArray

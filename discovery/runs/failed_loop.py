@@ -35,10 +35,8 @@ class FailedLoop:
 
     Parameters
     ----------
-    dataset : Dataset
-        Rig and recordings.
-    model : Model
-        The declared model.
+    dataset, model
+        Rig and recordings, and the declared model.
     code : str
         "runs_away" (it grows from rest by itself), "unresolved" (no step resolves its motion), "diverges" (none of
         these).
@@ -87,13 +85,7 @@ class FailedLoop:
 
 
 class LoopFailure(ComputationError):
-    """The declared model of a data set cannot be fitted.
-
-    Parameters
-    ----------
-    loop : FailedLoop
-        What is said of it.
-    """
+    """The declared model of a data set cannot be fitted; `loop` is what is said of it."""
 
     def __init__(self, loop: FailedLoop) -> None:
         self.loop = loop

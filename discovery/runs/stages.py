@@ -55,17 +55,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Fits:
-    """Output-error fits of the linear and of the declared model.
+    """Output-error fits of the linear and of the declared model, each with its predictions of the training recordings.
 
-    Parameters
-    ----------
-    models : mapping of str to Fit
-        By label: "linear" (where the system has a rest position), "constant_radius" (an arm's declared model without
-        the radius law), "declared".
-    predictions : mapping of str to list of ndarray
-        Of the training recordings.
-    errors : mapping
-        "position" and, for an arm, "angle" errors on the training recordings.
+    Labels are "linear" (where the system has a rest position), "constant_radius" (an arm's declared model without the
+    radius law) and "declared". Errors on the training recordings are those of the "position" and, for an arm, of the
+    "angle" and the "radius".
     """
 
     models: Mapping[str, Fit]

@@ -14,16 +14,10 @@ __all__ = ["Backbone", "backbone"]
 
 @dataclass(frozen=True)
 class Backbone:
-    """Instantaneous frequency and damping of a free decay.
+    """Instantaneous frequency and damping of a free decay against amplitude, each (k,).
 
-    Parameters
-    ----------
-    amplitude : ndarray, shape (k,)
-        Mean of neighbouring extremes [q].
-    frequency : ndarray, shape (k,)
-        From the time between extremes [Hz].
-    damping : ndarray, shape (k,)
-        Decay rate of the energy, 2 ln(a_0/a_1) / (t_1 - t_0) [1/s]; xi of a linear oscillator.
+    The amplitude [q] is the mean of neighbouring extremes. The frequency [Hz] is from the time between extremes, the
+    damping the decay rate of the energy, 2 ln(a_0/a_1) / (t_1 - t_0) [1/s]; xi of a linear oscillator.
     """
 
     amplitude: FloatArray

@@ -34,18 +34,9 @@ _WINDOW = 4000
 class Library:
     """Whitened regression rows: ``target = columns @ coefficients + unit noise``.
 
-    Attributes
-    ----------
-    terms : tuple of Term, length p
-        Candidates.
-    columns : ndarray, shape (n, p)
-        Candidates, sign included, in standard deviations of the row.
-    target : ndarray, shape (n,)
-        Left-hand side in standard deviations of the row.
-    blocks : ndarray of int, shape (n,)
-        Contiguous stretch of a recording to which the row belongs; stretches are resampled whole.
-    at_rest : bool
-        Only rows where an arm's base rests were taken.
+    Columns (n, p), sign included, and target (n,) are in standard deviations of the row. Blocks (n,) are the contiguous
+    stretches of a recording to which the rows belong; stretches are resampled whole. `at_rest` says that only rows
+    where an arm's base rests were taken.
     """
 
     terms: tuple[Term, ...]

@@ -28,20 +28,10 @@ _LIMIT, _EVALUATIONS = 1e9, 1_000_000
 
 @dataclass(frozen=True)
 class ArmMotion:
-    """A motion of the arm under a prescribed motor, shapes (k,).
+    """A motion of the arm under a prescribed motor at k times [s]: angles of the motor and, polar, of the tip [rad].
 
-    Attributes
-    ----------
-    time : ndarray
-        Times [s].
-    theta_m, theta_t : ndarray
-        Angle of the motor and polar angle of the tip [rad].
-    x, y : ndarray
-        Position of the tip [m].
-    coupling_torque : ndarray
-        Gamma_c of eq. (10) [N m].
-    states : ndarray, shape (n, k)
-        Coordinates, rates and memory of the model.
+    x and y [m] are the position of the tip, `coupling_torque` is Gamma_c of eq. (10) [N m], and `states` (n, k) are
+    coordinates, rates and memory of the model.
     """
 
     time: FloatArray
