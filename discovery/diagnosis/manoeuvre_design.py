@@ -138,10 +138,7 @@ def moves_from_unit(unit: FloatArray, limits: MotorLimits) -> tuple[Move, ...]:
 def hub_drive(moves: Sequence[Move], initial: float = 0.0) -> Drive:
     """Return the hub's angle during moves that follow each other, at rest between, before and after them.
 
-    Raises
-    ------
-    InputError
-        If there is no move, or two overlap.
+    No move at all, and two that overlap, are refused.
     """
     if not moves or any(b.start < a.start + a.duration - 1e-9 for a, b in pairwise(moves)):
         raise InputError("A manoeuvre needs at least one move, each to begin after the one before has ended.")
@@ -171,10 +168,7 @@ def hub_drive(moves: Sequence[Move], initial: float = 0.0) -> Drive:
 def demonstrated_limits(experiments: Sequence[Experiment]) -> MotorLimits:
     """Return what the input and the system have done in recordings: limits that are known to be safe.
 
-    Raises
-    ------
-    InputError
-        If the recordings have no input.
+    Recordings without an input are refused.
     """
     if not all(e.drive is not None for e in experiments):
         raise InputError("A course of the input can only be designed where an input is recorded.")
@@ -191,10 +185,7 @@ def demonstrated_limits(experiments: Sequence[Experiment]) -> MotorLimits:
 def allowed_limits(experiments: Sequence[Experiment]) -> MotorLimits:
     """Return what the rig file states of the motor and the arm, and for the rest what they have done in recordings.
 
-    Raises
-    ------
-    InputError
-        If the recordings have no input.
+    Recordings without an input are refused.
     """
     shown, rig = demonstrated_limits(experiments), experiments[0].rig
     given: dict[str, Any] = {

@@ -34,13 +34,7 @@ __all__ = [
 
 
 def expect(given: object, kind: type, name: str, remedy: str) -> None:
-    """Refuse an argument of another kind; the remedy says how the right one is made, as a sentence.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
+    """Refuse an argument of another kind; the remedy says how the right one is made, as a sentence."""
     if not isinstance(given, kind):
         article = "an" if kind.__name__[0] in "AEIO" else "a"
         raise _refused(given, name, _KINDS.get(kind, f"{article} {kind.__name__}"), remedy)
@@ -90,12 +84,8 @@ def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
 def check_names(given: Iterable[object], known: Iterable[str], owner: str, what: str) -> None:
     """Refuse names that nothing has: a slip of the pen would be passed over.
 
-    `owner` has those that are known, as in "The model", and `what` says what they are, as in "parameter".
-
-    Raises
-    ------
-    InputError
-        With the names that there are, and the nearest one.
+    `owner` has those that are known, as in "The model", and `what` says what they are, as in "parameter". The message
+    has those that there are, and the nearest one.
     """
     there = list(known)
     strangers = [str(name) for name in given if name not in there]
@@ -116,13 +106,7 @@ def check_keys(given: object, wanted: Iterable[str], name: str, remedy: str) -> 
 def check_number(
     given: Any, name: str, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
 ) -> float:
-    """Return a finite number from `least` to `most`, larger than `above`.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
+    """Return a finite number from `least` to `most`, larger than `above`; anything else is refused."""
     scalar = isinstance(given, Real) or (isinstance(given, SupportsFloat) and not isinstance(given, str))
     fits = scalar and not isinstance(given, bool) and getattr(given, "ndim", 0) == 0
     if not fits or not math.isfinite(number := float(given)) or not least <= number <= most or number <= above:
@@ -182,11 +166,6 @@ def check_fields(settings: Any) -> None:
     """Refuse a field of a dataclass that is unlike its default, negative, or beyond the ``range`` of its metadata.
 
     ``range`` is (least, most) and may be followed by what the number is larger than. Every field has a default.
-
-    Raises
-    ------
-    InputError
-        With the name of the field.
     """
     for known in fields(settings):
         given, default = getattr(settings, known.name), known.default

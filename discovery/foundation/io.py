@@ -78,10 +78,7 @@ class Table:
     def matching(self, where: Sequence[tuple[str, str | float]]) -> IntArray:
         """Find the rows in which columns have given values, numbers up to rounding, text up to blanks around it.
 
-        Raises
-        ------
-        InputError
-            If a column is not there, or no row is left.
+        A column that is not there, and values that no row has, are refused.
         """
         found: IntArray | None = None
         for name, value in where:
@@ -106,13 +103,7 @@ class Table:
         return np.arange(next(iter(self.columns.values())).size) if found is None else found
 
     def numbers(self, name: str) -> FloatArray:
-        """Give a column as numbers, shape (n,); empty cells are NaN.
-
-        Raises
-        ------
-        InputError
-            If a cell is text or infinite.
-        """
+        """Give a column as numbers, shape (n,), empty cells as NaN; a cell that is text or infinite is refused."""
         column = self.columns[name]
         if np.iscomplexobj(column):
             raise InputError(f"{self.path}: the column {name!r} holds complex numbers. Give real ones.")

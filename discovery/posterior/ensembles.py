@@ -126,13 +126,7 @@ class Ensemble:
 
 
 def check_walkers(coords: FloatArray) -> None:
-    """Refuse walkers (walkers, d) that could never leave the subspace in which they start.
-
-    Raises
-    ------
-    ComputationError
-        With the condition number of the walkers, or because they are fewer than 2 d.
-    """
+    """Refuse walkers (walkers, d) that are fewer than 2 d, or could never leave the subspace in which they start."""
     walkers, d = coords.shape
     if walkers < 2 * d:
         raise ComputationError(f"{walkers} walkers cannot explore {d} dimensions; use at least {2 * d}.")

@@ -88,13 +88,7 @@ def log_evidence(target: LogPosterior, rng: Generator, draws: int = 4000) -> Evi
 
 
 def log_prior_mass(target: LogPosterior) -> float:
-    """Return the logarithm of the part of the priors that lies within the bounds.
-
-    Raises
-    ------
-    InputError
-        If a prior is no density.
-    """
+    """Return the logarithm of the part of the priors that lies within the bounds; each must be a density."""
     lower, upper = target.problem.bounds
     return sum(
         _log_mass(prior, a / unit, b / unit)

@@ -220,13 +220,7 @@ def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> di
 
 
 def noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the noise of channels by draw, as a factor on what is stated.
-
-    Raises
-    ------
-    InputError
-        If their noise was not sampled.
-    """
+    """Return the noise of channels by draw, as a factor on what is stated; it must have been sampled."""
     for name in noise_names(channels):
         if name in posterior.stated_noise:
             return draws[name] / posterior.stated_noise[name]

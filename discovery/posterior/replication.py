@@ -45,13 +45,7 @@ class Replicated:
 
 
 def check_pointwise(noise: str) -> None:
-    """Refuse a log likelihood of single readings where errors depend on each other.
-
-    Raises
-    ------
-    InputError
-        With what to do in its place.
-    """
+    """Refuse a log likelihood of single readings where errors depend on each other."""
     if not is_independent(noise):
         raise InputError(
             f"Errors are taken as {words_of(noise)}, so that readings are not independent given the parameters: a log "

@@ -29,13 +29,10 @@ SLOWEST_SWING = 20.0
 
 
 def check_arm(found: Signals, rig: Rig) -> None:
-    """Check that a flexible arm of this length can have moved like this.
+    """Refuse what a flexible arm of this length cannot have done.
 
-    Raises
-    ------
-    InputError
-        If lengths look like millimetres, angles like degrees or times like milliseconds given in SI units, if the tip
-        leaves the reach of the arm, or if the record is shorter than one swing.
+    That are lengths that look like millimetres, angles like degrees or times like milliseconds given in SI units, a tip
+    that leaves the reach of the arm, and a record that is shorter than one swing.
     """
     assert rig.length is not None  # read_rig demands it of an arm
     length, inputs, outputs = rig.length.value, found.inputs, found.outputs

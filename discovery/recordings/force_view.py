@@ -16,13 +16,7 @@ _SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves 
 
 
 def sampling_rate(time: FloatArray, source: str) -> float:
-    """Return the rate of equally spaced times [Hz].
-
-    Raises
-    ------
-    InputError
-        If a step differs from the others by more than a hundredth.
-    """
+    """Return the rate of times [Hz] whose steps must be equal, up to a hundredth."""
     steps = np.diff(time)
     step = float(steps.mean())
     if np.max(np.abs(steps - step)) > 0.01 * step:

@@ -18,13 +18,10 @@ _FAR = 10.0
 
 
 def check_signals(found: Signals, fewest: int) -> None:
-    """Check what holds for a recording of any system, which has at least so many samples.
+    """Refuse what holds for no recording of any system, which has at least so many samples.
 
-    Raises
-    ------
-    InputError
-        If times are missing, do not increase or leave most out, the input has a gap, a sensor is dead or the record is
-        too short.
+    That are times that are missing, do not increase or leave most out, a gap in the input, a dead sensor, too short a
+    record.
     """
     time, table = found.time, found.table
     for signal, values in {"time": time, found.given: found.inputs, **found.outputs}.items():

@@ -15,13 +15,7 @@ __all__ = ["check_tables", "columns_of", "controller_of", "view_of"]
 
 
 def check_tables(file: RigText, table: RigTable) -> None:
-    """Refuse tables that the kind of system does not have, or lacks.
-
-    Raises
-    ------
-    InputError
-        Naming the table and what the kind records.
-    """
+    """Refuse tables that the kind of system does not have, or lacks."""
     kind, columns = KINDS[table.kind], table.columns
     if kind.has_rod:
         for name in ("columns", "controller", "view"):
@@ -78,10 +72,8 @@ def _check_header(file: RigText, columns: ColumnsTable) -> None:
 def columns_of(file: RigText, table: RigTable) -> Columns:
     """Return the declared columns in SI units.
 
-    Raises
-    ------
-    InputError
-        If a unit is not known or of the wrong kind, the time is given twice or not at all, or a header lacks a column.
+    A unit that is not known or of the wrong kind, a time that is given twice or not at all, and a header that lacks a
+    column are refused.
     """
     columns, kind = table.columns, KINDS[table.kind]
     if columns is None:
@@ -136,10 +128,7 @@ def _refuse_unlike(file: RigText, moved: str, read: str) -> None:
 def controller_of(file: RigText, table: RigTable) -> Controller | None:
     """Return the controller in SI units; `kv` and `limit` are stated in its unit and per unit of the output.
 
-    Raises
-    ------
-    InputError
-        If the unit of the command is not known, or reference and output measure different things.
+    A command's unit that is not known, and a reference that measures something else than the output, are refused.
     """
     given, columns = table.controller, table.columns
     if given is None or columns is None or columns.input is None:
@@ -162,10 +151,8 @@ def controller_of(file: RigText, table: RigTable) -> Controller | None:
 def view_of(file: RigText, table: RigTable) -> ForceView | None:
     """Return the view of the force.
 
-    Raises
-    ------
-    InputError
-        If input and output are the wrong way round, or the motion is smoothed more than the force that it explains.
+    Input and output the wrong way round, and a motion that is smoothed more than the force that it explains, are
+    refused.
     """
     given = table.view
     if given is None:

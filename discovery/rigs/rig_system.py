@@ -56,10 +56,7 @@ def _tables() -> Mapping[str, SystemTable]:
 def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
     """Return the system that a rig file declares in its own equations; None where it names a kind.
 
-    Raises
-    ------
-    InputError
-        Naming file, line, key and remedy: for what is missing, a text that cannot be read, or units that do not fit.
+    What is missing, a text that cannot be read, and units that do not fit are refused by file, line, key and remedy.
     """
     given = table.system
     if (given is not None) != KINDS[table.kind].has_own_equations:
@@ -103,10 +100,7 @@ def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
 def read_columns(file: RigText, table: RigTable, declaration: SystemDeclaration) -> Columns:
     """Return the columns of a declared system, whose equations say what is read.
 
-    Raises
-    ------
-    InputError
-        As `discovery.rigs.rig_signals.columns_of`, and where derivatives of an input are needed that has none.
+    Refused is what `discovery.rigs.rig_signals.columns_of` refuses, and an input without derivatives that are needed.
     """
     base, columns = system_base(declaration), columns_of(file, table)
     if base.input_moves and columns.input is not None and columns.input.interpolation in ("linear", "hold"):

@@ -89,13 +89,7 @@ def integrate(
 
 
 def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: float) -> FloatArray:
-    """Return the times as an array, once everything can be used.
-
-    Raises
-    ------
-    InputError
-        If there is no drive, the times are not finite and increasing, or the initial state is not finite.
-    """
+    """Return the times as an array, once all can be used: a drive, finite increasing times, a finite initial state."""
     if drive is None:
         raise InputError("An arm moves with its hub: pass a drive, for a hub at rest one that is constant.")
     if not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):

@@ -160,10 +160,7 @@ class Arm:
 def effective_inertia(rig: Rig) -> float:
     """Return m_eff l^2 = (m + 33 m_r / 140) l^2 of a rig [kg m^2]; a rod of unstated mass counts as massless.
 
-    Raises
-    ------
-    InputError
-        If `rig` is no Rig, or states no length or no tip mass.
+    A rig without length or tip mass is refused.
     """
     if not isinstance(rig, Rig):
         raise InputError(f"The inertia is that of a Rig, not of a {type(rig).__name__}; `read_rig(path)` returns one.")
