@@ -210,9 +210,8 @@ class Experiment:
         """Return 1/noise of every fitted sample and channel, zero in gaps and held-out parts, shape (n, c)."""
         out = self.recording.output
         weights = np.where(np.isfinite(out), 1.0 / self.recording.scatter, 0.0)
-        keep = np.zeros(len(out), bool)
-        keep[self.fitted] = True
-        weights[~keep] = 0.0
+        if self.fitted_samples is not None:
+            weights[self.fitted_samples :] = 0.0
         return weights
 
 

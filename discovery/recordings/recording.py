@@ -156,7 +156,8 @@ def read_recording(
     >>> swing.time[[0, -1]].tolist(), swing.units
     ([0.0, 3.995], ('m',))
     """
-    rig = _rig(rig)
+    expect(rig, Rig, "rig", "Read one with read_rig(path).")
+    assert rig is not None
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
     checked = [*on_its_clock(rig, found), *_checked(rig, found)]
@@ -167,8 +168,7 @@ def read_recording(
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, bands, more = _cleaned(rig, found, stated)
     check_signals(found, rig.traits.fewest)
-    jitter = _jitter(rig, found, noise)
-    more += _told_of_jitter(rig, found, jitter)
+    jitter, told = _jitter(rig, found, noise)
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
@@ -183,16 +183,10 @@ def read_recording(
         sha256=found.table.sha256,
         source=found.source,
         noise_estimated=bool(found.outputs) and any(known is None for known in stated),
-        flags=tuple(flags) + tuple(more),
+        flags=(*flags, *more, *told),
         jitter=jitter,
         bands=tuple(bands),
     )
-
-
-def _rig(given: Rig | None) -> Rig:
-    expect(given, Rig, "rig", "Read one with read_rig(path).")
-    assert given is not None
-    return given
 
 
 def _checked(rig: Rig, found: Signals) -> list[Flag]:
@@ -242,30 +236,33 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
     return noise, bands, flags
 
 
-def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> float:
-    """Return by how much stamps err [s]; a filtered force does not feel it."""
+def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> tuple[float, list[Flag]]:
+    """Return by how much stamps err [s], told where nobody stated it; a filtered force does not feel it."""
     if rig.view is not None or not found.outputs:
-        return 0.0
+        return 0.0, []
     if rig.columns.time.jitter is not None:
-        return rig.columns.time.jitter
+        return rig.columns.time.jitter, []
     read = np.column_stack([found.outputs[channel] for channel in found.channels])
-    return estimate_jitter(found.time, read, np.array(noise))
-
-
-def _told_of_jitter(rig: Rig, found: Signals, jitter: float) -> list[Flag]:
-    """Tell that stamps err where nobody stated it."""
+    jitter = estimate_jitter(found.time, read, np.array(noise))
     numbers = {"jitter": jitter, "step": median_step(found.time)}
-    return [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 and rig.columns.time.jitter is None else []
+    return jitter, [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 else []
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:
-    """Turn motion and force into what the view shows, and return the noise that is left."""
+    """Turn motion and force into what the view shows, the force with gaps; return the noise that is left."""
     assert found.inputs is not None
     rate = sampling_rate(found.time, found.source)
     found.inputs = zero_phase(found.inputs, rate, view.motion_cutoff)
     if not found.outputs:
         return list(noise)
-    found.outputs["output"] = _seen_as_force(view, found.time, found.outputs["output"], rate, found.source)
+    force = found.outputs["output"]
+    if np.isnan(force).any():
+        raise InputError(
+            f"{found.source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps "
+            "with samples = [start, stop]."
+        )
+    used = force_samples(view, found.time, rate)
+    found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
     return [noise_gain(rate, view.cutoff) * value for value in noise]
 
 
@@ -274,16 +271,6 @@ def _own_period(rig: Rig) -> float | None:
     if not rig.traits.hangs or rig.length is None or rig.gravity is None:
         return None
     return float(2.0 * np.pi * np.sqrt(rig.length.value / rig.gravity.value))
-
-
-def _seen_as_force(view: ForceView, time: FloatArray, force: FloatArray, rate: float, source: str) -> FloatArray:
-    """Return the smoothed force with gaps between the samples to use."""
-    if np.isnan(force).any():
-        raise InputError(
-            f"{source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps with "
-            "samples = [start, stop]."
-        )
-    return np.where(force_samples(view, time, rate), zero_phase(force, rate, view.cutoff), np.nan)
 
 
 def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:

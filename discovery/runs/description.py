@@ -12,10 +12,11 @@ from discovery.foundation.arrays import FloatArray
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.quantisation import quantum
+from discovery.recordings.recording import Recording
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.rig import Rig
 
-__all__ = ["describe"]
+__all__ = ["describe", "flagged"]
 
 
 def describe(dataset: Dataset) -> dict[str, Any]:
@@ -71,6 +72,11 @@ def _recording(role: str, e: Experiment) -> dict[str, Any]:
         "noise_estimated": e.recording.noise_estimated,
         "signal": _signal(e.recording.output),
         "step": [quantum(column) for column in e.recording.output.T],
-        "notes": list(e.recording.notes),
-        "flags": [flag.summary() for flag in e.recording.flags],
+        **flagged(e.recording),
     }
+
+
+def flagged(recording: Recording) -> dict[str, Any]:
+    """Return what is unusual about a recording, JSON-ready."""
+    flags = [flag.summary() for flag in recording.flags]
+    return {"name": recording.name, "notes": list(recording.notes), "flags": flags}

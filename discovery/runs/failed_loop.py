@@ -19,7 +19,7 @@ from discovery.foundation.errors import ComputationError, InputError, Simulation
 from discovery.mechanics.systems import system_base
 from discovery.recordings.dataset import Dataset
 from discovery.results.provenance import provenance, write_json
-from discovery.runs.description import describe
+from discovery.runs.description import describe, flagged
 from discovery.runs.loop_files import save_curves
 from discovery.selection.decision import Decision
 
@@ -59,16 +59,13 @@ class FailedLoop:
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json: errors are infinite, as those of every motion that blows up."""
         recording = self.dataset.train[0].recording
-        everything = [e.recording for _, e in self.dataset.everything]
         infinite = {role: dict.fromkeys(("rms", "mean", "peak"), np.inf) for role in ("train", "holdout")}
         error = {"before": np.inf, "after": np.inf, "unit": recording.units[0], "share": 1.0}
         return {
             "verdict": self.verdict,
             "failure": {"code": self.code, "numbers": dict(self.numbers), "message": self.message},
             "declared": list(self.model.effects),
-            "recordings": [
-                {"name": r.name, "notes": list(r.notes), "flags": [f.summary() for f in r.flags]} for r in everything
-            ],
+            "recordings": [flagged(e.recording) for _, e in self.dataset.everything],
             "effects": [],
             "errors": {
                 "unit": recording.units[0],

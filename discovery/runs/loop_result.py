@@ -25,6 +25,7 @@ from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import UNDERSTATED, impossible
 from discovery.recordings.recording import Recording
+from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
 from discovery.selection.verdict import Lead, Named
 
@@ -207,10 +208,7 @@ class LoopResult(LoopViews):
         return {
             "verdict": self.verdict,
             "declared": list(self.declared),
-            "recordings": [
-                {"name": r.name, "notes": list(r.notes), "flags": [f.summary() for f in r.flags]}
-                for r in self.recordings
-            ],
+            "recordings": [flagged(r) for r in self.recordings],
             "effects": [self._described(effect) for effect in self.added],
             "errors": dict(self.errors),
             "model_error": self.model_error.summary(),
