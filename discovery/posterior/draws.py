@@ -206,10 +206,6 @@ class Posterior(PosteriorViews):
         pointwise : bool
             With the log likelihood of every reading.
 
-        Returns
-        -------
-        DataTree
-
         Raises
         ------
         InputError

@@ -97,10 +97,6 @@ def choose_noise(
     progress : callable, optional
         Receives one sentence before each model.
 
-    Returns
-    -------
-    NoiseChoice
-
     Raises
     ------
     NotIdentifiable

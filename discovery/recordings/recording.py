@@ -138,10 +138,6 @@ def read_recording(
     name : str, optional
         Name of the recording; the file's by default.
 
-    Returns
-    -------
-    Recording
-
     Raises
     ------
     InputError

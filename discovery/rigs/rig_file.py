@@ -51,10 +51,6 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         variable ``DISCOVERY_DATA`` names, separated as in ``PATH``: there, in the subfolder that is called like the
         folder of the rig file, and in any other.
 
-    Returns
-    -------
-    Rig
-
     Raises
     ------
     InputError

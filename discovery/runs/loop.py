@@ -79,10 +79,6 @@ def close_loop(
     progress : callable, optional
         Receives one sentence before every longer piece of work.
 
-    Returns
-    -------
-    LoopResult
-
     Raises
     ------
     InputError

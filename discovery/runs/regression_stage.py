@@ -93,10 +93,6 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -
     progress : callable, optional
         Receives one sentence before every longer piece of work.
 
-    Returns
-    -------
-    Discovered
-
     Raises
     ------
     InputError

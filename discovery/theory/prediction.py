@@ -181,10 +181,6 @@ def predict(
     draws : int
         Number of draws, n.
 
-    Returns
-    -------
-    Prediction
-
     Raises
     ------
     InputError
