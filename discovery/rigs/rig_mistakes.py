@@ -12,20 +12,8 @@ from pydantic import BaseModel, ValidationError
 from discovery.foundation.errors import suggestion
 from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig_lines import RigText
-from discovery.rigs.rig_schema import (
-    ColumnsTable,
-    ControllerTable,
-    InputTable,
-    ModelTable,
-    OutputTable,
-    PartTable,
-    QuantityTable,
-    RecordsTable,
-    RigTable,
-    TimeTable,
-    ViewTable,
-)
-from discovery.rigs.system_table import ConstantTable, SystemTable
+from discovery.rigs.rig_schema import QuantityTable, RecordsTable, RigTable
+from discovery.rigs.system_table import ConstantTable
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -106,28 +94,24 @@ def _demand(detail: ErrorDetails, keys: Sequence[str]) -> str:
     return f"it {message}" if message.startswith(("must", "needs")) else message
 
 
-#: The table that holds the keys below each key.
-_TABLES: dict[str, type[BaseModel]] = {
-    "columns": ColumnsTable,
-    "time": TimeTable,
-    "input": InputTable,
-    "output": OutputTable,
-    "model": ModelTable,
-    "controller": ControllerTable,
-    "view": ViewTable,
-    "records": RecordsTable,
-    "system": SystemTable,
-    "train": PartTable,
-    "holdout": PartTable,
-    "test": PartTable,
-}
+def _tables(table: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """Return the table that holds the keys below each key of a table, and below those."""
+    found = {name: held for name, field in table.model_fields.items() for held in _held(field.annotation)}
+    return {**found, **{name: held for inner in found.values() for name, held in _tables(inner).items()}}
+
+
+def _held(annotation: Any) -> list[type[BaseModel]]:
+    """Return the tables of which a value may be one."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [held for part in get_args(annotation) for held in _held(part)]
 
 
 def _known_instead(keys: Sequence[str], value: object) -> str:
     """Return what is known where a key is not."""
     if len(keys) > 1:
         constant = keys[:2] == ("system", "constants")
-        parent = ConstantTable if constant and len(keys) > 2 else _TABLES.get(keys[-2], QuantityTable)
+        parent = ConstantTable if constant and len(keys) > 2 else _tables(RigTable).get(keys[-2], QuantityTable)
         known = list(parent.model_fields)
         return f"{suggestion(keys[-1], known)} Known here: {', '.join(known)}."
     stem = next((stem for stem in QUANTITIES if keys[0].startswith(stem)), None)
