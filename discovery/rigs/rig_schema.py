@@ -240,8 +240,7 @@ class RigTable(Table):
 
     name: _Name = Field(description="Name of the system on pages.")
     kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system"] = Field(
-        default="flexible_arm",
-        description="Kind of system. Left out beside a table `[system]`, it is `system`.",
+        default="flexible_arm", description="Kind of system. Left out beside a table `[system]`, it is `system`."
     )
     system: SystemTable | None = Field(default=None, description="The equations of a `system`; no other kind has it.")
     columns: ColumnsTable | None = Field(

@@ -118,10 +118,9 @@ def _refuse_unlike(file: RigText, moved: str, read: str) -> None:
     """Refuse a base whose motion cannot be added to the deflection."""
     if si_symbol(moved) != si_symbol(read):
         raise InputError(
-            f"{file.at('columns', 'input', 'unit')}: the base moves in {moved!r} and "
-            f"the deflection is in {read!r}, so that they cannot be added to the place in the fixed frame. Declare "
-            "both as angles or both as lengths (scale = 1/l turns a small deflection into an angle), or a shift in m "
-            "under a pendulum's angle in rad."
+            f"{file.at('columns', 'input', 'unit')}: the base moves in {moved!r} and the deflection is in {read!r}, so "
+            "that they cannot be added to the place in the fixed frame. Declare both as angles or both as lengths "
+            "(scale = 1/l turns a small deflection into an angle), or a shift in m under a pendulum's angle in rad."
         )
 
 
@@ -175,10 +174,9 @@ def _refuse_swapped(file: RigText, columns: ColumnsTable | None) -> None:
         if forced if name == "input" else placed:
             is_what, wanted = ("a force or a torque", "motion") if forced else ("a position", "force")
             raise InputError(
-                f"{file.at('columns', name, 'unit')}: the key 'columns.{name}.unit' "
-                f"is {column.unit!r}, {is_what}, but with a table [view] the {name} is the {wanted}. Declare the "
-                "recorded motion as input and the measured force or torque as output, or remove [view] to compare "
-                "the motion."
+                f"{file.at('columns', name, 'unit')}: the key 'columns.{name}.unit' is {column.unit!r}, {is_what}, but "
+                f"with a table [view] the {name} is the {wanted}. Declare the recorded motion as input and the "
+                "measured force or torque as output, or remove [view] to compare the motion."
             )
 
 

@@ -26,8 +26,7 @@ class ConstantTable(Table):
         default=None, description="What it is. Without an `sd` it is not fitted. Left out, a `guess` is needed."
     )
     sd: Annotated[FiniteFloat, Field(gt=0)] | None = Field(
-        default=None,
-        description="Standard deviation of the value: the constant is fitted, with both as its prior.",
+        default=None, description="Standard deviation of the value: the constant is fitted, with both as its prior."
     )
     guess: FiniteFloat | None = Field(
         default=None, description="Where its fit begins. It is not zero, and the constant keeps its sign."

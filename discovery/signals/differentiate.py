@@ -154,13 +154,7 @@ def _best_spline(
             penalty = upper_band(sparse.csr_array(rough.T @ rough))
             penalty *= gram[-1].sum() / penalty[-1].sum()
             system = PenalisedSpline(
-                knots,
-                gram,
-                penalty=penalty,
-                moment=moment,
-                energy=energy,
-                samples=t.size,
-                known_noise=known_noise,
+                knots, gram, penalty=penalty, moment=moment, energy=energy, samples=t.size, known_noise=known_noise
             )
             fit = system.best()
             # Of equal scores the finer knots: the penalty, not the knots, shall set the bandwidth.

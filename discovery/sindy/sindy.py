@@ -41,12 +41,7 @@ def _block_grams(library: Library) -> tuple[FloatArray, FloatArray, FloatArray]:
     return grams[:, :-1, :-1], grams[:, :-1, -1], grams[:, -1, -1]
 
 
-def discover(
-    motions: Sequence[Motion],
-    *,
-    rng: np.random.Generator,
-    resamples: int = 200,
-) -> Discovery:
+def discover(motions: Sequence[Motion], *, rng: np.random.Generator, resamples: int = 200) -> Discovery:
     """Discover the terms of the equation of motion from smoothed recordings of one system.
 
     Whole stretches are resampled, with replacement.

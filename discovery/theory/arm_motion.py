@@ -44,10 +44,7 @@ class ArmMotion:
 
 
 def integrate(
-    slopes: Callable[[float, FloatArray, bool], FloatArray],
-    start: FloatArray,
-    time: FloatArray,
-    kinks: FloatArray,
+    slopes: Callable[[float, FloatArray, bool], FloatArray], start: FloatArray, time: FloatArray, kinks: FloatArray
 ) -> FloatArray:
     """Integrate with LSODA, restarted at every kink [s], and return the states (n, k) at increasing times (k,) [s].
 
@@ -108,14 +105,7 @@ def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: flo
     return t
 
 
-def move_arm(
-    arm: Arm,
-    drive: DriveLike,
-    time: FloatArray,
-    *,
-    deflection: float = 0.0,
-    rate: float = 0.0,
-) -> ArmMotion:
+def move_arm(arm: Arm, drive: DriveLike, time: FloatArray, *, deflection: float = 0.0, rate: float = 0.0) -> ArmMotion:
     """Simulate the arm under a prescribed motion of its motor, with the coupling torque Gamma_c of (10), (11).
 
     Times (k,) increase [s]; deflection [rad] and rate [rad/s] are those at the first.
