@@ -33,8 +33,8 @@ def _acquire(descriptor: int) -> bool | None:
 def folder_lock(folder: Path) -> Iterator[bool]:
     """Hold a folder while the block runs; nothing is written into it.
 
-    It yields False where another process, or another block of this one, holds it. Where the system knows no such locks,
-    it counts as held by nobody.
+    Yields False where another process, or another block of this one, holds it. Where the system knows no such locks,
+    the folder counts as held by nobody.
     """
     try:
         descriptor = os.open(folder, os.O_RDONLY)
@@ -51,8 +51,8 @@ def folder_lock(folder: Path) -> Iterator[bool]:
 def file_lock(path: Path, patience: float) -> Iterator[bool]:
     """Hold a lock file while the block runs; it is removed in the end. Whether it is there already does not matter.
 
-    It yields False where another process did not finish in so many seconds, or nothing can be locked here: the block
-    runs all the same.
+    Yields False where another process did not finish in so many seconds, or nothing can be locked here: the block runs
+    all the same.
     """
     descriptor, end = None, time.monotonic() + patience
     while descriptor is None:

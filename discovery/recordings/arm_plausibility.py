@@ -31,8 +31,8 @@ SLOWEST_SWING = 20.0
 def check_arm(found: Signals, rig: Rig) -> None:
     """Refuse what a flexible arm of this length cannot have done.
 
-    That are lengths that look like millimetres, angles like degrees or times like milliseconds given in SI units, a tip
-    that leaves the reach of the arm, and a record that is shorter than one swing.
+    Refused are lengths that look like millimetres, angles like degrees or times like milliseconds given in SI units, a
+    tip that leaves the reach of the arm, and a record shorter than one swing.
     """
     assert rig.length is not None  # read_rig demands it of an arm
     length, inputs, outputs = rig.length.value, found.inputs, found.outputs

@@ -18,10 +18,10 @@ _FAR = 10.0
 
 
 def check_signals(found: Signals, fewest: int) -> None:
-    """Refuse what holds for no recording of any system, which has at least so many samples.
+    """Refuse what holds for no recording of any system; one has at least so many samples.
 
-    That are times that are missing, do not increase or leave most out, a gap in the input, a dead sensor, too short a
-    record.
+    Refused are times that are missing, do not increase or leave most out, a gap in the input, a dead sensor, and too
+    short a record.
     """
     time, table = found.time, found.table
     for signal, values in {"time": time, found.given: found.inputs, **found.outputs}.items():

@@ -76,7 +76,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
 
 
 def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str, str], dict[str, str]]:
-    """Channels, and the column and the unit of each signal, as the rig file declares them; time and input must be."""
+    """Channels, and column and unit of each signal, as the rig file declares them; time and input are needed."""
     columns = rig.columns
     wanted = [("time", columns.time.name, columns.time.unit)] if columns.time.name and columns.time.rate is None else []
     if columns.input is not None:

@@ -75,8 +75,8 @@ def _of_channel(time: FloatArray, channel: FloatArray, noise: float) -> float:
 def left_by_cubics(time: FloatArray, channel: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return by how much readings miss the cubic through two neighbours on either side, and the slopes there, (n - 4,).
 
-    They are of the third reading to the last but two; a miss has the standard deviation of one reading, and is NaN next
-    to a gap.
+    They are those of the third reading to the last but two; a miss has the standard deviation of one reading, and is
+    NaN next to a gap.
     """
     at = np.stack([time[:-4], time[1:-3], time[3:-1], time[4:]]) - time[2:-2]
     near = np.stack([channel[:-4], channel[1:-3], channel[3:-1], channel[4:]])

@@ -97,8 +97,8 @@ def _alone(angle: FloatArray) -> BoolArray:
 def check_units(found: Signals, rig: Rig) -> None:
     """Refuse a motion that gravity cannot have made; only pendulums and falling bodies are held against it.
 
-    That is a pendulum that swings through more than a turn and back, comes to rest upright, or swings or falls as in
-    another gravity by a factor that only a wrong unit explains.
+    Refused is a pendulum that swings through more than a turn and back or comes to rest upright, and what swings or
+    falls as in another gravity by a factor that only a wrong unit explains.
     """
     if rig.gravity is None or rig.view is not None:
         return

@@ -33,8 +33,8 @@ _MOVES = 10.0
 def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
     """Refuse recordings, each with its role, from which nothing can be learned.
 
-    A part holds no measurement, nothing moves in all that is fitted, an input is a copy or dead in all of it, or an arm
-    bends in none of it.
+    Refused are a part without a measurement, a motion that rests in all that is fitted, an input that is a copy or dead
+    in all of it, and an arm that bends in none of it.
     """
     for role, experiment in recordings:
         _refuse_one(role, experiment)

@@ -238,7 +238,8 @@ def oscillating(
     """Filter residuals with a part that is one damped oscillator under white noise, seen by all channels.
 
     Arguments and results are those of `exponential`, but for the angular frequency omega [rad/s] and the damping xi
-    [1/s] of the oscillator, each (k,), and what a channel sees of it, slope (n, c): the variance is one where it is.
+    [1/s] of the oscillator, each (k,), and what a channel sees of it, slope (n, c): the variance is one where the slope
+    is.
     """
     k = residual.shape[2]
     block, (a, w, b) = padded(residual, share, omega, xi)
