@@ -19,11 +19,11 @@ from discovery_datasets.recordings import make_motion
 from discovery_datasets.twin import record
 from scipy.integrate import solve_ivp
 
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.recording import Recording
 from discovery.recordings.smooth_input import build_drive
 from discovery.rigs.rig import Rig
 from discovery.rigs.rig_file import read_rig
-from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion, motion_of
 from discovery.sindy.radius import discover_radius
 from discovery.sindy.sindy import discover

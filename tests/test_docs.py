@@ -22,7 +22,7 @@ from discovery.report.sentences import OUTCOMES
 from discovery.rigs import rig_schema, system_table
 from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig_file import read_rig
-from discovery.runs.model_error_report import ModelErrorReport
+from discovery.runs.loop_result import ModelErrorReport
 from discovery.selection.decision import Candidacy, Decision
 from discovery.selection.odds import Odds
 from discovery.selection.settings import LoopSettings

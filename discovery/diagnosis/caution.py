@@ -11,11 +11,11 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
 from discovery.estimation.fit import Fit
 from discovery.estimation.residual import ResidualReport, memory
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
@@ -23,7 +23,6 @@ from discovery.results.judging import judged_rms
 
 __all__ = ["SCATTERED", "Caution", "at_edges", "burst", "like_noise", "missed", "not_carried", "scattered", "strayed"]
 
-FloatArray = NDArray[np.float64]
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
 #: Times the training error, a hold-out that is missed by a model which leaves an error there, too.
@@ -119,12 +118,7 @@ def strayed(fitted: Fit) -> Caution | None:
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:
     """Return that a model misses what is held out far more than training; None where it does not.
 
-    Parameters
-    ----------
-    errors : mapping
-        Of loop.json.
-    left, held, least : float
-        Model error in training and held out, and that which counts as none [unit of the output].
+    Model errors in training and held out, and that which counts as none, are in the unit of the output.
     """
     after, floor, rms = errors["after"], errors["noise_floor"], judged_rms(errors)
     beyond, explains = "holdout_outside" in after and "holdout_inside" not in after, left <= least
@@ -136,13 +130,7 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
 
 
 def burst(fitted: Fit) -> Caution | None:
-    """Return the short stretch that holds half of what a fit leaves of a recording, or a quarter; None without one.
-
-    Parameters
-    ----------
-    fitted : Fit
-        The final model.
-    """
+    """Return the short stretch that holds half of what a fit leaves of a recording, or a quarter; None without one."""
     bench = fitted.problem.bench
     left = np.square(fitted.minimum.residual[: bench.n_rows])
     found = []
@@ -191,16 +179,8 @@ def like_noise(
 ) -> Caution | None:
     """Return that what is left may be noise of the instrument; None where it is large or depends on the motion.
 
-    Parameters
-    ----------
-    report : ResidualReport
-        Of the final model in training.
-    depends_on : sequence of str
-        States that explain a part of what is left.
-    errors : mapping
-        Of loop.json: a prediction that misses by more than what training leaves is no noise.
-    left, held, noise : float
-        Model error in training and held out, zero without any, and the smallest noise [unit of the output].
+    Model errors in training and held out, zero without any, and the smallest noise are in the unit of the output. A
+    prediction that misses by more than what training leaves is no noise.
     """
     alike = held == 0.0 or left / _ALIKE <= held <= _ALIKE * left
     predicted = judged_rms(errors) <= _ALIKE * max(errors["noise_floor"], errors["after"]["train"]["rms"])
@@ -210,13 +190,7 @@ def like_noise(
 
 
 def not_carried(errors: Mapping[str, Any]) -> Caution | None:
-    """Return that an error falls in training and hardly held out, or grows there; None where it falls as well.
-
-    Parameters
-    ----------
-    errors : mapping
-        Of loop.json.
-    """
+    """Return that an error falls in training and hardly held out, or grows there; None where it falls as well."""
     pairs = [(errors[when]["train"]["rms"], judged_rms(errors, when)) for when in ("before", "after")]
     if not all(0 < value < math.inf for pair in pairs for value in pair):
         return None
@@ -229,12 +203,7 @@ def not_carried(errors: Mapping[str, Any]) -> Caution | None:
 def scattered(errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatArray]]) -> Caution | None:
     """Return that held-out readings lie farther off than their noise; None where they do not.
 
-    Parameters
-    ----------
-    errors : mapping
-        Of loop.json.
-    left : sequence of (Recording, ndarray)
-        The recordings that judge, and what the final model leaves of each, shape (n, c): NaN where it does not count.
+    `left` holds what the final model leaves of each recording that judges, shape (n, c): NaN where it does not count.
     """
     rms = judged_rms(errors)
     # The error is a distance over all channels, and recordings may differ in their noise.

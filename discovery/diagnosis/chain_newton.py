@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.diagnosis.multiple_shooting import Chain, Linearised
 from discovery.diagnosis.slow_model import Law
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
 __all__ = ["ROUNDS", "Newton", "close"]
 
-FloatArray = NDArray[np.float64]
 #: Rounds of Newton's method.
 ROUNDS = 12
 #: Derivatives beyond this are those of a motion that nothing holds.

@@ -40,17 +40,9 @@ _ALIKE = 0.1
 
 @dataclass(frozen=True)
 class Contradiction:
-    """A value that contradicts its prediction, and what could reconcile them.
+    """A value that contradicts its prediction, and the effects that were tried, if any were sought, to reconcile them.
 
-    Parameters
-    ----------
-    check : Check
-        The test.
-    tried : tuple of Reconciliation
-        Effects that could take the value to its prediction, those that reconcile first, the best or simplest of them
-        at the head.
-    sought : bool
-        Whether any was looked for.
+    Those that reconcile come first, the best or simplest of them at the head.
     """
 
     check: Check
@@ -116,10 +108,6 @@ def check_contradictions(
         Quicker mechanics, on which effects are tried where the fit is no worse on them; by default those of the fit.
     context : Context
         Recordings and settings of the search.
-
-    Returns
-    -------
-    ContradictionReport
     """
     experiments = fit.problem.bench.experiments
     arm = experiments[0].system.has_rod

@@ -8,19 +8,16 @@ absorbed is held neither against a variable nor for it. Chance is measured on th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
-from discovery.diagnosis.latent_force import FINE, LatentForce
+from discovery.diagnosis.latent_force import FINE, LatentForce, cubic_splines
+from discovery.foundation.arrays import FloatArray, IntArray
 
 __all__ = ["ForceDependence", "Sites", "Smooth", "dependences", "depends_on"]
 
-FloatArray = NDArray[np.float64]
 #: What the force of an arm, or of an oscillator, may depend on.
 ARM_SETS = (
     ("deflection",), ("angle",), ("rate",), ("motor_angle",), ("time",),
@@ -67,12 +64,11 @@ class Smooth:
 
     def evaluate(self, variables: Mapping[str, FloatArray]) -> FloatArray:
         """Return the basis functions (n, k)."""
-        found = np.ones((np.size(variables[self.names[0]]), 1))
+        found: FloatArray = np.ones((np.size(variables[self.names[0]]), 1))
         for values, a, b in zip(self.clipped(variables).values(), self.low, self.high, strict=True):
             step = (b - a) / _SEGMENTS[len(self.names)]
-            knots = a + step * np.arange(-3, _SEGMENTS[len(self.names)] + 4)
-            one = BSpline.design_matrix(np.clip(values, knots[3], knots[-4]), knots, 3).toarray()
-            found = (found[:, :, None] * one[:, None, :]).reshape(len(found), -1)
+            knots = np.asarray(a + step * np.arange(-3, _SEGMENTS[len(self.names)] + 4), np.float64)
+            found = (found[:, :, None] * cubic_splines(values, knots)[:, None, :]).reshape(len(found), -1)
         return found
 
     @cached_property
@@ -109,7 +105,7 @@ class Sites:
     variables: Mapping[str, FloatArray]
     imitated: FloatArray
     scale: FloatArray
-    blocks: NDArray[np.int64]
+    blocks: IntArray
     lengths: tuple[int, ...]
 
     @classmethod
@@ -178,10 +174,6 @@ class ForceDependence:
     share: float
     p_value: float
     penalty: float
-
-    def summary(self) -> dict[str, Any]:
-        """Return a JSON-ready description."""
-        return asdict(self)
 
 
 def dependences(sites: Sites) -> tuple[ForceDependence, ...]:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.diagnosis.chain_newton import close
 from discovery.diagnosis.force_dependence import ForceDependence, Sites, Smooth, with_imitated
@@ -24,12 +23,12 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import errors
 from discovery.estimation.starts import fitted_states
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import DiscoveryError
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["MARGIN", "Judge", "Patch", "sparse_law", "spline_law", "tried"]
 
-FloatArray = NDArray[np.float64]
 #: Part of the held-out rms error that a patch must remove.
 MARGIN = 0.2
 #: Terms of a sparse law explain at least this share of the force's variance each.
@@ -115,7 +114,7 @@ def sparse_law(sites: Sites, depends: ForceDependence, names: Sequence[str]) -> 
     degree, count = _DEGREES[len(smooth.names)], len(smooth.names)
     powers = np.array([p for p in product(range(degree + 1), repeat=count) if 0 < sum(p) <= degree])
 
-    def monomials(variables: Mapping[str, FloatArray], which: NDArray[np.int64]) -> FloatArray:
+    def monomials(variables: Mapping[str, FloatArray], which: IntArray) -> FloatArray:
         values = np.column_stack(list(smooth.clipped(variables).values()))
         return np.prod(values[:, None, :] ** powers[which], axis=2)
 
@@ -147,17 +146,7 @@ def sparse_law(sites: Sites, depends: ForceDependence, names: Sequence[str]) -> 
 class Judge:
     """Held-out recordings, or the held-out parts of the fitted ones, and how far the model alone misses them.
 
-    Parameters
-    ----------
-    fit : Fit
-        The model.
-    holdout : sequence of Experiment
-        Recordings that were not fitted, whose initial states are; none: the other parts of the fitted ones.
-
-    Attributes
-    ----------
-    before : float
-        Rms error of the model alone, in the unit of the output; NaN where nothing is held out.
+    `before` is the rms error of the model alone, in the unit of the output; NaN where nothing is held out.
     """
 
     def __init__(self, fit: Fit, holdout: Sequence[Experiment]) -> None:

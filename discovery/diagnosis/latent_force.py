@@ -15,19 +15,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
 from discovery.diagnosis.chain_newton import ROUNDS, Newton
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["FINE", "LatentForce", "reconstruct"]
+__all__ = ["FINE", "LatentForce", "cubic_splines", "reconstruct"]
 
-FloatArray = NDArray[np.float64]
 #: Knots in one period of the motion.
 KNOTS = 12
 #: Times in one spacing of the knots at which the force is reported.
@@ -162,14 +161,7 @@ def _likeliest(newton: Newton, spacing: float, period: float, name: str) -> tupl
 
 
 def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
-    """Return the force that makes a fitted model follow one of its recordings.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fitted model; its parameters are held.
-    index : int
-        Which of the fitted recordings.
+    """Return the force that makes a fitted model, its parameters held, follow one of its recordings.
 
     Raises
     ------
@@ -187,13 +179,13 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     pieces = max(4, int(np.ceil(KNOTS * span / period)))
     spacing = span / pieces
     knots = chain.time[0] + spacing * np.arange(-3, pieces + 4)
-    basis = _basis(chain.time, knots)
+    basis = cubic_splines(chain.time, knots)
     newton = Newton(chain, basis)
     prior, columns = _likeliest(newton, spacing, period, whole.recording.name)
     changes = (_parameters(fit, index)[: len(experiment.recording.time)] * newton.weights[:, :, None])[newton.used]
     imitating = prior.covariance @ (columns.T @ changes)
     time = np.linspace(chain.time[0], chain.time[-1], FINE * pieces + 1)
-    shown = _basis(time, knots)
+    shown = cubic_splines(time, knots)
     along = chain.along(newton.states)
     left = (chain.channels(newton.states) - experiment.recording.output) * newton.weights
     before = (chain.reading - experiment.recording.output) * newton.weights
@@ -210,7 +202,7 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     )
 
 
-def _basis(time: FloatArray, knots: FloatArray) -> FloatArray:
+def cubic_splines(time: FloatArray, knots: FloatArray) -> FloatArray:
     """Return the cubic B-splines (n, k) of uniform knots that reach three beyond the times on both sides."""
     inside = np.clip(time, knots[3], knots[-4])
     return np.asarray(BSpline.design_matrix(inside, knots, 3).toarray())

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment, largest_deflection
@@ -29,8 +29,6 @@ __all__ = [
     "moves_from_unit",
     "reach",
 ]
-
-FloatArray = NDArray[np.float64]
 
 #: Slowest and gentlest move, as a part of the limit.
 _GENTLE = 0.25
@@ -78,16 +76,8 @@ class MotorLimits:
 class Move:
     """One move of the hub with a trapezoidal speed.
 
-    Parameters
-    ----------
-    start : float
-        When it begins [s].
-    angle : float
-        How far it turns, signed [rad].
-    speed : float
-        Of its plateau, positive [rad/s].
-    ramp : float
-        Duration of each of its two ramps over its own, at most 0.5.
+    It begins at `start` [s] and turns by a signed angle [rad]. The speed is that of its plateau, positive [rad/s];
+    `ramp` is the duration of each of its two ramps over its own, at most 0.5.
     """
 
     start: float
@@ -115,17 +105,8 @@ def reach(speed: float, acceleration: float, duration: float) -> float:
 def moves_from_unit(unit: FloatArray, limits: MotorLimits) -> tuple[Move, ...]:
     """Return the moves that a point of the unit cube stands for, all within the limits.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (4 k,)
-        For each of k moves, all in [0, 1]: where it goes, its speed, its acceleration, the rest before it.
-    limits : MotorLimits
-        Limits that hold for every point.
-
-    Returns
-    -------
-    tuple of Move
-        At most k: one that would go nowhere, or that there is no time for, is left out.
+    The point (4 k,) says for each of k moves, all in [0, 1]: where it goes, its speed, its acceleration, the rest
+    before it. A move that would go nowhere, or that there is no time for, is left out.
     """
     plan: list[tuple[float, float, float, float]] = []
     here, busy, waits = 0.0, 0.0, 0.0
@@ -157,17 +138,7 @@ def moves_from_unit(unit: FloatArray, limits: MotorLimits) -> tuple[Move, ...]:
 def hub_drive(moves: Sequence[Move], initial: float = 0.0) -> Drive:
     """Return the hub's angle during moves that follow each other, at rest between, before and after them.
 
-    Parameters
-    ----------
-    moves : sequence of Move
-        In the order of time, at least one; none may begin before the one before has ended.
-    initial : float
-        Angle before the first [rad].
-
-    Raises
-    ------
-    InputError
-        If there is no move, or two overlap.
+    No move at all, and two that overlap, are refused.
     """
     if not moves or any(b.start < a.start + a.duration - 1e-9 for a, b in pairwise(moves)):
         raise InputError("A manoeuvre needs at least one move, each to begin after the one before has ended.")
@@ -197,10 +168,7 @@ def hub_drive(moves: Sequence[Move], initial: float = 0.0) -> Drive:
 def demonstrated_limits(experiments: Sequence[Experiment]) -> MotorLimits:
     """Return what the input and the system have done in recordings: limits that are known to be safe.
 
-    Raises
-    ------
-    InputError
-        If the recordings have no input.
+    Recordings without an input are refused.
     """
     if not all(e.drive is not None for e in experiments):
         raise InputError("A course of the input can only be designed where an input is recorded.")
@@ -217,10 +185,7 @@ def demonstrated_limits(experiments: Sequence[Experiment]) -> MotorLimits:
 def allowed_limits(experiments: Sequence[Experiment]) -> MotorLimits:
     """Return what the rig file states of the motor and the arm, and for the rest what they have done in recordings.
 
-    Raises
-    ------
-    InputError
-        If the recordings have no input.
+    Recordings without an input are refused.
     """
     shown, rig = demonstrated_limits(experiments), experiments[0].rig
     given: dict[str, Any] = {

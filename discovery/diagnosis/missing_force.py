@@ -29,20 +29,11 @@ _MOST_SETS = 2
 
 @dataclass(frozen=True)
 class MissingForce:
-    """What is left unexplained: as a force in time, what it depends on, and a patch.
+    """What is left unexplained: as a force in time by fitted recording, what it depends on, and patches.
 
-    Parameters
-    ----------
-    forces : tuple of LatentForce
-        By fitted recording.
-    dependence : tuple of ForceDependence
-        The best first; empty where there is no force.
-    depends : tuple of ForceDependence
-        The simplest sets that predict nearly as much as the best one; more than one cannot be told apart here.
-    patches : tuple of Patch
-        Those tried, the best on the held-out recordings first.
-    coordinate : str
-        SI unit of the coordinate; the force is per unit inertia.
+    `dependence` has the best first and is empty where there is no force; `depends` has the simplest sets that predict
+    nearly as much, of which more than one cannot be told apart here. Of the patches tried, the best on the held-out
+    recordings is first. The force is per unit inertia, the coordinate in an SI unit.
     """
 
     forces: tuple[LatentForce, ...]
@@ -61,7 +52,7 @@ class MissingForce:
         return {
             "unit": in_coordinate("q s^-2", self.coordinate),
             "recordings": [f.summary() for f in self.forces],
-            "dependence": [d.summary() for d in self.dependence],
+            "dependence": [asdict(d) for d in self.dependence],
             "depends_on": [list(d.variables) for d in self.depends],
             "patches": [asdict(p) for p in self.patches],
             "result": "patch" if self.patch else "no patch",
@@ -72,12 +63,8 @@ class MissingForce:
 def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
     """Return what a fitted model leaves unexplained as a force, what the force depends on, and patches for it.
 
-    Parameters
-    ----------
-    fit : Fit
-        The final model on its training recordings; its parameters are held while the force is reconstructed.
-    holdout : sequence of Experiment
-        Recordings to try patches on; the parts of the training recordings that were not fitted if there are none.
+    The parameters are held while the force is reconstructed. Patches are tried on the held-out recordings, or on the
+    parts of the training recordings that were not fitted if there are none.
 
     Raises
     ------

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from discovery.diagnosis.manoeuvre_design import NUMBERS, MotorLimits, Move, moves_from_unit
 from discovery.diagnosis.rival_distance import Trial
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["MoveSearch"]
 
-FloatArray = NDArray[np.float64]
 #: Share of the trials that are drawn at random; the others improve on the best of those.
 _RANDOM = 0.6
 #: Standard deviation of a random step from the best, in each direction of the unit cube.

@@ -12,18 +12,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from discovery.declarations.effect import Mode, Sensor
 from discovery.diagnosis.slow_model import Law, SlowModel
 from discovery.estimation.problem import Problem, values_of
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import Simulator, check_finite
 
 __all__ = ["Chain", "Linearised"]
 
-FloatArray = NDArray[np.float64]
 #: Relative size of the differences that give derivatives.
 _SMALL = 1e-6
 #: Cuts are at most this many median sampling intervals apart: gaps are bridged by more of them.
@@ -34,16 +33,10 @@ _STEP = 0.12
 
 @dataclass(frozen=True)
 class Linearised:
-    """How the end of every step changes with its start and with the force.
+    """How the end of every step changes: with the state at its start, shape (m, 2, 2), and with the force.
 
-    Parameters
-    ----------
-    transition : ndarray, shape (m, 2, 2)
-        With the state at its start.
-    force : ndarray, shape (2, m, 2)
-        With the force at its start and at its end, linear between them.
-    defect : ndarray, shape (m, 2)
-        By how much the end of the step misses the next cut.
+    The force (2, m, 2) is that at the start and at the end of the step, linear between them. The defect (m, 2) is by
+    how much the end of the step misses the next cut.
     """
 
     transition: FloatArray
@@ -158,20 +151,10 @@ class Chain:
         self.slow.parameters[k] = alpha * (1 - float(change @ before) / float(change @ change))
 
     def advance(self, states: FloatArray, force: FloatArray, law: Law | None = None) -> FloatArray:
-        """Return the end of every step.
+        """Return the end of every step (2, m).
 
-        Parameters
-        ----------
-        states : ndarray, shape (2, m)
-            Start of every step.
-        force : ndarray, shape (2, m)
-            Force at start and end of every step [s^-2 q].
-        law : Law, optional
-            A force that depends on the motion, added to it.
-
-        Returns
-        -------
-        ndarray, shape (2, m)
+        States (2, m) are those at the start of every step, forces (2, m) those at its start and its end [s^-2 q]; a law
+        is a force that depends on the motion, added to them.
         """
         own, lengths = list(self.slow.parameters), self._lengths
         step = lengths / self._steps

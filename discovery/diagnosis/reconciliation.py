@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.simplicity import simplicity
@@ -31,7 +30,6 @@ from discovery.selection.context import Context
 
 __all__ = ["Reconciliation", "reconcile"]
 
-FloatArray = NDArray[np.float64]
 #: The step towards the stated value, in the parameter's own standard deviations: far above the noise, far below one
 #: slip of phase; the part of its misfit that a candidate must remove, and how many are tried.
 _STEP, _LINEAR, _SHORTLIST = 30.0, 0.5, 8
@@ -91,20 +89,7 @@ def _unit(effect: str, name: str) -> str:
 def reconcile(
     fit: Fit, name: str, predicted: tuple[float, float], candidates: Sequence[str], context: Context
 ) -> tuple[Reconciliation, ...]:
-    """Try effects that could reconcile a fitted parameter with its prediction.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit, its parameter free of the prediction.
-    name : str
-        The contradicting parameter, free in the fit.
-    predicted : (float, float)
-        Mean and standard deviation that were predicted.
-    candidates : sequence of str
-        Effects to try.
-    context : Context
-        Recordings and settings of the search.
+    """Try effects that could reconcile a fitted parameter, free of its prediction, with the predicted mean and sd.
 
     Returns
     -------

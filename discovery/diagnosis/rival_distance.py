@@ -18,12 +18,12 @@ from itertools import permutations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
 from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.sampling import median_step
 from discovery.recordings.angles import within_half_a_turn
@@ -31,7 +31,6 @@ from discovery.simulation.simulate import Simulator
 
 __all__ = ["Distance", "Trial", "distance_on_given"]
 
-FloatArray = NDArray[np.float64]
 #: Samples at which trial manoeuvres are compared: several in each period of the motion.
 _SAMPLES = 400
 
@@ -40,14 +39,9 @@ _SAMPLES = 400
 class Distance:
     """How far the predictions of two rivals lie apart on one set of recordings.
 
-    Parameters
-    ----------
-    plain : float
-        Root mean square difference over samples and channels, parameters as they are [noise sds].
-    projected : float
-        The same of what the wrong one cannot absorb, the smaller of both directions [noise sds].
-    chi2 : float
-        Chi-square by which the right one is expected to win, in the worse direction.
+    It is the root mean square difference over samples and channels [noise sds], parameters as they are (`plain`) and of
+    what the wrong one cannot absorb (`projected`), the smaller of both directions; `chi2` is the one by which the right
+    one is expected to win, in the worse direction.
     """
 
     plain: float
@@ -116,14 +110,7 @@ class _Rival:
 
 
 class Trial:
-    """Rivals on trial manoeuvres.
-
-    Parameters
-    ----------
-    fits : sequence of Fit
-        On the same recordings.
-    duration : float
-        Of a trial [s].
+    """Rivals, fitted to the same recordings, on trial manoeuvres of some duration [s].
 
     Attributes
     ----------
@@ -148,12 +135,7 @@ class Trial:
     def compare(self, moves: Sequence[Move], release: float = 0.0) -> tuple[Distance, float]:
         """Return the distance of the nearest pair on a manoeuvre, and the largest deflection predicted [q].
 
-        Parameters
-        ----------
-        moves : sequence of Move
-            Of the input; none for a system without one.
-        release : float
-            How far from rest the system is let go [q].
+        A system without an input has no moves; it is let go so far from rest, `release` [q].
         """
         found, deflection = self._found(moves, release)
         if not np.isfinite(deflection):

@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.simplicity import simplicity
 from discovery.diagnosis.manoeuvre_design import (
@@ -28,13 +27,13 @@ from discovery.diagnosis.manoeuvre_design import (
 from discovery.diagnosis.move_search import MoveSearch
 from discovery.diagnosis.rival_distance import Distance, Trial, distance_on_given
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.screening.likeness import similarity
 
 __all__ = ["Separation", "separate", "similarity_matrix"]
 
-FloatArray = NDArray[np.float64]
 #: Chi-square by which the right rival must be expected to win: less may be chance.
 _DECIDES = 10.0
 #: Places on either side from which a system without an input is let go.
@@ -123,14 +122,11 @@ class Separation:
 
 
 def similarity_matrix(fits: Sequence[Fit]) -> FloatArray:
-    """Return how alike the rivals' own effects act on the recordings that they were fitted to.
+    """Return how alike the rivals' own effects act on the recordings that they were fitted to, shape (r, r).
 
-    Returns
-    -------
-    ndarray, shape (r, r)
-        Largest principal cosine between the sensitivities of what each fit has beyond the parameters common to all,
-        with what the common ones, as far as the rig leaves them free, and the initial states absorb projected out; NaN
-        for a fit that has nothing more.
+    It is the largest principal cosine between the sensitivities of what each fit has beyond the parameters common to
+    all, with what the common ones, as far as the rig leaves them free, and the initial states absorb projected out; NaN
+    for a fit that has nothing more.
     """
     common = set.intersection(*(set(f.problem.names) for f in fits))
     # With the rows of the priors: what the rig knows cannot absorb at will.

@@ -13,7 +13,6 @@ from functools import lru_cache
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Closure, Joint, Memory, Mode
@@ -24,12 +23,12 @@ from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import values_of
+from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import get_base
 from discovery.simulation.kernel.compile import numpy_derivative
 
 __all__ = ["Law", "SlowModel"]
 
-FloatArray = NDArray[np.float64]
 #: Base that follows the slow motion of a base with several coordinates.
 _SLOW = "elastica_1"
 #: Speed within which dry friction is smooth, at least, in natural ones.
@@ -96,19 +95,8 @@ def _smoothed(effects: Sequence[str], units: NaturalUnits, known: Mapping[str, f
 class SlowModel:
     """The mathematics of a model's slow motion; the external force is its last parameter.
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    units : NaturalUnits
-        Natural units.
-    known : mapping of str to float
-        Its parameters; missing ones are absent.
-
-    Attributes
-    ----------
-    reduced : bool
-        Whether it is less than the model itself.
+    Known parameters have their values, missing ones are absent. `reduced` says whether it is less than the model
+    itself.
     """
 
     def __init__(self, model: Model, units: NaturalUnits, known: Mapping[str, float]) -> None:

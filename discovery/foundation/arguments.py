@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsFloat
@@ -21,6 +22,7 @@ __all__ = [
     "as_paths",
     "as_words",
     "check_callable",
+    "check_fields",
     "check_keys",
     "check_names",
     "check_number",
@@ -32,24 +34,7 @@ __all__ = [
 
 
 def expect(given: object, kind: type, name: str, remedy: str) -> None:
-    """Refuse an argument of another kind.
-
-    Parameters
-    ----------
-    given : object
-        What the caller passed.
-    kind : type
-        What it must be.
-    name : str
-        Name of the argument.
-    remedy : str
-        How the right one is made, as a sentence.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
+    """Refuse an argument of another kind; the remedy says how the right one is made, as a sentence."""
     if not isinstance(given, kind):
         article = "an" if kind.__name__[0] in "AEIO" else "a"
         raise _refused(given, name, _KINDS.get(kind, f"{article} {kind.__name__}"), remedy)
@@ -88,13 +73,7 @@ def as_folder(given: Any, name: str, remedy: str) -> Path:
 
 
 def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
-    """Return names: one alone is taken as a list of one.
-
-    Raises
-    ------
-    InputError
-        For what is no name and no list of them.
-    """
+    """Return names: one alone is taken as a list of one; what is no name and no list of them is refused."""
     found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
     for word in found:
         if not isinstance(word, str):
@@ -105,21 +84,8 @@ def as_words(given: Any, name: str, remedy: str) -> tuple[str, ...]:
 def check_names(given: Iterable[object], known: Iterable[str], owner: str, what: str) -> None:
     """Refuse names that nothing has: a slip of the pen would be passed over.
 
-    Parameters
-    ----------
-    given : iterable
-        The names that are used.
-    known : iterable of str
-        Those that there are.
-    owner : str
-        Who has them, as in "The model".
-    what : str
-        What they are, as in "parameter".
-
-    Raises
-    ------
-    InputError
-        With the names that there are, and the nearest one.
+    `owner` has those that are known, as in "The model", and `what` says what they are, as in "parameter". The message
+    has those that there are, and the nearest one.
     """
     there = list(known)
     strangers = [str(name) for name in given if name not in there]
@@ -130,13 +96,7 @@ def check_names(given: Iterable[object], known: Iterable[str], owner: str, what:
 
 
 def check_keys(given: object, wanted: Iterable[str], name: str, remedy: str) -> None:
-    """Refuse what is no mapping with all of these keys.
-
-    Raises
-    ------
-    InputError
-        With the keys that it lacks.
-    """
+    """Refuse what is no mapping with all of these keys."""
     expect(given, Mapping, name, remedy)
     missing = [key for key in wanted if key not in given]  # type: ignore[operator]
     if missing:
@@ -146,24 +106,7 @@ def check_keys(given: object, wanted: Iterable[str], name: str, remedy: str) -> 
 def check_number(
     given: Any, name: str, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
 ) -> float:
-    """Return a finite number within a range.
-
-    Parameters
-    ----------
-    given : object
-        What the caller passed.
-    name : str
-        Name of the argument.
-    least, most : float
-        Smallest and largest number.
-    above : float
-        The number is larger than this.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
+    """Return a finite number from `least` to `most`, larger than `above`; anything else is refused."""
     scalar = isinstance(given, Real) or (isinstance(given, SupportsFloat) and not isinstance(given, str))
     fits = scalar and not isinstance(given, bool) and getattr(given, "ndim", 0) == 0
     if not fits or not math.isfinite(number := float(given)) or not least <= number <= most or number <= above:
@@ -188,13 +131,7 @@ def _range(least: float, most: float, above: float = -math.inf) -> str:
 
 
 def check_pair(given: Any, name: str, what: str) -> tuple[float, float]:
-    """Return two finite numbers, such as a deflection and a rate.
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
+    """Return two finite numbers, such as a deflection and a rate; anything else is refused."""
     try:
         first, second = given
         return check_number(first, name), check_number(second, name)
@@ -223,3 +160,19 @@ def check_callable(given: object, name: str) -> None:
     """Refuse what cannot be called with a sentence on the progress; None means nobody is told."""
     if given is not None and not callable(given):
         raise InputError(f"`{name}` is a function of one sentence, such as print, but it is {given!r:.60}.")
+
+
+def check_fields(settings: Any) -> None:
+    """Refuse a field of a dataclass that is unlike its default, negative, or beyond the ``range`` of its metadata.
+
+    ``range`` is (least, most) and may be followed by what the number is larger than. Every field has a default.
+    """
+    for known in fields(settings):
+        given, default = getattr(settings, known.name), known.default
+        if isinstance(default, float):
+            least, most, *above = known.metadata.get("range", (0.0, float("inf")))
+            check_number(given, known.name, least, most, **({"above": above[0]} if above else {}))
+        elif isinstance(default, int) and not isinstance(default, bool):
+            check_seed(given) if known.name == "seed" else check_whole(given, known.name, 0)
+        else:
+            expect(given, type(default), known.name, f"Give one, such as {default!r:.60}.")

@@ -16,13 +16,7 @@ __all__ = ["compiled", "keep_compiled"]
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return a decorator that compiles a function of this package when it is first called, and keeps it on disk.
-
-    Parameters
-    ----------
-    **options
-        Those of ``numba.njit``, without `cache`.
-    """
+    """Return a decorator that compiles a function as ``numba.njit`` does, at its first call, and keeps it on disk."""
 
     def decorate(function: Callable[..., Any]) -> Any:
         return keep_compiled(numba.njit(**options)(function))
@@ -31,14 +25,9 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 def keep_compiled(dispatcher: Any, stamp: str | None = None) -> Any:
-    """Keep on disk what the compiler makes of a function, and return the function.
+    """Keep on disk what the compiler makes of a function from ``numba.njit``, and return the function.
 
-    Parameters
-    ----------
-    dispatcher : callable
-        From ``numba.njit``.
-    stamp : str, optional
-        Hash of everything that is compiled; that of the whole package by default.
+    The stamp is a hash of everything that is compiled; that of the whole package by default.
     """
     dispatcher._cache = _Kept(dispatcher.py_func, stamp)
     return dispatcher

@@ -128,12 +128,7 @@ def turn(key: str) -> AbstractContextManager[object]:
 def kept(key: str, make: Callable[[], T]) -> T:
     """Return an object from disk where it was made before, else make it and keep it.
 
-    Parameters
-    ----------
-    key : str
-        Everything that it depends on.
-    make : callable
-        Returns it; it must survive pickling.
+    The key says everything that the object depends on; the object must survive pickling.
     """
     found = _unpickled(load(key))
     if found is not None:

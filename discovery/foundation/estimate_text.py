@@ -29,12 +29,7 @@ def figures(value: float, digits: int = 3) -> str:
 
 
 def places(value: float, sd: float) -> tuple[int, int]:
-    """Return the decimals of a value and its standard deviation, and the power of ten that stands behind both.
-
-    Parameters
-    ----------
-    value, sd : float
-        The value, finite, and its standard deviation, positive, in one unit.
+    """Return the decimals of a finite value and its positive sd, and the power of ten that stands behind both.
 
     Examples
     --------
@@ -49,14 +44,7 @@ def places(value: float, sd: float) -> tuple[int, int]:
 def estimate_text(value: float, sd: float | None, unit: str = "1") -> str:
     """Write a value with its standard deviation, if it has one, and its unit, if it is no ratio.
 
-    Parameters
-    ----------
-    value : float
-        The value; without a standard deviation it has six significant digits.
-    sd : float or None
-        Its standard deviation; it has two significant digits, and the value as many decimals.
-    unit : str
-        Unit of both.
+    The standard deviation has two significant digits, and the value as many decimals; alone it has six digits.
 
     Examples
     --------

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import ComputationError, InputError, suggestion
 from discovery.foundation.text_encoding import decoded
 from discovery.foundation.text_table import parse_text
@@ -57,8 +58,8 @@ class Table:
     path: Path
     columns: Mapping[str, npt.NDArray[Any]]
     sha256: str
-    lines: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    rows: npt.NDArray[np.int64] | None = None
+    lines: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    rows: IntArray | None = None
     whole: int = 0
     guessed: str = ""
 
@@ -67,22 +68,19 @@ class Table:
         line = f" (line {self.lines[row]} of the file)" if row < self.lines.size else ""
         return f"row {(row if self.rows is None else self.rows[row]) + 1}{line}"
 
-    def take(self, names: Sequence[str], rows: npt.NDArray[np.int64]) -> Table:
+    def take(self, names: Sequence[str], rows: IntArray) -> Table:
         """Return some columns and rows, which keep their places in the file for messages."""
         known = rows if self.rows is None else self.rows[rows]
         lines = self.lines[rows] if self.lines.size else self.lines
         whole = self.whole or next(iter(self.columns.values())).size
         return replace(self, columns={n: self.columns[n][rows] for n in names}, lines=lines, rows=known, whole=whole)
 
-    def matching(self, where: Sequence[tuple[str, str | float]]) -> npt.NDArray[np.int64]:
+    def matching(self, where: Sequence[tuple[str, str | float]]) -> IntArray:
         """Find the rows in which columns have given values, numbers up to rounding, text up to blanks around it.
 
-        Raises
-        ------
-        InputError
-            If a column is not there, or no row is left.
+        A column that is not there, and values that no row has, are refused.
         """
-        found: npt.NDArray[np.int64] | None = None
+        found: IntArray | None = None
         for name, value in where:
             if name not in self.columns:
                 raise InputError(
@@ -104,14 +102,8 @@ class Table:
             found = rows
         return np.arange(next(iter(self.columns.values())).size) if found is None else found
 
-    def numbers(self, name: str) -> npt.NDArray[np.float64]:
-        """Give a column as numbers, shape (n,); empty cells are NaN.
-
-        Raises
-        ------
-        InputError
-            If a cell is text or infinite.
-        """
+    def numbers(self, name: str) -> FloatArray:
+        """Give a column as numbers, shape (n,), empty cells as NaN; a cell that is text or infinite is refused."""
         column = self.columns[name]
         if np.iscomplexobj(column):
             raise InputError(f"{self.path}: the column {name!r} holds complex numbers. Give real ones.")
@@ -140,7 +132,7 @@ class Table:
         return values
 
 
-def _parse(column: npt.NDArray[Any]) -> tuple[npt.NDArray[np.float64], int | None]:
+def _parse(column: npt.NDArray[Any]) -> tuple[FloatArray, int | None]:
     """Numbers of a column of text, and the first row that is none."""
     import pandas as pd
 
@@ -194,8 +186,7 @@ def read_table(path: str | os.PathLike[str], header: Sequence[str] | None = None
     except Exception as error:  # each library has exceptions of its own for a damaged file
         raise InputError(
             f"{path} is not a readable {suffix} file ({error or type(error).__name__}). Export the recording again, "
-            f"or give "
-            "it the suffix of its true format."
+            "or give it the suffix of its true format."
         ) from error
     if not columns:
         raise InputError(f"{path} holds no column of numbers. Export the recording again, one named vector a column.")
@@ -250,18 +241,9 @@ def _vectors(variables: Mapping[str, Any]) -> dict[str, npt.NDArray[Any]]:
 
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Write a file beside its place and move it there when it is complete.
+    """Write a file beside its place and move it there when it is complete; its folder is made if need be.
 
-    Parameters
-    ----------
-    path : path
-        The final place; its folder is made if need be.
-
-    Yields
-    ------
-    Path
-        Where to write; the same suffix, the same folder. It is removed if the block raises, and whatever stood at
-        `path` before is then still there.
+    What is written is removed if the block raises, and whatever stood at the place before is then still there.
 
     Raises
     ------

@@ -33,11 +33,8 @@ def _acquire(descriptor: int) -> bool | None:
 def folder_lock(folder: Path) -> Iterator[bool]:
     """Hold a folder while the block runs; nothing is written into it.
 
-    Yields
-    ------
-    bool
-        False where another process, or another block of this one, holds it. Where the system knows no such locks, it
-        counts as held by nobody.
+    Yields False where another process, or another block of this one, holds it. Where the system knows no such locks,
+    the folder counts as held by nobody.
     """
     try:
         descriptor = os.open(folder, os.O_RDONLY)
@@ -52,19 +49,10 @@ def folder_lock(folder: Path) -> Iterator[bool]:
 
 @contextmanager
 def file_lock(path: Path, patience: float) -> Iterator[bool]:
-    """Hold a lock file while the block runs; it is removed in the end.
+    """Hold a lock file while the block runs; it is removed in the end. Whether it is there already does not matter.
 
-    Parameters
-    ----------
-    path : Path
-        The file; whether one is there already does not matter.
-    patience : float
-        Seconds to wait for another process.
-
-    Yields
-    ------
-    bool
-        False where the other did not finish in that time, or nothing can be locked here: the block runs all the same.
+    Yields False where another process did not finish in so many seconds, or nothing can be locked here: the block runs
+    all the same.
     """
     descriptor, end = None, time.monotonic() + patience
     while descriptor is None:

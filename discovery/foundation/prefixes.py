@@ -13,14 +13,7 @@ _MILLI, _MICRO = 0.1, 1e-4
 
 
 def prefix_for(unit: str, size: float) -> tuple[float, str]:
-    """Return the prefix under which values of a typical size are easy to read, after the factor to multiply them by.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit of the values.
-    size : float
-        Their size, in that unit.
+    """Return a factor and the prefix with which values of a typical size, in an SI unit, are easy to read.
 
     Examples
     --------

@@ -65,17 +65,7 @@ class Progress(str):
 
 
 class Counter:
-    """Tells how much of equal pieces of work is done, and how long the rest takes at the pace since it was made.
-
-    Parameters
-    ----------
-    tell : callable
-        Receives the sentences.
-    doing, unit : str
-        What is done, and what is counted.
-    total : int
-        Pieces in all.
-    """
+    """Tells how much of equal pieces of work is done, and how long the rest takes at the pace since it was made."""
 
     def __init__(self, tell: Tell, doing: str, total: int, unit: str) -> None:
         self._tell, self._doing, self._total, self._unit = tell, doing, total, unit

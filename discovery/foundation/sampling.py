@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from discovery.foundation.arrays import BoolArray, FloatArray
 
 __all__ = ["gaps", "median_step"]
 
@@ -11,12 +12,12 @@ __all__ = ["gaps", "median_step"]
 _GAP = 1.5
 
 
-def median_step(time: npt.NDArray[np.float64]) -> float:
+def median_step(time: FloatArray) -> float:
     """Return the median step between instants, in their unit."""
     return float(np.median(np.diff(time)))
 
 
-def gaps(time: npt.NDArray[np.float64], step: float | None = None) -> npt.NDArray[np.bool_]:
+def gaps(time: FloatArray, step: float | None = None) -> BoolArray:
     """Return for each of the n - 1 steps between n instants whether samples are missing in it.
 
     That is by its length over `step`, which is their median where none is given.

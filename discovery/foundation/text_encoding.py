@@ -20,17 +20,8 @@ _MOST = 0.9
 def decoded(content: bytes) -> tuple[str, str] | None:
     """Return the text of a file, and the encoding where that is a guess; None for a file that is no text.
 
-    Parameters
-    ----------
-    content : bytes
-        The file. A mark at its begin says its encoding. Without one it is UTF-8 where its bytes are that, UTF-16 where
-        nearly every other byte is zero, and Windows-1252 otherwise, of which Latin-1 is a part.
-
-    Returns
-    -------
-    text : str
-    guessed : str
-        Name of the encoding; empty for UTF-8 and where a mark says it.
+    A mark at its begin says its encoding. Without one it is UTF-8 where its bytes are that, UTF-16 where nearly every
+    other byte is zero, and Windows-1252 otherwise, of which Latin-1 is a part.
 
     Examples
     --------

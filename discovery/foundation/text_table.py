@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.arrays import IntArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.text_encoding import decoded
 
@@ -31,25 +32,12 @@ _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 def parse_text(
     path: Path, text: str, header: Sequence[str] | None = None
-) -> tuple[dict[str, npt.NDArray[Any]], npt.NDArray[np.int64]]:
-    """Read the columns of a text file.
+) -> tuple[dict[str, npt.NDArray[Any]], IntArray]:
+    """Read the columns of a text file: each by its name, shape (n,), and the line of each row in the file, from 1.
 
-    Parameters
-    ----------
-    path : Path
-        For the messages.
-    text : str
-        What the file holds. Commas, semicolons, tabs or runs of blanks separate its columns; lines that begin with
-        ``#`` or ``%`` are comments. Where no comma separates columns, numbers may have a decimal comma. Where the first
-        row holds numbers, the comment above it may name the columns. Lines of titles may stand above the names.
-    header : sequence of str, optional
-        Names of the columns, from left to right, where the file has no line of names.
-
-    Returns
-    -------
-    columns : dict of str to array, shape (n,)
-    lines : array of int, shape (n,)
-        Line of each row in the file, from 1.
+    Commas, semicolons, tabs or runs of blanks separate the columns; lines that begin with ``#`` or ``%`` are comments.
+    Where no comma separates columns, numbers may have a decimal comma. Where the first row holds numbers, the comment
+    above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above the names.
 
     Raises
     ------
@@ -79,13 +67,7 @@ def parse_text(
 
 
 def unnamed_columns(path: Path) -> tuple[str, ...]:
-    """Return names c1, c2, ... for the columns of a text file that begins with numbers; empty where names are given.
-
-    Parameters
-    ----------
-    path : Path
-        A file of any kind; one that is no text has its own names.
-    """
+    """Return names c1, c2, ... for the columns of a text file that begins with numbers; empty where names are given."""
     try:
         found = decoded(path.read_bytes())
     except (OSError, ValueError):  # told where the file is read
@@ -170,7 +152,7 @@ def _check_names(path: Path, line: int, names: Sequence[str], first: Sequence[st
 
 
 def _check_cells(
-    path: Path, lines: npt.NDArray[np.int64], rows: Sequence[str], separator: str, columns: int, *, titled: bool
+    path: Path, lines: IntArray, rows: Sequence[str], separator: str, columns: int, *, titled: bool
 ) -> None:
     blanks = separator == _BLANKS
     # What stands above a table was taken for its names.

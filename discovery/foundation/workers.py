@@ -39,17 +39,10 @@ os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
 def in_threads(work: Callable[[Iterator[int]], None], blocks: int, *, threads: int) -> None:
-    """Do the work on all blocks in this thread and in others.
+    """Do the work on all blocks in this thread and in others, at most so many together.
 
-    Parameters
-    ----------
-    work : callable
-        Called once in each thread with an iterator over the blocks. The threads share it, so each gets what
-        is next as it finishes: blocks differ in what they cost.
-    blocks : int
-        How many there are.
-    threads : int
-        At most so many, this one included.
+    The work is called once in each thread with an iterator over the blocks. The threads share it, so each gets what is
+    next as it finishes: blocks differ in what they cost.
     """
     waiting = iter(range(blocks))
     others = min(threads - 1, blocks - 1)
@@ -85,14 +78,8 @@ def aside(call: Callable[[], T]) -> T:
 def at_once(calls: Sequence[Callable[[], T]], *, threads: int) -> list[T]:
     """Make calls that do not depend on each other side by side, and return what they return in their order.
 
-    What simulates few blocks at a time leaves threads idle. Calls made within such a call follow each other.
-
-    Parameters
-    ----------
-    calls : sequence of callable
-        Without arguments; each pure, so that the outcome does not depend on which is first.
-    threads : int
-        At most so many, this one included.
+    What simulates few blocks at a time leaves threads idle. Calls made within such a call follow each other. Each is
+    pure, so that the outcome does not depend on which is first; at most so many threads work, this one included.
     """
     threads = 1 if getattr(_this_thread, "is_beside", False) else min(threads, len(calls))
 

@@ -7,8 +7,8 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.diagnostics import Convergence, tail_effective
 from discovery.posterior.draws import Posterior
 from discovery.posterior.priors import prior_draws
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["PACKAGES", "of_chains", "of_ensembles"]
 
-FloatArray = NDArray[np.float64]
 #: Packages whose versions decide the draws.
 PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")
 _PRIOR_DRAWS = 2000

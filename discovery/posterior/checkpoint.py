@@ -17,8 +17,8 @@ from typing import Any
 import emcee
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.posterior.ensembles import Ensemble
@@ -26,7 +26,6 @@ from discovery.posterior.student_mixture import StudentMixture
 
 __all__ = ["Remembered", "densities", "fingerprint", "restore", "save"]
 
-FloatArray = NDArray[np.float64]
 _PROPOSAL = tuple(field.name for field in fields(StudentMixture))
 #: Points that are asked for together, in whole lanes of the kernel, and seconds after which what was done is kept.
 _BLOCK, _KEPT_AFTER = 512, 2.0
@@ -44,17 +43,9 @@ def fingerprint(*parts: bytes | str) -> str:
 def save(
     path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str, asked: FloatArray | None = None
 ) -> None:
-    """Write a checkpoint (HDF5), beside its place first: there is never half a file.
+    """Write a checkpoint (HDF5) of the run of a fingerprint, beside its place first: there is never half a file.
 
-    Parameters
-    ----------
-    path : path
-    ensembles : sequence of Ensemble
-        As they are.
-    run : str
-        Fingerprint of the run.
-    asked : ndarray, shape (n, 2), optional
-        Log densities that the run asked for beside them, see `Remembered`.
+    `asked` (n, 2) are the log densities that the run asked for beside its ensembles, see `Remembered`.
     """
     # In memory: on a full disk the library of the format ends the process.
     made = BytesIO()
@@ -77,20 +68,7 @@ def save(
 
 
 def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> bool:
-    """Bring ensembles to where a checkpoint left them.
-
-    Parameters
-    ----------
-    path : path
-    ensembles : sequence of Ensemble
-        As at the start of the run.
-    run : str
-        Fingerprint of the run.
-
-    Returns
-    -------
-    bool
-        False if there is no such file.
+    """Bring ensembles to where a checkpoint of their run left them, and return whether there is one.
 
     Raises
     ------
@@ -136,15 +114,7 @@ def _restore(ensemble: Ensemble, group: Any) -> None:
 
 
 class Remembered:
-    """A log density that is asked for points in an order that only a seed decides.
-
-    Parameters
-    ----------
-    log_density : callable
-        Log density at points (k, d).
-    keep : callable
-        Keeps `values`; called every few seconds.
-    """
+    """A log density of points (k, d) that are asked for in an order that only a seed decides; `keep` keeps `values`."""
 
     def __init__(self, log_density: Callable[[FloatArray], FloatArray], keep: Callable[[], None]) -> None:
         #: First coordinate and log density of every point so far, or those of an earlier run, shape (n, 2).

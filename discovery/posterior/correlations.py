@@ -7,8 +7,8 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.start_names import is_start
 from discovery.posterior.parameter_roles import shared
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["NOTABLE", "Autocorrelation", "Correlations", "autocorrelation", "correlations", "quantities"]
 
-FloatArray = NDArray[np.float64]
 #: Correlations of at least this size are told.
 NOTABLE = 0.3
 #: Lags reach so many autocorrelation times, and are at most so many.
@@ -104,13 +103,7 @@ class Autocorrelation:
 
 
 def autocorrelation(posterior: Posterior) -> Autocorrelation:
-    """Return the autocorrelation of a posterior's draws; initial states are left out.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws (ensembles, draws, walkers, d), `thin` steps apart.
-    """
+    """Return the autocorrelation of a posterior's draws; initial states are left out."""
     thin = int(posterior.provenance.get("thin", 1))
     names = quantities(posterior)
     tau = {n: float(posterior.tau[n]) for n in names}

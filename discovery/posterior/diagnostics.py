@@ -14,11 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["Convergence", "convergence", "tail_effective"]
-
-FloatArray = NDArray[np.float64]
 
 #: A chain must be so many autocorrelation times long for the estimate of that time to be trusted.
 LENGTH_IN_TAU = 50
@@ -60,12 +59,7 @@ class Convergence:
 
 
 def convergence(draws: FloatArray) -> Convergence:
-    """Return the diagnostics of draws after burn-in.
-
-    Parameters
-    ----------
-    draws : ndarray, shape (ensembles, steps, walkers, d)
-    """
+    """Return the diagnostics of draws after burn-in, shape (ensembles, steps, walkers, d)."""
     from arviz_stats.base import array_stats
 
     ensembles, steps, walkers, d = draws.shape
@@ -85,11 +79,7 @@ def tail_effective(draws: FloatArray) -> FloatArray:
     """Return the effective number of samples for the 5 and 95 % quantiles, the smaller of both, shape (d,).
 
     It is that of the indicators of lying below them (Vehtari et al., Bayesian Analysis 16 (2021) 667), with walkers
-    as uncoupled.
-
-    Parameters
-    ----------
-    draws : ndarray, shape (ensembles, steps, walkers, d)
+    as uncoupled. Draws have the shape (ensembles, steps, walkers, d).
     """
     _, steps, walkers, _ = draws.shape
     found = []

@@ -10,11 +10,11 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.foundation.arguments import as_path, check_whole
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.plots.posteriors import PosteriorViews
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["INTERVAL", "Posterior"]
-
-FloatArray = NDArray[np.float64]
 
 #: What the intervals of a summary are; `Posterior.interval` adds the noise.
 INTERVAL = "equal-tailed 90 % credible interval"
@@ -207,10 +205,6 @@ class Posterior(PosteriorViews):
             Draws, evenly from all ensembles.
         pointwise : bool
             With the log likelihood of every reading.
-
-        Returns
-        -------
-        DataTree
 
         Raises
         ------

@@ -15,8 +15,8 @@ from typing import Any
 import emcee
 import numpy as np
 from numpy.random import MT19937, Generator, RandomState, SeedSequence
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.workers import single_algebra
 from discovery.posterior.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch
@@ -24,7 +24,6 @@ from discovery.posterior.student_mixture import StudentMixture
 
 __all__ = ["TEMPERED", "Ensemble", "check_walkers", "grow", "start_ensembles"]
 
-FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 _LARGEST_CONDITION = 1e8
@@ -127,17 +126,7 @@ class Ensemble:
 
 
 def check_walkers(coords: FloatArray) -> None:
-    """Refuse walkers that could never leave the subspace in which they start.
-
-    Parameters
-    ----------
-    coords : ndarray, shape (walkers, d)
-
-    Raises
-    ------
-    ComputationError
-        With the condition number of the walkers, or because they are fewer than 2 d.
-    """
+    """Refuse walkers (walkers, d) that are fewer than 2 d, or could never leave the subspace in which they start."""
     walkers, d = coords.shape
     if walkers < 2 * d:
         raise ComputationError(f"{walkers} walkers cannot explore {d} dimensions; use at least {2 * d}.")
@@ -154,18 +143,9 @@ def check_walkers(coords: FloatArray) -> None:
 def start_ensembles(
     log_density: LogDensity, dimension: int, *, walkers: int, seeds: Sequence[SeedSequence]
 ) -> list[Ensemble]:
-    """Return ensembles that start around the origin, each from a seed of its own.
+    """Return ensembles that start around the origin of whitened coordinates, each from a seed of its own.
 
-    Parameters
-    ----------
-    log_density : callable
-        Log density at whitened points (k, d).
-    dimension : int
-        Dimension d.
-    walkers : int
-        Walkers of each ensemble.
-    seeds : sequence of SeedSequence
-        One of each ensemble; two streams are spawned from it, one for the start and one for the chain.
+    Two streams are spawned from each seed, one for the start and one for the chain.
 
     Raises
     ------

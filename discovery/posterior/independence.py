@@ -16,16 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
-from numpy.typing import NDArray
 
 from discovery.estimation.importance import LEAST_EFFECTIVE, Weighted, smoothed, weighed
 from discovery.estimation.proposal import Proposal
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import ComputationError
 from discovery.posterior.diagnostics import Convergence, convergence
 
 __all__ = ["LARGEST_K", "Chains", "independence_chains"]
 
-FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 #: Pareto k from which the variance of the weights is infinite.
@@ -42,20 +41,10 @@ _MISSED = 10.0
 
 @dataclass(frozen=True)
 class Chains:
-    """Independent chains.
+    """Independent chains: points (chains, steps, d), and log densities there (chains, steps).
 
-    Parameters
-    ----------
-    points : ndarray, shape (chains, steps, d)
-        Where they were.
-    log_density : ndarray, shape (chains, steps)
-        The log density there.
-    accepted : float
-        Share of the draws that were accepted.
-    pareto_k : float
-        Shape of the largest weights.
-    found : Convergence
-        Diagnostics of the quantities.
+    `accepted` is the share of the draws that were accepted, `pareto_k` the shape of the largest weights, and `found`
+    has the diagnostics of the quantities.
     """
 
     points: FloatArray
@@ -152,7 +141,7 @@ def _drawn(
     return points, log_weights - np.stack([each for _, each in drawn])
 
 
-def _by_the_rule(log_weights: FloatArray, seeds: Sequence[SeedSequence]) -> tuple[NDArray[np.int64], float]:
+def _by_the_rule(log_weights: FloatArray, seeds: Sequence[SeedSequence]) -> tuple[IntArray, float]:
     """Return where each chain is after each draw but the first, and the share of draws that were accepted."""
     chains, count = log_weights.shape
     kept = np.empty((chains, count - 1), np.int64)

@@ -13,14 +13,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from discovery.foundation.arrays import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["arranged", "as_chains", "attributes", "by_name", "of_all_readings", "of_readings", "of_walkers"]
 
-FloatArray = NDArray[np.float64]
 _DIMENSIONS = ("chain", "draw")
 _LABELLED = re.compile(r"(?P<stem>[^\[]+)\[(?P<label>.*)\]")
 
@@ -38,19 +38,11 @@ def of_walkers(values: xr.DataArray) -> FloatArray:
 
 
 def arranged(values: Mapping[str, FloatArray], said: Mapping[str, Mapping[str, Any]] | None = None) -> xr.Dataset:
-    """Return quantities in one dataset; those of a recording or an instrument share a variable.
+    """Return quantities (ensembles, steps, walkers) as one dataset; recordings and instruments become dimensions.
 
-    Parameters
-    ----------
-    values : mapping of str to ndarray, shape (ensembles, steps, walkers)
-        By name: ``"rate_0_init[high]"`` becomes ``rate_0_init`` at ``recording="high"``.
-    said : mapping of str to mapping, optional
-        Attributes of every quantity; of those that share a variable, numbers become arrays.
-
-    Returns
-    -------
-    Dataset
-        With the coordinates ``walker`` and ``step`` of the draws, and the names in its attribute ``quantities``.
+    ``"rate_0_init[high]"`` becomes ``rate_0_init`` at ``recording="high"``. `said` has attributes of every quantity; of
+    those that share a variable, numbers become arrays. The dataset has the coordinates ``walker`` and ``step`` of the
+    draws, and the names in its attribute ``quantities``.
     """
     import xarray as xr
 
@@ -129,16 +121,8 @@ def of_readings(
 ) -> xr.Dataset:
     """Return what belongs to single readings, a variable a recording, its readings one after the other.
 
-    Parameters
-    ----------
-    values : mapping of str to ndarray
-        By recording, shape (n,), or (chains, draws, n) of draws.
-    time : mapping of str to ndarray, shape (n,)
-        When each was read [s].
-    channel : mapping of str to sequence of str
-        By which channel.
-    units : mapping of str to str, optional
-        Unit of each channel, where the values have it; channels of different units have theirs in a coordinate.
+    Values have the shape (n,), or (chains, draws, n) of draws; `time` [s] and `channel` say when and by which channel
+    each was read. Where values have units, channels of different ones have theirs in a coordinate.
     """
     import xarray as xr
 
@@ -162,12 +146,7 @@ def of_all_readings(
 ) -> xr.Dataset:
     """Return what belongs to single readings as one variable, recordings one after the other: leave-one-out needs one.
 
-    Parameters
-    ----------
-    values : mapping of str to ndarray, shape (chains, draws, n)
-        By recording.
-    time, channel : mapping of str to ndarray and sequence of str
-        As in `of_readings`.
+    Values have the shape (chains, draws, n); see `of_readings` for the others.
     """
     import xarray as xr
 

@@ -19,12 +19,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Normal, Prior
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import NotIdentifiable
 from discovery.posterior.instrument import Instrument, instruments
 from discovery.posterior.noise import GAUSSIAN, Noise, NoiseParameter, noise_of
+from discovery.posterior.robust_start import residual_blocks
 from discovery.posterior.whitening import cholesky, information_covariance, refined_start, settled
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
 
 __all__ = ["NOISE_PRIOR", "LogPosterior", "log_posterior"]
-
-FloatArray = NDArray[np.float64]
 
 #: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
 NOISE_PRIOR = Normal(0.0, 5.0)
@@ -45,21 +44,10 @@ _CACHED, _LANES = 400_000, 32
 class LogPosterior:
     """Log posterior of `problem` in whitened coordinates z; the sampled vector is ``centre + factor @ z``.
 
-    The vector holds the free numbers of the problem, then the logarithm of the noise factor of every instrument, then
-    what else describes the noise of every instrument, on scales without bounds.
-
-    Parameters
-    ----------
-    problem : Problem
-        What was fitted.
-    instruments : tuple of Instrument
-        Who read it.
-    centre : ndarray, shape (d,)
-        The minimum of the fit.
-    factor : ndarray, shape (d, d)
-        Lower Cholesky factor of the covariance there.
-    models : tuple of Noise
-        Noise of every instrument; nothing for independent Gaussian errors.
+    The vector (d,) holds the free numbers of the problem, then the logarithm of the noise factor of every instrument,
+    then what else describes the noise of every instrument, on scales without bounds. The centre is the minimum of the
+    fit, the factor the lower Cholesky factor of the covariance there, and `models` the noise of every instrument;
+    nothing for independent Gaussian errors.
     """
 
     problem: Problem
@@ -181,8 +169,7 @@ class LogPosterior:
             part = slice(first, first + width)
             x, size, others = np.split(vectors[part].T, [p, p + m])
             with np.errstate(all="ignore"):
-                residuals = bench.residuals(*self.problem.expand(x))
-                blocks = [residuals[rows].reshape(*seen.shape, -1) for rows, seen in bench.blocks()]
+                blocks = residual_blocks(self.problem, x)
                 for k, model in enumerate(self.models):
                     own, others = np.split(others, [len(model.parameters)])
                     noise = np.concatenate([size[k : k + 1], own])
@@ -216,18 +203,11 @@ def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
 
 
 def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
-    """Return the log posterior around a fit.
+    """Return the log posterior around a fit on any base, under a noise model by its name.
 
     For Gaussian noise, the covariance is that of Gauss and Newton at the minimum, with the residuals' own size as
     noise, and with the widths of the declared priors: it is finite also where a parameter lies on a bound. For other
     noise it is that of generalised least squares, around the mode under that noise.
-
-    Parameters
-    ----------
-    fit : Fit
-        Any fit, on any base.
-    noise : str
-        ``"gaussian"``, or another noise model: a key of `discovery.posterior.noise.NOISE_MODELS`.
 
     Raises
     ------

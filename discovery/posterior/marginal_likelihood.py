@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Prior
 from discovery.estimation.importance import Weighted, importance_sample
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 FEWEST_DRAWS = 100
 
 __all__ = ["FEWEST_DRAWS", "Evidence", "log_evidence", "log_prior_mass"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -75,21 +73,7 @@ class Evidence:
 
 
 def log_evidence(target: LogPosterior, rng: Generator, draws: int = 4000) -> Evidence:
-    """Return the log evidence of a posterior.
-
-    Parameters
-    ----------
-    target : LogPosterior
-        From `discovery.posterior.likelihood.log_posterior`.
-    rng : Generator
-        Source of the draws.
-    draws : int
-        Draws of the last round.
-
-    Returns
-    -------
-    Evidence
-        Look at `Evidence.reliable` before its number.
+    """Return the log evidence of a posterior, by so many draws; look at `Evidence.reliable` before its number.
 
     Raises
     ------
@@ -104,13 +88,7 @@ def log_evidence(target: LogPosterior, rng: Generator, draws: int = 4000) -> Evi
 
 
 def log_prior_mass(target: LogPosterior) -> float:
-    """Return the logarithm of the part of the priors that lies within the bounds.
-
-    Raises
-    ------
-    InputError
-        If a prior is no density.
-    """
+    """Return the logarithm of the part of the priors that lies within the bounds; each must be a density."""
     lower, upper = target.problem.bounds
     return sum(
         _log_mass(prior, a / unit, b / unit)

@@ -117,10 +117,6 @@ def compare_models(
     progress : callable, optional
         Receives one sentence before each candidate.
 
-    Returns
-    -------
-    Comparison
-
     Raises
     ------
     InputError

@@ -12,21 +12,17 @@ from typing import Any
 import emcee
 import numpy as np
 from numpy.random import RandomState
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.posterior.student_mixture import StudentMixture
 
 __all__ = ["Counted", "DifferentialEvolution", "IndependenceMove", "Snooker", "Stretch"]
-
-FloatArray = NDArray[np.float64]
 
 #: Part of the steps of differential evolution that go from one peak of a posterior to another.
 _JUMPS = 0.3
 
 
-def _accept(
-    model: Any, state: emcee.State, which: NDArray[np.int64], points: FloatArray, factors: FloatArray
-) -> NDArray[np.bool_]:
+def _accept(model: Any, state: emcee.State, which: IntArray, points: FloatArray, factors: FloatArray) -> BoolArray:
     """Move the walkers `which` to points (k, d) with the probability of Metropolis and Hastings; tell which moved."""
     log_prob = model.log_prob_fn(points)
     gain = factors + log_prob - state.log_prob[which]
@@ -52,7 +48,7 @@ class IndependenceMove(emcee.moves.Move):
     def __init__(self, proposal: StudentMixture) -> None:
         self.proposal = proposal
 
-    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, NDArray[np.bool_]]:
+    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, BoolArray]:
         """Propose and accept for all walkers at once."""
         walkers = len(state.coords)
         points = self.proposal.draw(model.random, walkers)
@@ -65,7 +61,7 @@ class _ByGroups:
 
     nsplits: int
 
-    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, NDArray[np.bool_]]:
+    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, BoolArray]:
         walkers = len(state.coords)
         accepted = np.zeros(walkers, bool)
         self.setup(state.coords)  # type: ignore[attr-defined]
@@ -122,7 +118,7 @@ class Counted(emcee.moves.Move):
     def __init__(self, move: emcee.moves.Move) -> None:
         self.move, self.proposed, self.accepted = move, 0, 0
 
-    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, NDArray[np.bool_]]:
+    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, BoolArray]:
         """Propose with the move, and count."""
         state, accepted = self.move.propose(model, state)
         self.proposed += accepted.size

@@ -74,12 +74,7 @@ class NoiseChoice:
 
 
 def choose_noise(
-    fit: Fit,
-    *,
-    seed: int = 1,
-    models: Sequence[str] | None = None,
-    draws: int = 4000,
-    progress: Tell | None = None,
+    fit: Fit, *, seed: int = 1, models: Sequence[str] | None = None, draws: int = 4000, progress: Tell | None = None
 ) -> NoiseChoice:
     """Weigh noise models by their evidence on the recordings of a fit.
 
@@ -96,10 +91,6 @@ def choose_noise(
         Draws for each evidence.
     progress : callable, optional
         Receives one sentence before each model.
-
-    Returns
-    -------
-    NoiseChoice
 
     Raises
     ------

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
 __all__ = ["Pooled", "Quantity", "pool"]
 
-FloatArray = NDArray[np.float64]
 #: Points at which the spread is integrated over, and how far beyond the smallest and the largest scale of the data.
 _POINTS, _BEYOND = 600, 1e4
 #: Probabilities of the ends and the middle of an interval.
@@ -23,13 +23,7 @@ _HALVINGS = 60
 
 @dataclass(frozen=True)
 class Quantity:
-    """A posterior in three numbers, in the unit of the estimates.
-
-    Parameters
-    ----------
-    low, median, high : float
-        An interval of 95 % probability, equal tails, and its middle.
-    """
+    """A posterior in three numbers: an interval of 95 % probability, equal tails, and its middle."""
 
     low: float
     median: float
@@ -38,21 +32,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Pooled:
-    """A parameter over specimens.
+    """A parameter over specimens: the population's mean, the sd between specimens, and the value of the next specimen.
 
-    Parameters
-    ----------
-    mean : Quantity
-        Of the population that the specimens are of.
-    spread : Quantity
-        Standard deviation between specimens.
-    following : Quantity
-        The value of the next specimen.
-    specimens : tuple of Quantity
-        The value of each, shrunk towards the mean.
-    shrinkage : tuple of float
-        By which part of its distance from the mean each estimate is moved, on average over the spread: 0 for one that
-        stands for itself, 1 for one that tells nothing.
+    Each specimen has its value, shrunk towards the mean, and its `shrinkage`: by which part of its distance from the
+    mean its estimate is moved, on average over the spread, 0 for one that stands for itself, 1 for one that tells
+    nothing.
     """
 
     mean: Quantity

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
 from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
 from discovery.recordings.chosen import Recordings, training_of
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["QUANTILES", "Band", "degrees", "errors", "fitted_starts", "noise_factor", "predictive", "simulated"]
 
-FloatArray = NDArray[np.float64]
 QUANTILES = (0.05, 0.5, 0.95)
 
 
@@ -221,13 +220,7 @@ def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> di
 
 
 def noise_factor(posterior: Posterior, channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the noise of channels by draw, as a factor on what is stated.
-
-    Raises
-    ------
-    InputError
-        If their noise was not sampled.
-    """
+    """Return the noise of channels by draw, as a factor on what is stated; it must have been sampled."""
     for name in noise_names(channels):
         if name in posterior.stated_noise:
             return draws[name] / posterior.stated_noise[name]

@@ -13,13 +13,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.priors import MarginalPrior
 
 __all__ = ["FACTORS", "LIMIT", "PriorEffect", "prior_effects"]
 
-FloatArray = NDArray[np.float64]
 #: How many times as wide all priors are made together.
 FACTORS = (0.5, 2.0)
 #: A change beyond this, in posterior standard deviations, means that the prior matters.
@@ -68,20 +67,7 @@ class PriorEffect:
 
 
 def prior_effects(draws: Mapping[str, FloatArray], priors: Mapping[str, MarginalPrior]) -> list[PriorEffect]:
-    """Return what the priors matter, one row a parameter.
-
-    Parameters
-    ----------
-    draws : mapping of str to ndarray, shape (n,)
-        Posterior draws of at least the parameters in `priors` [SI].
-    priors : mapping of str to MarginalPrior
-        Priors under which they were drawn.
-
-    Returns
-    -------
-    list of PriorEffect
-        In the order of `priors`.
-    """
+    """Return what the priors matter, one row a parameter, from draws (n,) [SI] under these priors."""
     weights = {k: _weights(draws, priors, k) for k in FACTORS}
     found = []
     for name, prior in priors.items():

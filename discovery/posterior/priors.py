@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Prior
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior
 from discovery.posterior.noise.model import Logistic
 
 __all__ = ["MarginalPrior", "marginal_priors", "prior_draws"]
 
-FloatArray = NDArray[np.float64]
 #: Points of a quadrature, and how many widths it reaches where there is no bound.
 _POINTS, _REACH = 20_001, 10.0
 #: Scales of a heavy tail.

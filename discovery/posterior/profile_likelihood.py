@@ -17,18 +17,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import LogPosterior
 
 __all__ = ["CUT", "Profile", "profiles"]
 
-FloatArray = NDArray[np.float64]
 #: Quantile 0.9 of chi-square with one degree of freedom.
 CUT = 2.7055434540954
 #: Held values of a parameter, and how far they reach in the fit's standard deviations.
@@ -78,16 +77,10 @@ class Profile:
 
 
 def profiles(target: LogPosterior, points: int = _POINTS) -> list[Profile]:
-    """Return the profile likelihood of every free physical parameter that has a spread.
+    """Return the profile likelihood, at so many held values, of every free physical parameter that has a spread.
 
-    All held values of one parameter are refitted together, in common simulation calls.
-
-    Parameters
-    ----------
-    target : LogPosterior
-        Of a fit: its minimum, and its covariance for the range of held values and the starts.
-    points : int
-        Held values of each parameter.
+    All held values of one parameter are refitted together, in common simulation calls. The minimum of `target` and its
+    covariance give the range of held values and the starts.
     """
     problem = _at_its_own_noise(target.problem, target.centre)
     m = len(problem.names)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import log_ndtr
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.start_names import start_of
 from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
@@ -26,27 +26,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Replicated", "check_pointwise", "replicated"]
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Replicated:
-    """The fitted readings of one recording beside what draws make of them.
+    """The n fitted readings of one recording beside what k draws make of them.
 
-    Parameters
-    ----------
-    name : str
-        Of the recording.
-    time : ndarray, shape (n,)
-        When each was read [s].
-    channel : tuple of str
-        By which channel each was read.
-    observed : ndarray, shape (n,)
-        The readings.
-    again : ndarray, shape (n, k)
-        What the instrument would have read, noise included, by draw.
-    log_likelihood : ndarray, shape (n, k)
-        Log density of each reading by draw; NaN where it is not defined.
+    `time` [s] and `channel` say when and by which channel each was `observed`. `again` (n, k) is what the instrument
+    would have read, noise included, and `log_likelihood` (n, k) the log density of each reading; NaN where it is not
+    defined.
     """
 
     name: str
@@ -58,13 +45,7 @@ class Replicated:
 
 
 def check_pointwise(noise: str) -> None:
-    """Refuse a log likelihood of single readings where errors depend on each other.
-
-    Raises
-    ------
-    InputError
-        With what to do in its place.
-    """
+    """Refuse a log likelihood of single readings where errors depend on each other."""
     if not is_independent(noise):
         raise InputError(
             f"Errors are taken as {words_of(noise)}, so that readings are not independent given the parameters: a log "
@@ -76,18 +57,7 @@ def check_pointwise(noise: str) -> None:
 def replicated(
     posterior: Posterior, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
 ) -> list[Replicated]:
-    """Return the fitted readings of recordings beside what draws make of them.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Where the draws are from.
-    experiments : sequence of Experiment
-        Recordings that were fitted.
-    draws : mapping of str to ndarray, shape (k,)
-        Draws of every quantity.
-    rng : Generator
-        Makes the noise.
+    """Return the fitted readings of recordings beside what draws (k,) of every quantity make of them.
 
     Raises
     ------

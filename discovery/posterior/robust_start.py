@@ -12,7 +12,6 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Prior
 from discovery.estimation.batch import fit_problems
@@ -21,15 +20,14 @@ from discovery.estimation.guess import restoring, scan
 from discovery.estimation.least_squares import levenberg_marquardt, minimise
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.noise import Noise
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["Mode", "joint_mode", "noise_density"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["Mode", "joint_mode", "noise_density", "residual_blocks"]
 
 # Turns end when one gains less, as a logarithm of the density.
 _TURNS, _GAIN = 12, 0.02
@@ -41,18 +39,10 @@ _MEDIAN = 0.6745
 
 @dataclass(frozen=True)
 class Mode:
-    """Most probable free numbers and noise.
+    """Most probable free numbers x (p,) and noise, the parameters of every instrument's.
 
-    Parameters
-    ----------
-    x : ndarray, shape (p,)
-        Free numbers.
-    noises : tuple of ndarray
-        Parameters of the noise of every instrument.
-    residuals : tuple of ndarray, each (n, c, 1)
-        Of every experiment, in stated noises.
-    log_density : float
-        Log likelihood and log prior of the noise.
+    `residuals`, each (n, c, 1), are those of every experiment, in stated noises; `log_density` is log likelihood and
+    log prior of the noise.
     """
 
     x: FloatArray
@@ -81,19 +71,8 @@ def noise_density(
 def joint_mode(fit: Fit, models: Sequence[Noise], size_prior: Prior) -> Mode:
     """Return the mode of free numbers and noise; where the noise allows for outliers, however far off a fit is.
 
-    Parameters
-    ----------
-    fit : Fit
-        Its minimum is that of ordinary least squares.
-    models : sequence of Noise
-        Noise of every instrument.
-    size_prior : Prior
-        Of the logarithm of the size of a noise.
-
-    Returns
-    -------
-    Mode
-        Of the priors of the free numbers only what is known from the rig counts.
+    The fit's minimum is that of ordinary least squares, `size_prior` that of the logarithm of the size of a noise. Of
+    the priors of the free numbers only what is known from the rig counts.
     """
     starts = [fit.minimum.x]
     if any(model.outliers for model in models):
@@ -119,7 +98,7 @@ def _with_noise(
     problem: Problem, models: Sequence[Noise], x: FloatArray, size_prior: Prior, before: Sequence[FloatArray | None]
 ) -> Mode:
     """Return free numbers with their most probable noise."""
-    residuals = _blocks(problem, x[:, None])
+    residuals = residual_blocks(problem, x[:, None])
     seen = [each for _, each in problem.bench.blocks()]
     noises, total = [], 0.0
     for model, start in zip(models, before, strict=True):
@@ -156,7 +135,7 @@ def _most_probable(problem: Problem, models: Sequence[Noise], at: Mode) -> Float
 
     def scaled(x: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
-            blocks = _blocks(problem, x)
+            blocks = residual_blocks(problem, x)
             rows = [
                 model.scaled(i, blocks[i], at.x, noise).reshape(-1, x.shape[1])
                 for model, noise in zip(models, at.noises, strict=True)
@@ -169,7 +148,7 @@ def _most_probable(problem: Problem, models: Sequence[Noise], at: Mode) -> Float
     return minimum.x
 
 
-def _blocks(problem: Problem, x: FloatArray) -> list[FloatArray]:
+def residual_blocks(problem: Problem, x: FloatArray) -> list[FloatArray]:
     """Return the residuals (n, c, k) of every experiment for free numbers (p, k)."""
     residuals = problem.bench.residuals(*problem.expand(x))
     return [residuals[rows].reshape(*seen.shape, -1) for rows, seen in problem.bench.blocks()]

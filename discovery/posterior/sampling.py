@@ -85,10 +85,6 @@ def sample(
     backend_path : path, optional
         HDF5 checkpoint: written every few seconds, and continued from if it is there, to the very same draws.
 
-    Returns
-    -------
-    Posterior
-
     Raises
     ------
     NotConverged

@@ -8,13 +8,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.random import RandomState
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.workers import single_algebra
 
 __all__ = ["StudentMixture"]
-
-FloatArray = NDArray[np.float64]
 
 #: Degrees of freedom; tails heavier than those of the posterior keep walkers from sticking there.
 _DOF = 30.0

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.foundation.errors import SimulationFailure
 from discovery.posterior.correlations import Autocorrelation, Correlations, autocorrelation, correlations
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Coverage", "PosteriorStudy", "study_posterior"]
 
-FloatArray = NDArray[np.float64]
 #: Recordings of more samples get no predictive band.
 LONGEST_BAND = 20_000
 #: Points of a prior's density over the range of the profile.
@@ -40,16 +38,8 @@ _NEARLY_ALL = (0.001, 0.999)
 class Coverage:
     """Share of the readings of one channel within the 90 % predictive band, noise included.
 
-    Parameters
-    ----------
-    recording, part, channel, unit : str
-        What was read; `part` is "fitted" or "held out".
-    readings : int
-        How many there are.
-    share : float
-        Of them within the band; 0.9 where noise and model are right.
-    width : float
-        Mean width of the band.
+    `part` is "fitted" or "held out", `readings` how many there are, and `width` the mean width of the band. The share
+    is 0.9 where noise and model are right.
     """
 
     recording: str
@@ -65,25 +55,8 @@ class Coverage:
 class PosteriorStudy:
     """Everything that a reader of a posterior asks for beside its summary.
 
-    Parameters
-    ----------
-    priors : mapping of str to MarginalPrior
-        Prior of every physical parameter.
-    prior_effects : tuple of PriorEffect
-        Contraction, and sensitivity to the priors' widths.
-    profiles : tuple of Profile
-        Profile likelihoods.
-    correlations : Correlations
-        Of the parameters and the noise.
-    autocorrelation : Autocorrelation
-        Of the chains.
-    bands : tuple of Band
-        Predictive bands of the recordings, those left out that are too long, and those held out in which a motion blows
-        up.
-    coverage : tuple of Coverage
-        How many readings they hold.
-    ranges : mapping of str to (float, float)
-        Where nearly all draws of every physical parameter lie.
+    Bands are left out of recordings that are too long, and of those held out in which a motion blows up. `ranges` say
+    where nearly all draws of every physical parameter lie.
     """
 
     priors: dict[str, MarginalPrior]
@@ -155,20 +128,9 @@ class PosteriorStudy:
 def study_posterior(
     posterior: Posterior, fit: Fit, holdout: Sequence[Experiment] = (), *, rng: Generator, draws: int = 200
 ) -> PosteriorStudy:
-    """Study a posterior.
+    """Study a posterior of a fit; of held-out recordings, which it did not see, only the initial states are fitted.
 
-    Parameters
-    ----------
-    posterior : Posterior
-        Draws.
-    fit : Fit
-        The fit that was sampled.
-    holdout : sequence of Experiment
-        Recordings that it did not see; only their initial states are fitted.
-    rng : Generator
-        For the predictive bands.
-    draws : int
-        Draws of each band.
+    The predictive bands have so many draws each.
     """
     target = log_posterior(fit)
     priors, flat = marginal_priors(target), posterior.flat()

@@ -8,10 +8,10 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.natural_units import NaturalUnits
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.inference_data import (
     arranged,
     as_chains,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["as_tree", "fields_of", "readings", "sampled", "some"]
 
-FloatArray = NDArray[np.float64]
 _DIAGNOSTICS = ("r_hat", "tau", "ess", "ess_tail")
 
 

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Prior
 from discovery.estimation.batch import fit_problems
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.noise import Noise
 from discovery.posterior.robust_start import joint_mode, noise_density
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["cholesky", "information_covariance", "refined_start", "settled"]
 
-FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 # Steps of differences along a noise parameter, on its scale without bounds, and along whitened coordinates.
@@ -116,18 +115,7 @@ def settled(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mode of a posterior by scoring steps in whitened coordinates, and the factor scaled to its curvature.
 
-    Parameters
-    ----------
-    density : callable
-        Gives the log density at whitened points (k, d) for a centre and a factor.
-    centre : ndarray, shape (d,)
-        Where to start.
-    factor : ndarray, shape (d, d)
-        Lower triangular factor of a covariance.
-
-    Returns
-    -------
-    centre, factor : ndarray
+    `density` gives the log density at whitened points (k, d) for a centre (d,) and a lower triangular factor (d, d).
     """
     d = centre.size
     points = np.concatenate([np.zeros((1, d)), _WHITE_STEP * np.eye(d), -_WHITE_STEP * np.eye(d)])

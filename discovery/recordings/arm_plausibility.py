@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import quoted
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.io import Table
 from discovery.foundation.sampling import median_step
 from discovery.recordings.angles import within_half_a_turn
+from discovery.recordings.file_signals import Signals
 from discovery.rigs.rig import Rig
 
 __all__ = ["check_arm"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 #: So small a share of readings may be wild ones.
@@ -30,53 +28,38 @@ LARGEST_DEFLECTION = np.pi
 SLOWEST_SWING = 20.0
 
 
-def check_arm(
-    table: Table,
-    names: Mapping[str, str],
-    units: Mapping[str, str],
-    rig: Rig,
-    time: FloatArray,
-    inputs: FloatArray | None,
-    outputs: Mapping[str, FloatArray],
-) -> None:
-    """Check that a flexible arm of this length can have moved like this; arguments as in `check_signals`.
+def check_arm(found: Signals, rig: Rig) -> None:
+    """Refuse what a flexible arm of this length cannot have done.
 
-    Raises
-    ------
-    InputError
-        If lengths look like millimetres, angles like degrees or times like milliseconds given in SI units, if the tip
-        leaves the reach of the arm, or if the record is shorter than one swing.
+    Refused are lengths that look like millimetres, angles like degrees or times like milliseconds given in SI units, a
+    tip that leaves the reach of the arm, and a record shorter than one swing.
     """
     assert rig.length is not None  # read_rig demands it of an arm
-    length = rig.length.value
+    length, inputs, outputs = rig.length.value, found.inputs, found.outputs
     assert inputs is not None  # the column is required
-    _check_motor(table, names["motor_angle"], units["motor_angle"], inputs)
+    _check_motor(found, inputs)
     if not outputs:
         return
-    _check_duration(table, names["time"], units["time"], rig, time)
+    _check_duration(found, rig)
     if "tip_x" in outputs:
-        columns = names["tip_x"], names["tip_y"]
         radius = np.hypot(outputs["tip_x"], outputs["tip_y"])
-        _check_within(table, columns, units["tip_x"], length, radius)
-        _check_not_nearer(table, columns, units["tip_x"], length, radius)
+        _check_within(found, ("tip_x", "tip_y"), length, radius)
+        _check_not_nearer(found, length, radius)
         direction = np.arctan2(outputs["tip_y"], outputs["tip_x"])
         # The camera does not count turns.
-        deflection = within_half_a_turn(direction - inputs)
-        _check_follows(table, names["motor_angle"], units["motor_angle"], inputs, direction, deflection)
+        _check_follows(found, inputs, direction, within_half_a_turn(direction - inputs))
     elif "tip_angle" in outputs:
         deflection = outputs["tip_angle"] - inputs
         worst = int(np.nanargmax(np.abs(deflection)))
         if abs(deflection[worst]) > LARGEST_DEFLECTION:
             raise InputError(
-                f"{table.path}, column {names['tip_angle']!r}, {table.where(worst)}: the tip would be "
-                f"deflected by {quoted(float(deflection[worst]), units['tip_angle'], 4)} from the motor's direction, "
-                "more than half a turn. If one of the angles is in degrees, rename its column to end in _deg; the "
-                "angle of the tip must not jump by full turns."
+                f"{found.at('tip_angle', row=worst)}: the tip would be deflected by "
+                f"{quoted(float(deflection[worst]), found.units['tip_angle'], 4)} from the motor's direction, more "
+                "than half a turn. If one of the angles is in degrees, rename its column to end in _deg; the angle of "
+                "the tip must not jump by full turns."
             )
     else:
-        _check_within(
-            table, [names["tip_deflection"]], units["tip_deflection"], length, np.abs(outputs["tip_deflection"])
-        )
+        _check_within(found, ("tip_deflection",), length, np.abs(outputs["tip_deflection"]))
 
 
 def _degrees(unit: str) -> str:
@@ -86,19 +69,20 @@ def _degrees(unit: str) -> str:
     return "If the angle is in degrees, rename the column to 'motor_angle_deg'."
 
 
-def _check_motor(table: Table, column: str, unit: str, inputs: FloatArray) -> None:
-    turn = float(np.ptp(inputs))
+def _check_motor(found: Signals, inputs: FloatArray) -> None:
+    turn, unit = float(np.ptp(inputs)), found.units["motor_angle"]
     if turn > LARGEST_TURN:
         row = int(np.argmax(np.abs(inputs - inputs[0])))
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by "
-            f"{quoted(turn, unit, 4)}, more than two full turns. {_degrees(unit)}"
+            f"{found.at('motor_angle', row=row)}: the motor would turn by {quoted(turn, unit, 4)}, more than two full "
+            f"turns. {_degrees(unit)}"
         )
 
 
-def _check_duration(table: Table, column: str, unit: str, rig: Rig, time: FloatArray) -> None:
+def _check_duration(found: Signals, rig: Rig) -> None:
     """Refuse records shorter than a swing, and sampling too slow to see one."""
-    duration, step = float(time[-1] - time[0]), median_step(time)
+    unit = found.units["time"]
+    duration, step = float(found.time[-1] - found.time[0]), median_step(found.time)
     period, source = SLOWEST_SWING, ""
     if rig.length and rig.tip_mass and rig.flexural_rigidity:
         # Linear arm (eq. 12 of the paper) with the whole rod's mass at the tip: longer than the true period.
@@ -107,9 +91,9 @@ def _check_duration(table: Table, column: str, unit: str, rig: Rig, time: FloatA
         source = " by the rig file's masses, length and rigidity"
         if duration < period:
             raise InputError(
-                f"{table.path}, column {column!r}: the record is too short: it lasts "
-                f"{quoted(duration, unit, 4)}, less than one swing of this arm ({quoted(period, unit)}{source}). "
-                "Record longer, or correct these, or the unit in the column's name."
+                f"{found.at('time')}: the record is too short: it lasts {quoted(duration, unit, 4)}, less than one "
+                f"swing of this arm ({quoted(period, unit)}{source}). Record longer, or correct these, or the unit in "
+                "the column's name."
             )
     if step > 0.25 * period:
         remedy = "If the times are in milliseconds, rename the column to 'time_ms'; else sample faster"
@@ -118,55 +102,49 @@ def _check_duration(table: Table, column: str, unit: str, rig: Rig, time: FloatA
         if source:
             remedy += ", or correct these quantities and their units"
         raise InputError(
-            f"{table.path}, column {column!r}: the samples are {quoted(step, unit, 4)} apart, too far for an arm that "
-            f"swings in {quoted(period, unit)}{source}. {remedy}."
+            f"{found.at('time')}: the samples are {quoted(step, unit, 4)} apart, too far for an arm that swings in "
+            f"{quoted(period, unit)}{source}. {remedy}."
         )
 
 
-def _check_within(table: Table, columns: Sequence[str], unit: str, length: float, distance: FloatArray) -> None:
+def _check_within(found: Signals, signals: Sequence[str], length: float, distance: FloatArray) -> None:
     """Refuse a tip beyond the reach of the arm, at its first row."""
-    beyond = distance > (1.0 + LENGTH_MARGIN) * length
+    beyond, unit = distance > (1.0 + LENGTH_MARGIN) * length, found.units[signals[0]]
     if not beyond.any():
         return
     row = int(np.argmax(beyond))
     if unit == "m" and np.nanmedian(distance[beyond]) > 30.0 * length:
-        names = " and ".join(repr(f"{column.rsplit('_', 1)[0]}_mm") for column in columns)
+        names = " and ".join(repr(f"{found.names[signal].rsplit('_', 1)[0]}_mm") for signal in signals)
         cure = f"If it is in millimetres, rename to {names}."
     else:
         cure = "Correct length_m in the rig file, the unit in the column's name, or the camera's origin: it is the hub."
         if beyond.sum() <= _WILD * np.isfinite(distance).sum():
             cure = f"Few readings are that far ({beyond.sum()}): empty the cells of a wild one. Else: {cure}"
     raise InputError(
-        f"{table.path}, {_columns(columns)}, {table.where(row)}: the tip would be "
-        f"{quoted(float(distance[row]), unit, 4)} away on an arm that is {quoted(length, unit, 4)} long. {cure}"
+        f"{found.at(*signals, row=row)}: the tip would be {quoted(float(distance[row]), unit, 4)} away on an arm that "
+        f"is {quoted(length, unit, 4)} long. {cure}"
     )
 
 
-def _check_not_nearer(table: Table, columns: Sequence[str], unit: str, length: float, radius: FloatArray) -> None:
-    farthest = int(np.nanargmax(radius))
+def _check_not_nearer(found: Signals, length: float, radius: FloatArray) -> None:
+    farthest, unit = int(np.nanargmax(radius)), found.units["tip_x"]
     if radius[farthest] < NEAREST * length:
         raise InputError(
-            f"{table.path}, {_columns(columns)}, {table.where(farthest)}: the tip is never farther from the "
-            f"hub than {quoted(float(radius[farthest]), unit, 4)}, but the arm is {quoted(length, unit, 4)} long. "
-            "Correct length_m in the rig file or the unit in the columns' names, and measure from the hub."
+            f"{found.at('tip_x', 'tip_y', row=farthest)}: the tip is never farther from the hub than "
+            f"{quoted(float(radius[farthest]), unit, 4)}, but the arm is {quoted(length, unit, 4)} long. Correct "
+            "length_m in the rig file or the unit in the columns' names, and measure from the hub."
         )
 
 
-def _columns(columns: Sequence[str]) -> str:
-    return ("column " if len(columns) == 1 else "columns ") + " and ".join(map(repr, columns))
-
-
-def _check_follows(
-    table: Table, column: str, unit: str, inputs: FloatArray, direction: FloatArray, deflection: FloatArray
-) -> None:
+def _check_follows(found: Signals, inputs: FloatArray, direction: FloatArray, deflection: FloatArray) -> None:
     """Refuse a motor angle in degrees: it runs away from the tip, by 57 radians for each."""
-    finite = np.isfinite(direction)
+    finite, unit = np.isfinite(direction), found.units["motor_angle"]
     turn = float(np.ptp(inputs[finite]))
     follows = float(np.ptp(np.unwrap(direction[finite])))
     far = float(np.nanmax(np.abs(deflection)))
     if turn > 1.0 and (turn > 20.0 * follows or (turn > 2.0 * np.pi and far > 0.9 * LARGEST_DEFLECTION)):
         row = int(np.argmax(np.abs(inputs - inputs[0])))
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(row)}: the motor would turn by "
-            f"{quoted(turn, unit, 4)} while the tip's direction changes by {quoted(follows, unit)}. {_degrees(unit)}"
+            f"{found.at('motor_angle', row=row)}: the motor would turn by {quoted(turn, unit, 4)} while the tip's "
+            f"direction changes by {quoted(follows, unit)}. {_degrees(unit)}"
         )

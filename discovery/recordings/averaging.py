@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import Flag
@@ -18,7 +18,6 @@ from discovery.rigs.rig import Rig
 
 __all__ = ["averaged", "averaged_down"]
 
-FloatArray = npt.NDArray[np.float64]
 #: A recording keeps at least so many readings: fewer would hardly make anything quicker.
 _KEPT = 2000
 #: Averages over so many times the readings that err alike are nearly independent, and at least so many are kept.
@@ -39,14 +38,8 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
     Stretches of equal length are averaged, which lowers white noise by the root of their length; that of rounding is
     kept. Their length is the largest one by which nothing that stands out of the noise, in the output or in the input,
     is missed by more than a tenth of the noise that is left. Where neighbours err alike, stretches are so long that
-    averages do not, and shorter recordings are averaged, too; a doubt says where that cannot be.
-
-    Parameters
-    ----------
-    recording : Recording
-        Read at a steady rate; others are returned as they are.
-    rig : Rig
-        The system; a held input and an output that passes filters ask for every reading.
+    averages do not, and shorter recordings are averaged, too; a doubt says where that cannot be. What was not read at a
+    steady rate stays as it is; a held input and an output that passes filters ask for every reading.
     """
     held = rig.columns.input is not None and rig.columns.input.interpolation == "hold"
     least, count = _least(recording), recording.time.size
@@ -65,13 +58,8 @@ def averaged(recording: Recording, length: int) -> Recording:
     """Return a recording whose readings are averages over so many, at the middle of their times.
 
     It still begins when it began, at rest if it did, with nothing read there: half an average later it moves, and half
-    a reading earlier an input would have pushed it already.
-
-    Parameters
-    ----------
-    recording : Recording
-    length : int
-        Readings of an average. The first ones, and the last that fill none, are left out.
+    a reading earlier an input would have pushed it already. The first readings, and the last that fill no average, are
+    left out.
     """
     count, first = recording.time.size, _first(length)
     step = median_step(recording.time)
@@ -163,7 +151,7 @@ def _means(columns: FloatArray, length: int) -> FloatArray:
     return np.asarray(means - (1 - 1 / length**2) * np.concatenate([bend[:1], bend, bend[-1:]]))
 
 
-def _lost(present: npt.NDArray[np.bool_], length: int) -> float:
+def _lost(present: BoolArray, length: int) -> float:
     """Return which share of the readings that are present stretches with a gap in them lose."""
     present = present[_first(length) :]
     used = present.size // length * length

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.spectra import filled, spectrum
 
 __all__ = ["BandNoise", "band_noise"]
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16
@@ -60,27 +58,14 @@ class BandNoise:
 def band_noise(
     time: FloatArray, values: FloatArray, scatter: float, given: FloatArray | None = None
 ) -> BandNoise | None:
-    """Find noise that readings show at a distance, and hide from one to the next.
+    """Find noise that readings (n,) show at a distance, and hide from one to the next; None where there is none.
 
     The spectrum of white noise is flat to its end. That of noise which a filter has passed is flat above the lines of
     the motion and falls beyond the filter's cut-off. Such a plateau is taken for noise where it spans two octaves,
-    stands above the scatter, is small against the motion, has one size throughout the recording, is Gaussian, and lies
-    where the input moves nothing. Impacts and friction are none: they come at times. Errors of rounding are left to
-    `discovery.recordings.quantisation.lasting_rounding`.
-
-    Parameters
-    ----------
-    time, values : array, shape (n,)
-        Times [s] and readings; NaN are gaps.
-    scatter : float
-        Noise as the scatter from one reading to the next shows it, in the unit of `values`.
-    given : array, shape (n,), optional
-        The input.
-
-    Returns
-    -------
-    BandNoise or None
-        None where there is no such plateau, and for times that are not steady.
+    stands above the scatter from one reading to the next, is small against the motion, has one size throughout the
+    recording, is Gaussian, and lies where the input, if there is one, moves nothing. Impacts and friction are none:
+    they come at times. Errors of rounding are left to `discovery.recordings.quantisation.lasting_rounding`. Nothing is
+    found at times [s] that are not steady.
     """
     if np.mean(np.isfinite(values)) < 1.0 - _MISSING or gaps(time).any():
         return None

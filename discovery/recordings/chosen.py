@@ -19,10 +19,7 @@ Recordings: TypeAlias = "Dataset | Experiment | Iterable[Experiment]"
 def training_of(given: Recordings) -> tuple[Experiment, ...]:
     """Return the recordings to fit: the training recordings of a data set, or those that are given.
 
-    Raises
-    ------
-    InputError
-        For anything else, nothing, or recordings of different systems.
+    Anything else, nothing, and recordings of different systems are refused.
     """
     found = given.train if isinstance(given, Dataset) else _experiments(given)
     if not found:
@@ -34,10 +31,7 @@ def training_of(given: Recordings) -> tuple[Experiment, ...]:
 def held_out_of(given: Recordings, holdout: Recordings | None = None) -> tuple[Experiment, ...]:
     """Return the recordings that judge: those that are given, else the hold-outs of the data set that is fitted.
 
-    Raises
-    ------
-    InputError
-        For anything else, or recordings of another system than those that are fitted.
+    Anything else, and recordings of another system than those that are fitted, are refused.
     """
     if holdout is None:
         found = given.holdout if isinstance(given, Dataset) else ()

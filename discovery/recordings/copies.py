@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import correlate, correlation_lags
 
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.quantisation import quantum
 from discovery.recordings.reading_noise import white_noise
 
 __all__ = ["copied", "scaled_copy"]
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Of the noise: what two signals with noises of their own never come down to.
 _NEAR = 0.3
@@ -24,15 +22,8 @@ _FEWEST, _MUCH = 60, 0.1
 def copied(first: FloatArray, second: FloatArray) -> int | None:
     """Return the row of the second signal from which on it is a part of the first, but for less than its own noise.
 
-    Parameters
-    ----------
-    first, second : array, shape (n,), (m,)
-        Readings at equal steps; NaN are gaps.
-
-    Returns
-    -------
-    int or None
-        None also where the noise cannot be told from the motion or from rounding.
+    The signals are read at equal steps; NaN are gaps. None also where the noise cannot be told from the motion or from
+    rounding.
     """
     noise = _own_noise(second)
     if noise is None:
@@ -47,13 +38,7 @@ def copied(first: FloatArray, second: FloatArray) -> int | None:
 
 
 def scaled_copy(first: FloatArray, second: FloatArray) -> bool:
-    """Return whether the second signal is the first, row by row, but for a scale, a zero and less than its own noise.
-
-    Parameters
-    ----------
-    first, second : array, shape (n,)
-        NaN are gaps.
-    """
+    """Return whether the second signal is the first, row by row, but for scale, zero and less than its own noise."""
     noise = _own_noise(second)
     good = np.isfinite(first) & np.isfinite(second)
     if noise is None or good.sum() < _FEWEST or np.ptp(first[good]) == 0.0:

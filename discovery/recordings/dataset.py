@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
-import numpy as np
-import numpy.typing as npt
-
 from discovery.foundation.arguments import as_path, as_paths, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.plots.recordings import DatasetViews
@@ -32,8 +30,6 @@ from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
 
 __all__ = ["Dataset", "load_dataset"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -210,23 +206,17 @@ def _refuse_twins(found: dict[str, list[Recording]]) -> None:
                     "a fit that has seen them. Name each recording once."
                 )
             seen[key] = role
-    for one, other in combinations(found["train"], 2):
+    pairs = [(one, other, "train") for one, other in combinations(found["train"], 2)]
+    pairs += [(r, other, role) for r in found["train"] for role in ("holdout", "test") for other in found[role]]
+    for one, other, role in pairs:
         at = shared_samples(one, other)
-        if at is not None:
-            raise InputError(
-                f"{other.source}, from sample {at} on, repeats readings of {one.source}, which is fitted too: they "
-                "would count twice. Give parts that do not overlap."
-            )
-    for r in found["train"]:
-        for role in ("holdout", "test"):
-            for other in found.get(role, ()):
-                at = shared_samples(r, other)
-                if at is not None:
-                    raise InputError(
-                        f"{other.source}, from sample {at} on, repeats readings of {r.source}, which is fitted: it "
-                        f"would judge a fit that has seen them. Give another recording as {role}, or parts that do "
-                        "not overlap."
-                    )
+        if at is None:
+            continue
+        harm = "fitted too: they would count twice. Give parts that do not overlap."
+        if role != "train":
+            harm = "fitted: it would judge a fit that has seen them. "
+            harm += f"Give another recording as {role}, or parts that do not overlap."
+        raise InputError(f"{other.source}, from sample {at} on, repeats readings of {one.source}, which is {harm}")
 
 
 def _distinguish(found: dict[str, list[Recording]], parts: dict[str, list[RecordPart]]) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-__all__ = ["Drive", "spline_drive"]
+from discovery.foundation.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["Drive", "spline_drive"]
 
 
 @dataclass(frozen=True)
@@ -33,19 +33,9 @@ class Drive:
     kinks: FloatArray
 
     def evaluate(self, time: npt.ArrayLike, side: Literal["left", "right"] = "right") -> FloatArray:
-        """Value, rate and acceleration.
+        """Return value, rate and acceleration at any times [s], shape (3, n); `side` is the limit to take at a kink.
 
-        Parameters
-        ----------
-        time : array_like, shape (n,)
-            Any times [s]; outside the record the value is held, with zero rates.
-        side : {"right", "left"}
-            Which limit to take at a kink.
-
-        Returns
-        -------
-        array, shape (3, n)
-            Value and its first and second time derivative.
+        Outside the record the value is held, with zero rates.
         """
         t = np.atleast_1d(np.asarray(time, np.float64))
         first, last = self.breakpoints[0], self.breakpoints[-1]

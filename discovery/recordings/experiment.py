@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.systems import System
 from discovery.declarations.units import in_coordinate, si_symbol
 from discovery.foundation.arguments import check_whole
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.start_names import start_name
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
@@ -22,8 +22,6 @@ from discovery.simulation.grid import DriveLike
 from discovery.simulation.pace import Pace
 
 __all__ = ["Experiment", "make_experiment"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,16 +92,9 @@ class Experiment:
         return self.drive.evaluate(self.recording.time)[0]
 
     def channels(self, reading: FloatArray) -> FloatArray:
-        """Return the recorded channels for simulated readings.
+        """Return the recorded channels (n, c, k) for simulated readings (n, r, k).
 
-        Parameters
-        ----------
-        reading : ndarray, shape (n, r, k)
-            Tip x, y [m] of an arm, or the output of an oscillator.
-
-        Returns
-        -------
-        ndarray, shape (n, c, k)
+        A reading is tip x, y [m] of an arm, or the output of an oscillator.
         """
         names = self.recording.channels
         if self.rig.view is not None:
@@ -185,10 +176,7 @@ class Experiment:
     def initial_state(self, natural_time: float) -> tuple[float, float]:
         """Return where a fit begins: `initial_guess`, or of a free swing whose acceleration is read, what swings so.
 
-        Parameters
-        ----------
-        natural_time : float
-            Inverse angular frequency of the swing [s].
+        `natural_time` is the inverse angular frequency of the swing [s].
         """
         if not self.reads_acceleration or self.drive is not None:
             return self.initial_guess
@@ -222,9 +210,8 @@ class Experiment:
         """Return 1/noise of every fitted sample and channel, zero in gaps and held-out parts, shape (n, c)."""
         out = self.recording.output
         weights = np.where(np.isfinite(out), 1.0 / self.recording.scatter, 0.0)
-        keep = np.zeros(len(out), bool)
-        keep[self.fitted] = True
-        weights[~keep] = 0.0
+        if self.fitted_samples is not None:
+            weights[self.fitted_samples :] = 0.0
         return weights
 
 

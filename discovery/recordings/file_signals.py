@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import si_factor
 from discovery.foundation.arguments import as_path
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table, read_table
-from discovery.recordings.plausibility import check_signals
 from discovery.recordings.recording_columns import (
     ARM_OUTPUTS,
     arm_columns,
@@ -29,8 +28,6 @@ from discovery.recordings.recording_columns import (
 from discovery.rigs.rig import Rig
 
 __all__ = ["Signals"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass
@@ -86,10 +83,16 @@ class Signals:
             added=values.get("added"),
         )
 
-    def check(self, rig: Rig) -> None:
-        """Refuse what holds for no recording of any system."""
-        given: dict[str, Any] = {"time": self.time, "inputs": self.inputs, "outputs": self.outputs}
-        check_signals(self.table, self.names, units=self.units, fewest=rig.traits.fewest, **given)
+    @property
+    def given(self) -> str:
+        """The signal that is the input."""
+        return "motor_angle" if "motor_angle" in self.names else "input"
+
+    def at(self, *signals: str, row: int | None = None) -> str:
+        """Name the file, the columns of some signals, and a row of them, for the beginning of a message."""
+        columns = [repr(self.names.get(signal, signal)) for signal in signals]
+        where = "" if row is None else f", {self.table.where(row)}"
+        return f"{self.table.path}, column{'s' if len(columns) > 1 else ''} {' and '.join(columns)}{where}"
 
 
 def _refuse_no_output(table: Table, rig: Rig, names: Mapping[str, str]) -> NoReturn:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.rigs.rig import ForceView
 
 __all__ = ["force_samples", "noise_gain", "sampling_rate", "zero_phase"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _ORDER = 4
 _SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
@@ -18,13 +16,7 @@ _SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves 
 
 
 def sampling_rate(time: FloatArray, source: str) -> float:
-    """Return the rate of equally spaced times [Hz].
-
-    Raises
-    ------
-    InputError
-        If a step differs from the others by more than a hundredth.
-    """
+    """Return the rate of times [Hz] whose steps must be equal, up to a hundredth."""
     steps = np.diff(time)
     step = float(steps.mean())
     if np.max(np.abs(steps - step)) > 0.01 * step:
@@ -36,18 +28,9 @@ def sampling_rate(time: FloatArray, source: str) -> float:
 
 
 def zero_phase(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
-    """Low-pass equally spaced samples: a Butterworth filter of order 4, forwards and backwards.
+    """Low-pass equally spaced samples (n, ...) along the first axis: a Butterworth filter of order 4, to and fro.
 
-    Parameters
-    ----------
-    values : array, shape (n, ...)
-        Samples along the first axis.
-    rate, cutoff : float
-        Sampling rate and frequency at which the amplitude is halved [Hz]; from half the rate on nothing is done.
-
-    Returns
-    -------
-    array, shape (n, ...)
+    The amplitude is halved at `cutoff` [Hz]; from half the rate [Hz] on nothing is done.
     """
     from scipy.signal import sosfiltfilt
 
@@ -66,7 +49,7 @@ def noise_gain(rate: float, cutoff: float) -> float:
     return float(np.sqrt(np.mean(np.abs(response) ** 4)))
 
 
-def force_samples(view: ForceView, time: FloatArray, rate: float) -> npt.NDArray[np.bool_]:
+def force_samples(view: ForceView, time: FloatArray, rate: float) -> BoolArray:
     """Mark the samples of the force that are used, without those that the ends disturb.
 
     They are thinned as `view` says, and at least until their noise is white.

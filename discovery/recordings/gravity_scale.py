@@ -10,17 +10,16 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ellipk
 
 from discovery.declarations.units import si_factor
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.flags import Flag
 from discovery.rigs.rig import Rig
 
 __all__ = ["angle_doubt", "fall_doubt", "slow_fall"]
 
-FloatArray = npt.NDArray[np.float64]
 Motion = tuple[FloatArray, FloatArray]
 
 _ANGLES = ("turn", "rad", "deg", "mrad")
@@ -46,14 +45,8 @@ _SURE = 4.0
 def angle_doubt(rig: Rig, motions: Sequence[Motion]) -> Flag | None:
     """Return a doubt about the unit of the angle of a pendulum that swings freely; None where there is none.
 
-    A declared law that bends the period leaves no doubt: the sine is not alone then.
-
-    Parameters
-    ----------
-    rig : Rig
-        The pendulum.
-    motions : sequence of (time, angle), each shape (n,)
-        Of one pendulum, in SI units; NaN are gaps.
+    Motions are times [s] and angles [rad] of one pendulum; NaN are gaps. A declared law that bends the period leaves no
+    doubt: the sine is not alone then.
     """
     if _BENDING.intersection(rig.declared):
         return None
@@ -134,15 +127,7 @@ def _sine(t: FloatArray, x: FloatArray, guess: float) -> tuple[float, float, flo
 
 
 def fall_doubt(rig: Rig, motion: Motion) -> Flag | None:
-    """Return a doubt about the units of a fall; None where there is none.
-
-    Parameters
-    ----------
-    rig : Rig
-        The falling body.
-    motion : (time, height), each shape (n,)
-        In SI units; NaN are gaps.
-    """
+    """Return a doubt about the units of a fall, times [s] and heights [m]; None where there is none. NaN are gaps."""
     gravity = rig.gravity.value if rig.gravity else np.nan
     good = np.isfinite(motion[1])
     found = slow_fall(motion[0][good], motion[1][good])
@@ -160,16 +145,13 @@ def fall_doubt(rig: Rig, motion: Motion) -> Flag | None:
 def slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | None:
     """Return what acceleration a fall has where it is slow, as at its beginning or at the top of a throw.
 
-    Parameters
-    ----------
-    t, height : array, shape (n,)
-        Times [s] and finite heights [m].
+    Times [s] and heights [m] are finite. None where they are too few.
 
     Returns
     -------
     (acceleration, sd, slow) or None
         Downwards, with its standard deviation [m/s^2], and whether the fall is slow anywhere; where it is not, of its
-        first samples. None where these are too few.
+        first samples.
     """
     if t.size < _SAMPLES:
         return None

@@ -26,14 +26,8 @@ def fitted_count(recording: Recording, *, pushed: bool = True) -> int:
 
     They are two thirds of those up to where the system rests, and at least half of the motion: before a step there is
     nothing to learn. The end of a free decay lies below the noise and would tell nothing about what shows in larger
-    motion. It belongs to the part that is held out. A level that an input holds is no rest.
-
-    Parameters
-    ----------
-    recording : Recording
-        What was read.
-    pushed : bool
-        Whether the input is a force: the levels of a motion do nothing.
+    motion. It belongs to the part that is held out. A level that an input holds is no rest, where it is `pushed`, a
+    force: the levels of a motion do nothing.
     """
     end = motion_end(recording, lambda _: _MOVES, _MOVES, pushed=pushed)
     first, seen = _begin(recording)
@@ -51,8 +45,6 @@ def motion_end(recording: Recording, moves: Callable[[int], float], rests: float
 
     Parameters
     ----------
-    recording : Recording
-        What was read.
     moves : callable
         Scatter beyond which a stretch of so many readings moves [noise sds].
     rests : float

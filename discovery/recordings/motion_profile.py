@@ -8,16 +8,14 @@ other gets a smooth course. `discovery.recordings.profile_spline` then fits them
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.drive import Drive, spline_drive
 from discovery.recordings.profile_spline import Phase, fit_phases, likeliest_roughness
 from discovery.recordings.quantisation import resolution
 
 __all__ = ["smooth_motion"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _DETECTION = 5.0  # sds of a second difference: no false phase in some 1e5 tests
 _MARGIN = 2  # samples around a detected phase that belong to it, at least
@@ -34,20 +32,11 @@ _FINEST = 1e-8  # error of a reading against the range of all, at least
 
 
 def smooth_motion(t: FloatArray, y: FloatArray, noise: float) -> Drive:
-    """Fit a motion profile to the readings of an encoder.
+    """Fit a motion profile to the readings y (n,) of an encoder at times t (n,) [s].
 
-    Parameters
-    ----------
-    t, y : array, shape (n,)
-        Times [s] and readings.
-    noise : float
-        Standard deviation of a reading's error, in the unit of `y`; raised to the rounding of `y` if it is below.
-
-    Returns
-    -------
-    Drive
-        Cubic pieces; acceleration is continuous but at the kinks, and zero in rests and cruises; the rate is zero in
-        rests.
+    `noise` is the standard deviation of a reading's error, in the unit of `y`; it is raised to the rounding of `y` if
+    it is below. Pieces are cubic; acceleration is continuous but at the kinks, and zero in rests and cruises; the rate
+    is zero in rests.
     """
     if t.size < _FEWEST:
         return spline_drive(t, y)
@@ -68,7 +57,7 @@ def smooth_motion(t: FloatArray, y: FloatArray, noise: float) -> Drive:
     return drive
 
 
-def _active(t: FloatArray, y: FloatArray, noise: float) -> npt.NDArray[np.bool_]:
+def _active(t: FloatArray, y: FloatArray, noise: float) -> BoolArray:
     """Find where a straight line does not explain three neighbouring means of 1, 2, 4, ... readings."""
     active = np.zeros(t.size, bool)
     width = 1
@@ -91,7 +80,7 @@ def _active(t: FloatArray, y: FloatArray, noise: float) -> npt.NDArray[np.bool_]
     return active
 
 
-def _phases(active: npt.NDArray[np.bool_]) -> list[Phase]:
+def _phases(active: BoolArray) -> list[Phase]:
     """Join the samples that are not on a straight line into phases, with margins."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], active, [0]]))).reshape(-1, 2)
     margin = np.maximum(_MARGIN, (_TAIL * (edges[:, 1] - edges[:, 0])).astype(int))

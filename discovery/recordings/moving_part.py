@@ -24,12 +24,7 @@ def moving_count(recording: Recording) -> int | None:
     """Return how many samples, from the first, hold a free motion and a tenth of its length of the rest behind it.
 
     A law of friction is smooth near zero speed: a body that it holds creeps, however slowly, for as long as the
-    recording lasts.
-
-    Returns
-    -------
-    int or None
-        None where the motion lasts, or where an input, which may push what rests, is recorded.
+    recording lasts. None where the motion lasts, or where an input, which may push what rests, is recorded.
     """
     if recording.input is not None:
         return None

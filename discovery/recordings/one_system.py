@@ -30,20 +30,7 @@ def _told(experiment: Experiment) -> str:
 
 
 def check_one_system(experiments: Sequence[Experiment], like: Experiment | None = None) -> None:
-    """Refuse recordings of different systems.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Recordings that are used together.
-    like : Experiment, optional
-        One of the system that they must be of; the first of them otherwise.
-
-    Raises
-    ------
-    InputError
-        With the two recordings, and of what each is.
-    """
+    """Refuse recordings of different systems: of another one than that of `like`, or of the first of them."""
     if not experiments:
         return
     first = experiments[0] if like is None else like
@@ -56,13 +43,7 @@ def check_one_system(experiments: Sequence[Experiment], like: Experiment | None 
 
 
 def check_model(model: Model, experiments: Sequence[Experiment]) -> None:
-    """Refuse recordings of another system than the model's.
-
-    Raises
-    ------
-    InputError
-        With the recording, and of what it is.
-    """
+    """Refuse recordings of another system than the model's."""
     for experiment in experiments:
         declared = experiment.rig.system is not None or declaration_of(model.base) is not None
         alike = model.base == experiment.rig.base if declared else model.mechanics.system == experiment.system

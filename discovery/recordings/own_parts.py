@@ -7,9 +7,9 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import Flag
@@ -19,7 +19,6 @@ from discovery.rigs.rig import RecordPart, Rig
 
 __all__ = ["bridged", "own_parts", "release"]
 
-FloatArray = npt.NDArray[np.float64]
 Reader = Callable[[RecordPart], Recording]
 
 _UNKNOWN = 0.05  # of a signal's standard deviation
@@ -31,25 +30,12 @@ _FAR = 20.0  # noise sds from rest
 
 
 def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart, Recording]]:
-    """Read rows of a file as the motions that they are.
+    """Read rows of a file as the motions that they are, each with its rows.
 
     A free body that is held away from rest is taken from its release on. Where neither the input nor the output can be
-    interpolated over a gap of the times, the recording ends before the gap and begins again after it.
-
-    Parameters
-    ----------
-    part : RecordPart
-        The rows.
-    rig : Rig
-        The system.
-    read : callable
-        Reads such rows.
-
-    Returns
-    -------
-    list of (RecordPart, Recording)
-        What is fitted, with a flag on the first where it is not all of the rows; one with a doubt where the input has
-        gaps but no good parts.
+    interpolated over a gap of the times, the recording ends before the gap and begins again after it. A flag on the
+    first motion says so where it is not all of the rows, and one with a doubt where the input has gaps but no good
+    parts.
 
     Raises
     ------
@@ -111,7 +97,7 @@ def _read_all(
         return []
 
 
-def bridged(r: Recording) -> npt.NDArray[np.bool_]:
+def bridged(r: Recording) -> BoolArray:
     """Return for each step from sample to sample whether input or output can be interpolated over it, shape (n - 1,).
 
     A gap of the same length is tried at many places where there are samples: how far they lie from the spline through
@@ -152,14 +138,7 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
 
     A free motion that begins at a turning point stands nearly still there, too, and for as long as its swing says: held
     is what stands still for longer than a motion could that turns, by half of the time that it then takes for half of
-    the way to rest.
-
-    Parameters
-    ----------
-    time, values : array, shape (n,)
-        Times [s] and readings; NaN are gaps.
-    noise : float
-        Standard deviation of a reading.
+    the way to rest. Readings err by `noise` at times [s]; NaN are gaps.
     """
     good = np.flatnonzero(np.isfinite(values))
     if good.size < 4 * _HELD:
@@ -183,7 +162,7 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
     return int(good[left])
 
 
-def _first(true: npt.NDArray[np.bool_]) -> int | None:
+def _first(true: BoolArray) -> int | None:
     """Return where two in a row are true for the first time."""
     both = np.flatnonzero(true[:-1] & true[1:])
     return int(both[0]) if both.size else None

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import quoted
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.io import Table
+from discovery.recordings.file_signals import Signals
 
 __all__ = ["check_signals"]
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Sizes of numbers whose fifth powers can be computed.
 _SMALLEST_NUMBER, _LARGEST_NUMBER = 1e-60, 1e60
@@ -21,53 +17,25 @@ _SMALLEST_NUMBER, _LARGEST_NUMBER = 1e-60, 1e60
 _FAR = 10.0
 
 
-def check_signals(
-    table: Table,
-    names: Mapping[str, str],
-    units: Mapping[str, str],
-    time: FloatArray,
-    inputs: FloatArray | None,
-    outputs: Mapping[str, FloatArray],
-    fewest: int,
-) -> None:
-    """Check what holds for a recording of any system.
+def check_signals(found: Signals, fewest: int) -> None:
+    """Refuse what holds for no recording of any system; one has at least so many samples.
 
-    Parameters
-    ----------
-    table : Table
-        The rows that the arrays hold, for the messages.
-    names : mapping of str to str
-        Signal (``"time"``, ``"motor_angle"``, ...) to the name of its column.
-    units : mapping of str to str
-        Signal to the unit of its column, for the messages.
-    time, inputs : array, shape (n,)
-        In SI units; there may be no input.
-    outputs : mapping of str to array, shape (n,)
-        The channels; empty where only times and inputs are given.
-    fewest : int
-        Samples that are needed at least.
-
-    Raises
-    ------
-    InputError
-        If times are missing, do not increase or leave most out, the input has a gap, a sensor is dead or the record is
-        too short.
+    Refused are times that are missing, do not increase or leave most out, a gap in the input, a dead sensor, and too
+    short a record.
     """
-    for signal, values in {"time": time, "input": inputs, **outputs}.items():
+    time, table = found.time, found.table
+    for signal, values in {"time": time, found.given: found.inputs, **found.outputs}.items():
         if values is not None:
-            _check_range(table, names.get(signal) or names.get("motor_angle", signal), values)
-    label = names.get("time", "")
-    _check_increase(table, label, units.get("time", "s"), time)
-    if outputs and time.size >= fewest:
-        _check_pause(table, label, units.get("time", "s"), time)
-    if inputs is not None and np.isnan(inputs).any():
-        row = int(np.argmax(np.isnan(inputs)))
-        column = names.get("motor_angle", names.get("input", "input"))
+            _check_range(found, signal, values)
+    _check_increase(found)
+    if found.outputs and time.size >= fewest:
+        _check_pause(found)
+    if found.inputs is not None and np.isnan(found.inputs).any():
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(row)}: the input is missing. The motion cannot be "
-            "computed across a gap in the input: fill it, or cut the recording there."
+            f"{found.at(found.given, row=int(np.argmax(np.isnan(found.inputs))))}: the input is missing. The motion "
+            "cannot be computed across a gap in the input: fill it, or cut the recording there."
         )
-    if not outputs:
+    if not found.outputs:
         if time.size < 2:
             raise InputError(f"{table.path} is too short: {_rows(time.size)}. A prediction needs at least 2.")
         return
@@ -77,17 +45,17 @@ def check_signals(
             few = f"is used in too small a part: {time.size} of its {_rows(table.whole)}"
             remedy = "Take more rows, by samples, where and every of the rig file, or record longer or faster"
         raise InputError(f"{table.path} {few}, and at least {fewest} are needed. {remedy}.")
-    for channel, values in outputs.items():
-        _check_channel(table, names[channel], values, time.size, fewest)
+    for channel in found.outputs:
+        _check_channel(found, channel, fewest)
 
 
-def _check_increase(table: Table, label: str, unit: str, time: FloatArray) -> None:
+def _check_increase(found: Signals) -> None:
     """Refuse times that are missing or do not increase."""
+    time = found.time
     if np.isnan(time).any():
-        row = int(np.argmax(np.isnan(time)))
         raise InputError(
-            f"{table.path}, column {label!r}, {table.where(row)}: the time is missing. "
-            "Remove the row; only outputs may have gaps."
+            f"{found.at('time', row=int(np.argmax(np.isnan(time))))}: the time is missing. Remove the row; only "
+            "outputs may have gaps."
         )
     steps = np.diff(time)
     if (steps <= 0).any():
@@ -103,48 +71,48 @@ def _check_increase(table: Table, label: str, unit: str, time: FloatArray) -> No
                 "If the file holds several trials, name each in [records] of the rig file, with "
                 "where = { column = value } or samples = [start, stop]; else sort the rows."
             )
-        now = quoted(float(time[row]), unit, 9)
-        raise InputError(f"{table.path}, column {label!r}, {table.where(row)}: {now} is {fault}. {remedy}")
+        now = quoted(float(time[row]), found.units.get("time", "s"), 9)
+        raise InputError(f"{found.at('time', row=row)}: {now} is {fault}. {remedy}")
 
 
-def _check_pause(table: Table, label: str, unit: str, time: FloatArray) -> None:
+def _check_pause(found: Signals) -> None:
     """Refuse a recording most of which is one pause."""
-    steps = np.diff(time)
-    if 2.0 * (longest := float(steps.max())) > time[-1] - time[0]:
-        row = int(np.argmax(steps)) + 1
+    steps = np.diff(found.time)
+    if 2.0 * (longest := float(steps.max())) > found.time[-1] - found.time[0]:
+        pause = quoted(longest, found.units.get("time", "s"), 4)
         raise InputError(
-            f"{table.path}, column {label!r}, {table.where(row)}: {quoted(longest, unit, 4)} pass before it, "
-            "more than the rest of the recording lasts, and nothing was read meanwhile. Correct the times if the clock "
-            "jumped; else name the parts in [records] of the rig file, each with samples = [start, stop]."
+            f"{found.at('time', row=int(np.argmax(steps)) + 1)}: {pause} pass before it, more than the rest of the "
+            "recording lasts, and nothing was read meanwhile. Correct the times if the clock jumped; else name the "
+            "parts in [records] of the rig file, each with samples = [start, stop]."
         )
 
 
-def _check_channel(table: Table, column: str, values: FloatArray, rows: int, fewest: int) -> None:
+def _check_channel(found: Signals, channel: str, fewest: int) -> None:
     """Refuse a dead sensor and one with too few readings."""
+    values = found.outputs[channel]
     finite = values[np.isfinite(values)]
     if finite.size > 0 and np.ptp(finite) == 0:
+        level = found.table.numbers(found.names[channel])[np.isfinite(values)][0]
         raise InputError(
-            f"{table.path}, column {column!r}: every reading, from {table.where(0)} on, is "
-            f"{table.numbers(column)[np.isfinite(values)][0]:.6g}. "
-            "The sensor is dead or not connected: check it and record again."
+            f"{found.at(channel)}: every reading, from {found.table.where(0)} on, is {level:.6g}. The sensor is dead "
+            "or not connected: check it and record again."
         )
     if finite.size < fewest:
         raise InputError(
-            f"{table.path}, column {column!r} is too short: {finite.size} readings in {rows} rows, "
-            f"and at "
-            f"least {fewest} are needed. Close the gaps or record longer."
+            f"{found.at(channel)} is too short: {finite.size} readings in {found.time.size} rows, and at least "
+            f"{fewest} are needed. Close the gaps or record longer."
         )
 
 
-def _check_range(table: Table, column: str, values: FloatArray) -> None:
+def _check_range(found: Signals, signal: str, values: FloatArray) -> None:
     """Refuse numbers whose powers leave the range of floating-point numbers."""
     sizes = np.where(np.isnan(values), 0.0, np.abs(values))
     largest = float(np.max(sizes, initial=0.0))
     if largest > _LARGEST_NUMBER or 0.0 < largest < _SMALLEST_NUMBER:
         raise InputError(
-            f"{table.path}, column {column!r}, {table.where(int(np.argmax(sizes)))}: the largest number is "
-            f"{largest:.3g} in SI units; what can be computed with lies between {_SMALLEST_NUMBER:g} and "
-            f"{_LARGEST_NUMBER:g}. Correct the unit or the scale in the rig file, or export the recording again."
+            f"{found.at(signal, row=int(np.argmax(sizes)))}: the largest number is {largest:.3g} in SI units; what can "
+            f"be computed with lies between {_SMALLEST_NUMBER:g} and {_LARGEST_NUMBER:g}. Correct the unit or the "
+            "scale in the rig file, or export the recording again."
         )
 
 

@@ -18,11 +18,10 @@ from scipy.interpolate import BSpline, PPoly
 from scipy.sparse import csc_array, csr_array, diags_array, hstack, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.drive import Drive
 
 __all__ = ["Phase", "fit_phases", "likeliest_roughness"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _LONGEST_TUNED = 4000  # samples
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 
-__all__ = ["lasting_rounding", "quantum", "resolution"]
+from discovery.foundation.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["lasting_rounding", "quantum", "resolution"]
 
 _CANDIDATES = (0.05, 0.25, 0.5, 0.0)
 _TOLERANCE = 0.05
@@ -21,21 +20,11 @@ _ALIKE = 0.21  # steps between readings whose errors are correlated
 
 
 def quantum(values: FloatArray) -> float:
-    """Give the step of an instrument whose readings are all multiples of one.
+    """Give the step of an instrument whose readings are all multiples of one, in their unit; 0 where there is none.
 
     The differences between neighbouring distinct readings of a quantised signal are small multiples of the step. Their
     lower quantiles are tried as the step and refined on all of them; the step is believed if nearly all differences are
-    within a twentieth of a multiple.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Readings; NaN are skipped.
-
-    Returns
-    -------
-    float
-        The step in the unit of `values`; 0 where there is none.
+    within a twentieth of a multiple. NaN are skipped.
     """
     finite = values[np.isfinite(values)]
     distinct = np.unique(finite)
@@ -58,15 +47,7 @@ def quantum(values: FloatArray) -> float:
 def resolution(values: FloatArray) -> float:
     """Give the standard deviation of rounding, the smallest error that readings can have.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Readings; NaN are skipped.
-
-    Returns
-    -------
-    float
-        The quantum over sqrt(12), or where there is none, the last bit's.
+    It is the quantum over sqrt(12), or where there is none, the last bit's. NaN are skipped.
     """
     finite = values[np.isfinite(values)]
     bit = float(np.spacing(np.max(np.abs(finite), initial=np.finfo(float).tiny)))
@@ -77,19 +58,8 @@ def lasting_rounding(values: FloatArray, noise: float) -> float:
     """Give the part of a noise that errs alike in neighbouring readings: the rounding of a slow motion.
 
     Noise far larger than a step makes its rounding as random as itself, and so does a motion by a fifth of a step or
-    more between readings.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Readings; NaN are skipped.
-    noise : float
-        Their standard deviation, that of rounding included.
-
-    Returns
-    -------
-    float
-        Standard deviation in the unit of `values`; 0 where there is no step.
+    more between readings. `noise` is the standard deviation of readings, that of rounding included, and so is what is
+    returned, in their unit; 0 where there is no step. NaN are skipped.
     """
     step = quantum(values)
     rounding = step / float(np.sqrt(12.0))

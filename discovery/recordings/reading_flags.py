@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.flags import MISREAD, Flag
@@ -15,8 +15,6 @@ from discovery.recordings.quantisation import quantum
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 
 __all__ = ["bend_flags", "clean_output", "gap_flags", "swing_flags", "time_flags"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _JITTER = 0.05  # of a step
 _RARE, _MOST = 0.1, 0.9  # share of the steps
@@ -34,15 +32,7 @@ _ENOUGH = 300  # samples of a part of a swing
 
 
 def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
-    """Tell what is unusual about sample times.
-
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Times [s], strictly increasing.
-    assumed : bool
-        Whether the sampling rate is not known.
-    """
+    """Tell what is unusual about sample times [s], strictly increasing; `assumed` says that the rate is not known."""
     if assumed:
         return [Flag("rate_unknown")]
     steps = np.diff(time)
@@ -70,12 +60,7 @@ def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
 def bend_flags(motor_angle: FloatArray, outputs: Mapping[str, FloatArray]) -> list[Flag]:
     """Tell of an arm whose tip does not point where the motor does: its columns may not be what they are called.
 
-    Parameters
-    ----------
-    motor_angle : array, shape (n,)
-        [rad].
-    outputs : mapping of str to array, shape (n,)
-        Readings [m or rad], NaN in gaps.
+    The motor's angle [rad] and the outputs [m or rad] have the shape (n,), NaN in gaps.
     """
     if "tip_x" in outputs:
         x, y = outputs["tip_x"], outputs["tip_y"]
@@ -107,15 +92,7 @@ def _aside(angle: FloatArray) -> float:
 
 
 def gap_flags(label: str, time: FloatArray, values: FloatArray) -> list[Flag]:
-    """Tell of cells that the file leaves empty.
-
-    Parameters
-    ----------
-    label : str
-        Column.
-    time, values : array, shape (n,)
-        Times [s] and readings as the file has them, NaN where a cell is empty.
-    """
+    """Tell of cells of a column that the file leaves empty, NaN in its values, at times [s]."""
     empty = np.flatnonzero(np.isnan(values))
     if empty.size == 0 or empty.size == values.size:
         return []
@@ -129,16 +106,8 @@ def gap_flags(label: str, time: FloatArray, values: FloatArray) -> list[Flag]:
 def swing_flags(label: str, time: FloatArray, values: FloatArray, period: float | None = None) -> list[Flag]:
     """Tell of a free motion that ends before it has swung a few times to and fro.
 
-    A sine that fits the whole motion says how much of a swing it is; one of many swings fits no slow sine.
-
-    Parameters
-    ----------
-    label : str
-        Column.
-    time, values : array, shape (n,)
-        Times [s] and readings, NaN in gaps.
-    period : float, optional
-        Shortest period that the rig allows [s].
+    A sine that fits the whole motion says how much of a swing it is; one of many swings fits no slow sine. `period` is
+    the shortest that the rig allows [s]. NaN are gaps.
     """
     good = np.flatnonzero(np.isfinite(values))
     duration = float(time[-1] - time[0])

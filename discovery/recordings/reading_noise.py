@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
 from discovery.recordings.quantisation import resolution
 
 __all__ = ["estimate_noise", "noise_flags"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _FEWEST = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
@@ -21,25 +19,14 @@ _JITTER = 0.05  # of a step
 
 
 def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
-    """Estimate the standard deviation of white noise on a signal that is smooth from sample to sample.
+    """Estimate the standard deviation of white noise on a signal that is smooth from sample to sample, in its unit.
 
     Differences of order 2 to 8 suppress the signal more and more, and each, divided by the root of the sum of its
     squared binomial coefficients, has the variance of the noise. Their median absolute deviation (times 1.4826,
     Gaussian) does not see steps and outliers; the smallest estimate is the one that holds least of the signal. Where
     steps are uneven, plain differences keep some of the slope: there divided ones are taken beside them. Both are,
-    because a stamp may err where the samples were steady.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Samples; NaN are skipped.
-    time : array, shape (n,), optional
-        Their times, in any unit; equally spaced by default.
-
-    Returns
-    -------
-    float
-        The estimate in the unit of `values`; 0 for a signal without noise, NaN with fewer than 18 samples.
+    because a stamp may err where the samples were steady. Without times, samples are equally spaced; NaN are skipped.
+    The estimate is 0 for a signal without noise, NaN with fewer than 18 samples.
     """
     estimates = _estimates(values)
     if time is not None and _uneven(good := time[np.isfinite(values)]):
@@ -105,18 +92,8 @@ def noise_flags(
 ) -> list[Flag]:
     """Tell where the scatter of readings is not the noise that the rig file states.
 
-    Nothing is said of few or coarse readings, nor where the scatter is larger but may be the signal's.
-
-    Parameters
-    ----------
-    label, unit : str
-        Column and its unit in the file.
-    time, values : array, shape (n,)
-        Times [s] and readings; NaN are gaps.
-    stated : float
-        Standard deviation of a reading, as the rig file states it.
-    band : BandNoise, optional
-        Noise that the scatter from sample to sample does not show.
+    Nothing is said of few or coarse readings, nor where the scatter is larger but may be the signal's. `band` is noise
+    that the scatter from sample to sample does not show. NaN are gaps.
     """
     estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)

@@ -6,13 +6,12 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
@@ -22,6 +21,7 @@ from discovery.recordings.band_noise import BandNoise, band_noise
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
+from discovery.recordings.plausibility import check_signals
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import estimate_noise, noise_flags
@@ -33,7 +33,6 @@ from discovery.rigs.rig import ForceView, Rig
 
 __all__ = ["Recording", "read_recording"]
 
-FloatArray = npt.NDArray[np.float64]
 Bands = list[BandNoise | None]
 
 
@@ -139,10 +138,6 @@ def read_recording(
     name : str, optional
         Name of the recording; the file's by default.
 
-    Returns
-    -------
-    Recording
-
     Raises
     ------
     InputError
@@ -157,7 +152,8 @@ def read_recording(
     >>> swing.time[[0, -1]].tolist(), swing.units
     ([0.0, 3.995], ('m',))
     """
-    rig = _rig(rig)
+    expect(rig, Rig, "rig", "Read one with read_rig(path).")
+    assert rig is not None
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
     checked = [*on_its_clock(rig, found), *_checked(rig, found)]
@@ -167,9 +163,8 @@ def read_recording(
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, bands, more = _cleaned(rig, found, stated)
-    found.check(rig)
-    jitter = _jitter(rig, found, noise)
-    more += _told_of_jitter(rig, found, jitter)
+    check_signals(found, rig.traits.fewest)
+    jitter, told = _jitter(rig, found, noise)
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
@@ -184,31 +179,24 @@ def read_recording(
         sha256=found.table.sha256,
         source=found.source,
         noise_estimated=bool(found.outputs) and any(known is None for known in stated),
-        flags=tuple(flags) + tuple(more),
+        flags=(*flags, *more, *told),
         jitter=jitter,
         bands=tuple(bands),
     )
 
 
-def _rig(given: Rig | None) -> Rig:
-    expect(given, Rig, "rig", "Read one with read_rig(path).")
-    assert given is not None
-    return given
-
-
 def _checked(rig: Rig, found: Signals) -> list[Flag]:
     """Refuse what cannot be a measurement of this rig; join the turns of an angle, and take in an added input."""
     flags: list[Flag] = []
-    time, inputs, outputs = found.time, found.inputs, found.outputs
+    inputs, outputs = found.inputs, found.outputs
     if rig.traits.hangs and rig.view is None and "output" in outputs:
         outputs["output"], flags = near_hanging(outputs["output"], found.units["output"])
-    found.check(rig)
+    check_signals(found, rig.traits.fewest)
     if rig.traits.has_rod:
-        given: dict[str, Any] = {"time": time, "inputs": inputs, "outputs": outputs}
-        check_arm(found.table, found.names, units=found.units, rig=rig, **given)
+        check_arm(found, rig)
         flags = [] if inputs is None else bend_flags(inputs, outputs)
     elif outputs:
-        check_units(found.table, rig, found.names, time, outputs["output"], inputs is not None)
+        check_units(found, rig)
     if inputs is not None and found.added is not None and rig.controller is not None:
         # What is added to the command acts as a reference that is further off.
         found.inputs = inputs + found.added / (rig.controller.kv * rig.controller.kp)
@@ -244,30 +232,33 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
     return noise, bands, flags
 
 
-def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> float:
-    """Return by how much stamps err [s]; a filtered force does not feel it."""
+def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> tuple[float, list[Flag]]:
+    """Return by how much stamps err [s], told where nobody stated it; a filtered force does not feel it."""
     if rig.view is not None or not found.outputs:
-        return 0.0
+        return 0.0, []
     if rig.columns.time.jitter is not None:
-        return rig.columns.time.jitter
+        return rig.columns.time.jitter, []
     read = np.column_stack([found.outputs[channel] for channel in found.channels])
-    return estimate_jitter(found.time, read, np.array(noise))
-
-
-def _told_of_jitter(rig: Rig, found: Signals, jitter: float) -> list[Flag]:
-    """Tell that stamps err where nobody stated it."""
+    jitter = estimate_jitter(found.time, read, np.array(noise))
     numbers = {"jitter": jitter, "step": median_step(found.time)}
-    return [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 and rig.columns.time.jitter is None else []
+    return jitter, [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 else []
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:
-    """Turn motion and force into what the view shows, and return the noise that is left."""
+    """Turn motion and force into what the view shows, the force with gaps; return the noise that is left."""
     assert found.inputs is not None
     rate = sampling_rate(found.time, found.source)
     found.inputs = zero_phase(found.inputs, rate, view.motion_cutoff)
     if not found.outputs:
         return list(noise)
-    found.outputs["output"] = _seen_as_force(view, found.time, found.outputs["output"], rate, found.source)
+    force = found.outputs["output"]
+    if np.isnan(force).any():
+        raise InputError(
+            f"{found.source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps "
+            "with samples = [start, stop]."
+        )
+    used = force_samples(view, found.time, rate)
+    found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
     return [noise_gain(rate, view.cutoff) * value for value in noise]
 
 
@@ -276,16 +267,6 @@ def _own_period(rig: Rig) -> float | None:
     if not rig.traits.hangs or rig.length is None or rig.gravity is None:
         return None
     return float(2.0 * np.pi * np.sqrt(rig.length.value / rig.gravity.value))
-
-
-def _seen_as_force(view: ForceView, time: FloatArray, force: FloatArray, rate: float, source: str) -> FloatArray:
-    """Return the smoothed force with gaps between the samples to use."""
-    if np.isnan(force).any():
-        raise InputError(
-            f"{source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps with "
-            "samples = [start, stop]."
-        )
-    return np.where(force_samples(view, time, rate), zero_phase(force, rate, view.cutoff), np.nan)
 
 
 def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:

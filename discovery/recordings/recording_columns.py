@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor
 from discovery.foundation.arguments import check_whole
+from discovery.foundation.arrays import IntArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table
 from discovery.rigs.rig import Rig
@@ -36,10 +36,7 @@ ARM_OUTPUTS = (("tip_x", "tip_y"), ("tip_angle",), ("tip_deflection",))
 def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str, str]]:
     """Channels, and the column and the unit of each stem, by the names of an arm recording.
 
-    Raises
-    ------
-    InputError
-        If a column is missing, given twice, or lacks its unit or has a wrong one.
+    A column that is missing, given twice, or lacks its unit or has a wrong one is refused.
     """
     names: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -79,13 +76,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
 
 
 def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str, str], dict[str, str]]:
-    """Channels, and the column and the unit of each signal, as the rig file declares them.
-
-    Raises
-    ------
-    InputError
-        If time or input are missing.
-    """
+    """Channels, and column and unit of each signal, as the rig file declares them; time and input are needed."""
     columns = rig.columns
     wanted = [("time", columns.time.name, columns.time.unit)] if columns.time.name and columns.time.rate is None else []
     if columns.input is not None:
@@ -140,14 +131,8 @@ def check_part(samples: Any, where: Any) -> None:
 
 def picked_rows(
     table: Table, names: dict[str, str], samples: tuple[int, int] | None, where: Sequence[tuple[str, str | float]]
-) -> npt.NDArray[np.int64]:
-    """Rows in which columns have given values, and of these a part.
-
-    Raises
-    ------
-    InputError
-        If the columns differ in length, or there are no such rows.
-    """
+) -> IntArray:
+    """Rows in which columns, of one length, have given values, and of these a part; there must be some."""
     sizes = {name: table.columns[name].size for name in (*names.values(), *(n for n, _ in where if n in table.columns))}
     if not names:
         raise InputError(f"{table.path} has neither a time nor an input column, so the number of samples is not known.")

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from discovery.declarations.units import si_factor
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
@@ -18,7 +19,6 @@ from discovery.rigs.rig import Rig
 
 __all__ = ["SteadyClock", "on_its_clock", "steady_clock"]
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
 
 _FEWEST = 20  # stamps that all lie on a clock by chance are fewer
@@ -33,17 +33,7 @@ _ROUGHER = 1.1  # times the scatter on the stamps, beyond which readings were no
 
 @dataclass(frozen=True)
 class SteadyClock:
-    """Times of a steady clock.
-
-    Attributes
-    ----------
-    time : array, shape (n,)
-        In the unit of the stamps.
-    step : float
-        Between readings, in that unit.
-    rounding : float
-        Of the coarsest stamp, in that unit.
-    """
+    """Times (n,) of a steady clock, its step, and the rounding of the coarsest stamp, in the stamps' unit."""
 
     time: FloatArray
     step: float
@@ -51,14 +41,9 @@ class SteadyClock:
 
 
 def on_its_clock(rig: Rig, found: Signals) -> list[Flag]:
-    """Take the times of the clock that explains rounded stamps, and tell it.
+    """Take the times of the clock that explains rounded stamps, also where they repeat, and tell it.
 
-    Parameters
-    ----------
-    rig : Rig
-        Where it states how stamps err, they stay as they are.
-    found : Signals
-        `time` is replaced, also where rounded stamps repeat.
+    Where the rig states how stamps err, they stay as they are.
     """
     if rig.columns.time.jitter is not None or "time" not in found.names:
         return []

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.recordings.time_jitter import left_by_cubics
 
 __all__ = ["FlatRuns", "drift", "flat_runs", "spikes"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _SHORTEST_CLIPPED = 3  # equal readings at the extreme
 _SHORTEST_STUCK = 10  # equal readings elsewhere
@@ -37,17 +34,11 @@ _RESTS = 3  # periods
 
 @dataclass(frozen=True)
 class FlatRuns:
-    """Samples of a signal that stand still where the signal cannot.
+    """Samples (n,) of a signal that stand still where the signal cannot.
 
-    Attributes
-    ----------
-    stuck, clipped : array of bool, shape (n,)
-        Readings to be left out: the repeats of a stuck reading, with the first of them where a jump leads to it, and
-        those at the end of the instrument's range.
-    stretches : tuple of (int, int)
-        First sample that is left out and number of them, of each stuck stretch.
-    limits : tuple of float
-        Values at which the readings are clipped.
+    `stuck` and `clipped` mark readings to be left out: the repeats of a stuck reading, with the first of them where a
+    jump leads to it, and those at the end of the instrument's range. `stretches` have the first sample that is left out
+    and the number of them, of each stuck stretch; `limits` are the values at which the readings are clipped.
     """
 
     stuck: BoolArray
@@ -57,21 +48,15 @@ class FlatRuns:
 
 
 def flat_runs(values: FloatArray, error: float, *, rate: bool = False) -> FlatRuns:
-    """Find equal readings in a row between which the system was moving.
+    """Find equal readings in a row between which the system was moving; NaN are gaps.
 
     A motion that turns or comes to rest slows down before it stands still, and a quantised one covers only a few
     quanta beside a turning point. A run is a fault if the signal covers far more in as many samples beside it, and
     enters or leaves it at speed; at the extreme of all readings it is clipped, elsewhere it is stuck. A run that begins
     with a jump, as of an instrument that falls to a dead value, is stuck at the extreme too, and as a whole.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Readings; NaN are gaps.
-    error : float
-        Standard deviation of a reading, or the quantum if that is larger.
-    rate : bool
-        Whether a speed is read. Dry friction ends it abruptly: zero, to which no jump leads, is a standstill.
+    `error` is the standard deviation of a reading, or the quantum if that is larger. Where `rate` says that a speed is
+    read, dry friction ends it abruptly: zero, to which no jump leads, is a standstill.
     """
     change = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
     starts, lengths = change[:-1], np.diff(change)
@@ -139,26 +124,12 @@ def _interrupts(values: FloatArray, start: int, length: int, error: float, abrup
     return False
 
 
-def spikes(time: FloatArray, values: FloatArray, error: float) -> npt.NDArray[np.int64]:
-    """Find single readings far from where their neighbours put them.
+def spikes(time: FloatArray, values: FloatArray, error: float) -> IntArray:
+    """Return the samples of single readings far from where their neighbours put them.
 
     A cubic through two neighbours on either side predicts a reading. A spike misses its prediction by far more than is
     usual around it, and pulls the predictions beside it two thirds as far to the other side. Neighbours that lie across
-    a gap of the times predict nothing.
-
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Times [s], increasing.
-    values : array, shape (n,)
-        Readings; NaN are gaps.
-    error : float
-        Standard deviation of a reading.
-
-    Returns
-    -------
-    array of int
-        Samples.
+    a gap of the times [s] predict nothing. `error` is the standard deviation of a reading; NaN are gaps.
     """
     if values.size < 4 * _NEIGHBOURHOOD:
         return np.empty(0, np.int64)
@@ -178,28 +149,15 @@ def spikes(time: FloatArray, values: FloatArray, error: float) -> npt.NDArray[np
 
 
 def drift(time: FloatArray, values: FloatArray, error: float, given: FloatArray | None = None) -> float:
-    """Give by how much the mean about which a signal swings creeps over the record.
+    """Give by how much the mean about which a signal swings creeps over the record, in its unit.
 
     The slow part of a motion has a trend too, by chance or because its input has one. Such a trend is no creeping, nor
     is that of a free body which dry friction stops off its middle: where it stands still in the end, that part tells.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Times [s], about equally spaced.
-    values : array, shape (n,)
-        Readings; NaN are skipped.
-    error : float
-        Standard deviation of a reading.
-    given : array, shape (n,), optional
-        The input, which a slow motion follows.
-
-    Returns
-    -------
-    float
-        The change over the whole record of a straight line through means over four periods, or through the readings at
-        the end that stand still, in the unit of `values`; 0 if it is below a twentieth of the signal's standard
-        deviation, or below three of its own standard errors, or the record is shorter than four such windows.
+    It is the change over the whole record of a straight line through means over four periods, or through the readings
+    at the end that stand still; 0 if it is below a twentieth of the signal's standard deviation, or below three of its
+    own standard errors, or the record is shorter than four such windows. Times [s] are about equally spaced, `error` is
+    the standard deviation of a reading, `given` the input, which a slow motion follows. NaN are skipped.
     """
     good = np.isfinite(values)
     x = np.interp(time, time[good], values[good])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.copies import copied
 from discovery.recordings.reading_noise import white_noise
@@ -12,7 +13,6 @@ from discovery.recordings.recording import Recording
 
 __all__ = ["shared_samples"]
 
-FloatArray = npt.NDArray[np.float64]
 #: Noise does not repeat so many readings in a row, of which so many differ.
 _ROW, _DIFFERENT = 30, 20
 #: Share of the shorter recording that is repeated by no accident.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.fft import irfft, rfft
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive, spline_drive
 from discovery.recordings.motion_profile import smooth_motion
@@ -15,27 +15,16 @@ from discovery.rigs.rig import Rig
 
 __all__ = ["build_drive"]
 
-FloatArray = npt.NDArray[np.float64]
-
 _UPSAMPLING = 8
 
 
 def build_drive(recording: Recording, rig: Rig) -> Drive | None:
-    """Make the input of a recording continuous in time.
+    """Make the input of a recording continuous in time; None for a free decay, which has none.
 
-    Parameters
-    ----------
-    recording : Recording
-    rig : Rig
-        Says how the input runs between samples: a motion, such as an arm's motor angle, is smoothed to its encoder's
-        error (``angle_noise``, uniform; estimated where the rig does not state it); any other is interpolated, band
-        limited, by a cubic spline (``"auto"`` too, until `discovery.estimation.input_choice` has chosen), linearly or
-        held.
-
-    Returns
-    -------
-    Drive or None
-        None for a free decay, which has no input.
+    The rig says how the input runs between samples: a motion, such as an arm's motor angle, is smoothed to its
+    encoder's error (``angle_noise``, uniform; estimated where the rig does not state it); any other is interpolated,
+    band limited, by a cubic spline (``"auto"`` too, until `discovery.estimation.input_choice` has chosen), linearly or
+    held.
 
     Raises
     ------

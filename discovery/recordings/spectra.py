@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["filled", "spectrum"]
+from discovery.foundation.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["filled", "spectrum"]
 
 
 def filled(values: FloatArray) -> FloatArray:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 
 __all__ = ["estimate_jitter", "left_by_cubics", "scatter", "stamp_deviation"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _FEWEST = 200  # readings, fewer scatter too little to tell their noise from that of their stamps
 _SURE = 4.0  # standard deviations
@@ -18,18 +16,10 @@ _SHARE = 1 / 3  # of the readings are compared, the slowest with the fastest one
 
 
 def scatter(time: FloatArray, output: FloatArray, noise: FloatArray, jitter: float) -> FloatArray:
-    """Return the standard deviation of each reading: its noise and, in quadrature, slope times error of its stamp.
+    """Return the sd (n, c) of each reading: its noise and, in quadrature, slope times error of its stamp.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Stamps [s].
-    output : array, shape (n, c)
-        Readings; NaN are gaps.
-    noise : array, shape (c,)
-        Standard deviation of readings that do not move.
-    jitter : float
-        Standard deviation of the error of a stamp [s].
+    `noise` (c,) is that of readings that do not move, `jitter` the standard deviation of the error of a stamp [s]. NaN
+    are gaps of the output (n, c).
     """
     still = np.broadcast_to(noise, output.shape)
     if jitter == 0.0:
@@ -44,21 +34,12 @@ def stamp_deviation(time: FloatArray) -> float:
 
 
 def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> float:
-    """Estimate by how much stamps err [s], from how much more readings scatter where they move fast.
+    """Estimate by how much stamps err [s], from how much more readings scatter where they move fast; see `scatter`.
 
     Stamps that deviate from a steady clock may be right, for then the samples were not steady, or err. They err where
     a reading lies off the cubic through its neighbours by more in the fastest third of a recording than in the
-    slowest, beyond chance; they err by no more than they deviate.
-
-    Parameters
-    ----------
-    time, output, noise : array
-        See `scatter`.
-
-    Returns
-    -------
-    float
-        Standard deviation; zero for steady stamps, and for those that do not seem to err. The median of the channels.
+    slowest, beyond chance; they err by no more than they deviate. The estimate is the median of the channels, zero for
+    steady stamps, and for those that do not seem to err.
     """
     most = stamp_deviation(time)
     # Rounded stamps deviate as well, and by far less than would be seen in any reading.
@@ -92,17 +73,10 @@ def _of_channel(time: FloatArray, channel: FloatArray, noise: float) -> float:
 
 
 def left_by_cubics(time: FloatArray, channel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return by how much readings miss the cubic through two neighbours on either side, and the slopes there.
+    """Return by how much readings miss the cubic through two neighbours on either side, and the slopes there, (n - 4,).
 
-    Parameters
-    ----------
-    time, channel : array, shape (n,)
-        Times [s], increasing, and readings; what misses next to a gap is NaN.
-
-    Returns
-    -------
-    miss, slope : array, shape (n - 4,)
-        From the third reading to the last but two; a miss has the standard deviation of one reading.
+    They are those of the third reading to the last but two; a miss has the standard deviation of one reading, and is
+    NaN next to a gap.
     """
     at = np.stack([time[:-4], time[1:-3], time[3:-1], time[4:]]) - time[2:-2]
     near = np.stack([channel[:-4], channel[1:-3], channel[3:-1], channel[4:]])

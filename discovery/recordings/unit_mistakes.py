@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.units import quoted, si_factor
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.io import Table
+from discovery.recordings.angles import within_half_a_turn
+from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import slow_fall
 from discovery.rigs.rig import Rig
 
 __all__ = ["check_units", "near_hanging"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _FULL_TURN = 2.0 * np.pi
 _JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours that lie so near each other [rad]
@@ -73,7 +72,7 @@ def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list
     return (joined if turns or places.size else angle), flags
 
 
-def _turns_away(angle: FloatArray) -> npt.NDArray[np.bool_]:
+def _turns_away(angle: FloatArray) -> BoolArray:
     """Return readings that lie off the others and are entered and left by more than the turn that a sensor may lose."""
     good = np.flatnonzero(np.isfinite(angle))
     found = np.zeros(angle.size, bool)
@@ -84,53 +83,34 @@ def _turns_away(angle: FloatArray) -> npt.NDArray[np.bool_]:
     return found
 
 
-def _alone(angle: FloatArray) -> npt.NDArray[np.bool_]:
+def _alone(angle: FloatArray) -> BoolArray:
     """Return which readings jump by what is no full turn away from two neighbours that agree."""
     found = np.zeros(angle.size, bool)
     jump = np.diff(angle)
-    turned = np.abs(np.remainder(jump + np.pi, _FULL_TURN) - np.pi)
+    turned = np.abs(within_half_a_turn(jump))
     there, back = jump[:-1], jump[1:]
     away = (np.abs(there) > _JUMP) & (np.abs(back) > _JUMP) & (np.sign(there) != np.sign(back))
     found[1:-1] = away & (np.maximum(turned[:-1], turned[1:]) > 0.5 * _JUMP) & (np.abs(angle[2:] - angle[:-2]) < _NEAR)
     return found
 
 
-def check_units(
-    table: Table, rig: Rig, names: dict[str, str], time: FloatArray, output: FloatArray, driven: bool
-) -> None:
-    """Refuse a motion that gravity cannot have made.
+def check_units(found: Signals, rig: Rig) -> None:
+    """Refuse a motion that gravity cannot have made; only pendulums and falling bodies are held against it.
 
-    Parameters
-    ----------
-    table : Table
-        The file, for the messages.
-    rig : Rig
-        The system; only pendulums and falling bodies are held against gravity.
-    names : dict of str to str
-        Signal to the name of its column.
-    time, output : array, shape (n,)
-        In SI units.
-    driven : bool
-        Whether a force acts beside gravity.
-
-    Raises
-    ------
-    InputError
-        If a pendulum swings through more than a turn and back, comes to rest upright, or swings or falls as in another
-        gravity by a factor that only a wrong unit explains.
+    Refused is a pendulum that swings through more than a turn and back or comes to rest upright, and what swings or
+    falls as in another gravity by a factor that only a wrong unit explains.
     """
     if rig.gravity is None or rig.view is not None:
         return
+    output = found.outputs["output"]
     good = np.isfinite(output)
-    t, y = time[good], output[good]
-    where = f"{table.path}, column {names['output']!r}"
-    if rig.traits.hangs and not driven:
-        _check_swing(where, rig, y, float(np.nanmax(np.abs(table.numbers(names["output"])))))
+    t, y = found.time[good], output[good]
+    if rig.traits.hangs and found.inputs is None:
+        _check_swing(found.at("output"), rig, y, float(np.nanmax(np.abs(found.table.numbers(found.names["output"])))))
         # Too slow or too fast is more often the time's fault than the angle's.
-        clock = f", column {names['time']!r}" if "time" in names else ""
-        _check_pace(f"{table.path}{clock}", rig, t, y)
+        _check_pace(found.at("time") if "time" in found.names else str(found.table.path), rig, t, y)
     elif rig.traits.falls:
-        _check_fall(where, rig.gravity.value, t, y)
+        _check_fall(found.at("output"), rig.gravity.value, t, y)
 
 
 def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> None:

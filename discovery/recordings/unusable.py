@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.units import quoted
+from discovery.foundation.arrays import BoolArray
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
@@ -15,8 +15,6 @@ from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.recording import Recording
 
 __all__ = ["refuse_unusable"]
-
-BoolArray = NDArray[np.bool_]
 
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 _FEWEST = 30
@@ -35,11 +33,8 @@ _MOVES = 10.0
 def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
     """Refuse recordings, each with its role, from which nothing can be learned.
 
-    Raises
-    ------
-    InputError
-        If a part holds no measurement, nothing moves in all that is fitted, an input is a copy or dead in all of it, or
-        an arm bends in none of it.
+    Refused are a part without a measurement, a motion that rests in all that is fitted, an input that is a copy or dead
+    in all of it, and an arm that bends in none of it.
     """
     for role, experiment in recordings:
         _refuse_one(role, experiment)

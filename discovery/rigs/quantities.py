@@ -40,6 +40,16 @@ class QuantityKind:
     kinds: tuple[str, ...]
     meaning: str
 
+    @property
+    def has_sd(self) -> bool:
+        """Whether a standard deviation is used."""
+        return self.usual_sd(self.largest) > 0.0
+
+    @property
+    def symbol(self) -> str:
+        """The unit as results have it, with negative powers."""
+        return self.unit.replace(" / s^", " s^-").replace(" / s", " s^-1")
+
     def usual_sd(self, value: float) -> float:
         """Return the standard deviation of a value that is stated without one, in SI units."""
         return self.relative_sd * value + self.absolute_sd
@@ -48,13 +58,6 @@ class QuantityKind:
 _ARM = ("flexible_arm",)
 
 QUANTITIES: Mapping[str, QuantityKind] = {
-    "gravity": QuantityKind(
-        unit="m s^-2",
-        absolute_sd=0.02,
-        largest=30.0,
-        kinds=("pendulum", "falling_body"),
-        meaning="Acceleration of gravity. Left out, it is 9.80665, with an sd of 0.02.",
-    ),
     "length": QuantityKind(
         unit="m",
         absolute_sd=1e-3,
@@ -101,6 +104,13 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         kinds=("oscillator", "pendulum", "base_excited", "drive"),
         meaning="Moment of inertia of what turns. With it, parameters are also told as torques. Where the "
         "input of an oscillator, a pendulum or a drive is a torque, it is not needed: it is then fitted itself.",
+    ),
+    "gravity": QuantityKind(
+        unit="m s^-2",
+        absolute_sd=0.02,
+        largest=30.0,
+        kinds=("pendulum", "falling_body"),
+        meaning="Acceleration of gravity. Left out, it is 9.80665, with an sd of 0.02.",
     ),
     "position_noise": QuantityKind(
         unit="m",

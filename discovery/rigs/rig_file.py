@@ -29,11 +29,11 @@ from discovery.rigs.kinds import KINDS
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.quantity_keys import check_kind, check_signals, quantities_of
 from discovery.rigs.rig import Columns, Quantity, RecordPart, Rig
-from discovery.rigs.rig_mistakes import explain, line_of
+from discovery.rigs.rig_lines import RigText
+from discovery.rigs.rig_mistakes import explain
 from discovery.rigs.rig_schema import RecordsTable, RigTable
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.rigs.rig_system import read_columns, system_of
-from discovery.rigs.unfilled import unfilled
 
 __all__ = ["read_rig"]
 
@@ -51,10 +51,6 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         variable ``DISCOVERY_DATA`` names, separated as in ``PATH``: there, in the subfolder that is called like the
         folder of the rig file, and in any other.
 
-    Returns
-    -------
-    Rig
-
     Raises
     ------
     InputError
@@ -67,58 +63,47 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     ('viscous_damping', 'linear_stiffness')
     """
     path = as_path(path, "path", "Give the path of a rig file.")
-    content, text, document = _parsed(path)
-    rest, quantities, keys = quantities_of(path, text, document)
-    table = _validated(path, text, rest)
-    arm = KINDS[table.kind].has_rod
-    if arm:
-        _check_arm(path, quantities)
-    check_tables(path, text, table)
-    check_kind(path, text, table, keys)
-    system = system_of(path, text, table)
-    _check_effects(path, text, table, KINDS[table.kind].base if system is None else declare(system))
-    values = {stem: quantity.value for stem, quantity in quantities.items()}
+    file, sha256, document = _parsed(path)
+    rest, quantities, keys = quantities_of(file, document)
+    table = _validated(file, rest)
+    if KINDS[table.kind].has_rod:
+        _check_arm(file, quantities)
+    check_tables(file, table)
+    check_kind(file, table, keys)
+    system = system_of(file, table)
+    _check_effects(file, table, KINDS[table.kind].base if system is None else declare(system))
+    if table.kind in QUANTITIES["gravity"].kinds:
+        quantities.setdefault("gravity", _GRAVITY)
+    stated: dict[str, Any] = {n: q if QUANTITIES[n].has_sd else q.value for n, q in quantities.items()}
     return Rig(
         name=table.name,
         kind=table.kind,
-        length=quantities.get("length"),
-        tip_mass=quantities.get("tip_mass"),
-        beam_mass=quantities.get("beam_mass"),
-        flexural_rigidity=quantities.get("flexural_rigidity"),
-        mass=quantities.get("mass"),
-        inertia=quantities.get("inertia"),
-        position_noise=values.get("position_noise"),
-        angle_noise=values.get("angle_noise"),
-        columns=_columns(path, text, table, system, keys),
+        columns=_columns(file, table, system, keys),
         declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
-        records=_records(path, text, table.records),
-        gravity=quantities.get("gravity", _GRAVITY if table.kind in QUANTITIES["gravity"].kinds else None),
-        controller=controller_of(path, text, table),
-        view=view_of(path, text, table),
+        records=_records(file, table.records),
+        controller=controller_of(file, table),
+        view=view_of(file, table),
         system=system,
-        motor_angle_limit=values.get("motor_angle_limit"),
-        motor_speed_limit=values.get("motor_speed_limit"),
-        motor_acceleration_limit=values.get("motor_acceleration_limit"),
-        deflection_limit=values.get("deflection_limit"),
         path=path,
-        sha256=hashlib.sha256(content).hexdigest(),
-        unfilled=unfilled(text),
+        sha256=sha256,
+        unfilled=file.unfilled,
+        **stated,
     )
 
 
-def _check_arm(path: Path, quantities: Mapping[str, Quantity]) -> None:
+def _check_arm(file: RigText, quantities: Mapping[str, Quantity]) -> None:
     if "length" not in quantities:
-        raise InputError(f"The rig file {path} lacks the key 'length_m', the length of the arm. Add it.")
+        raise InputError(f"{file} lacks the key 'length_m', the length of the arm. Add it.")
     length, noise = quantities["length"].value, quantities.get("position_noise")
     if noise is not None and noise.value > 0.1 * length:
         raise InputError(
-            f"The rig file {path} states a position noise of {noise.value:g} m on an arm of {length:g} m. "
+            f"{file} states a position noise of {noise.value:g} m on an arm of {length:g} m. "
             "If it is in millimetres, name the key 'position_noise_mm'."
         )
 
 
-def _parsed(path: Path) -> tuple[bytes, str, dict[str, Any]]:
-    """Return a rig file's bytes, its text and its document."""
+def _parsed(path: Path) -> tuple[RigText, str, dict[str, Any]]:
+    """Return a rig file's text, the hash of its bytes and its document."""
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:  # a name may hold what no file's name can
@@ -132,29 +117,27 @@ def _parsed(path: Path) -> tuple[bytes, str, dict[str, Any]]:
         raise InputError(f"The rig file {path} nests its values too deeply. Write them as the examples do.") from error
     except ValueError as error:  # no TOML, no text, or a number of thousands of digits
         raise InputError(f"The rig file {path} is not valid TOML: {error}. Correct that line.") from error
-    return content, text, document
+    return RigText(path, text), hashlib.sha256(content).hexdigest(), document
 
 
-def _validated(path: Path, text: str, rest: dict[str, Any]) -> RigTable:
+def _validated(file: RigText, rest: dict[str, Any]) -> RigTable:
     if isinstance(rest.get("system"), dict):
         rest.setdefault("kind", "system")
     try:
         return RigTable.model_validate(rest)
     except ValidationError as error:
-        raise InputError(explain(path, text, error)) from error
+        raise InputError(explain(file, error)) from error
 
 
-def _columns(
-    path: Path, text: str, table: RigTable, system: SystemDeclaration | None, keys: Mapping[str, str]
-) -> Columns:
-    columns = columns_of(path, text, table) if system is None else read_columns(path, text, table, system)
-    check_signals(path, text, table, columns, keys)
+def _columns(file: RigText, table: RigTable, system: SystemDeclaration | None, keys: Mapping[str, str]) -> Columns:
+    columns = columns_of(file, table) if system is None else read_columns(file, table, system)
+    check_signals(file, table, columns, keys)
     return columns
 
 
-def _check_effects(path: Path, text: str, table: RigTable, base: str) -> None:
+def _check_effects(file: RigText, table: RigTable, base: str) -> None:
     named = table.model.effects if table.model else []
-    where = f"The rig file {path}, line {line_of(text, ('model', 'effects'))}, key 'model.effects':"
+    where = f"{file.at('model', 'effects')}, key 'model.effects':"
     system = get_base(base).system
     for effect in named:
         try:
@@ -174,19 +157,19 @@ def _check_effects(path: Path, text: str, table: RigTable, base: str) -> None:
             raise InputError(f"{where} {effect!r} is named twice. Name each effect once.")
 
 
-def _records(path: Path, text: str, table: RecordsTable) -> dict[str, tuple[RecordPart, ...]]:
+def _records(file: RigText, table: RecordsTable) -> dict[str, tuple[RecordPart, ...]]:
     records: dict[str, tuple[RecordPart, ...]] = {}
     for name, parts in (("train", table.train), ("holdout", table.holdout), ("test", table.test)):
         for part in parts:
             if part.samples and part.samples[0] >= part.samples[1]:
                 raise InputError(
-                    f"The rig file {path}, line {line_of(text, ('records', name))}: samples = {part.samples} of "
+                    f"{file.at('records', name)}: samples = {part.samples} of "
                     f"{part.file!r} is empty. Give [start, stop] with start < stop, as in a Python slice."
                 )
         if parts:
             records[name] = tuple(
                 RecordPart(
-                    _find(path, part.file),
+                    _find(file.path, part.file),
                     (part.samples[0], part.samples[1]) if part.samples else None,
                     tuple(part.where.items()),
                     part.name,

@@ -5,62 +5,37 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from discovery.foundation.errors import suggestion
 from discovery.rigs.quantities import QUANTITIES, key_of
-from discovery.rigs.rig_schema import (
-    ColumnsTable,
-    ControllerTable,
-    InputTable,
-    ModelTable,
-    OutputTable,
-    PartTable,
-    QuantityTable,
-    RecordsTable,
-    RigTable,
-    TimeTable,
-    ViewTable,
-)
-from discovery.rigs.system_table import ConstantTable, SystemTable
+from discovery.rigs.rig_lines import RigText
+from discovery.rigs.rig_schema import QuantityTable, RecordsTable, RigTable
+from discovery.rigs.system_table import ConstantTable
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-__all__ = ["explain", "line_of"]
+__all__ = ["explain"]
 
 
-def line_of(text: str, keys: Sequence[str]) -> int | str:
-    """Line of the innermost of nested keys that can be found in the text, else ``?``."""
-    lines = text.splitlines()
-    position, found = 0, 0
-    for key in keys:
-        pattern = re.compile(rf"(?:\A\s*\[+\s*(?:\w+\.)*|\A\s*|[{{,.]\s*)[\"']?{re.escape(key)}[\"']?\s*(?:=|\]|\.)")
-        for number in range(position, len(lines)):
-            if pattern.search(lines[number].split("#", 1)[0]):
-                position, found = number, number + 1
-                break
-    return found or "?"
-
-
-def explain(path: Path, text: str, error: ValidationError, outer: tuple[str, ...] = (), *, bare: bool = False) -> str:
+def explain(file: RigText, error: ValidationError, outer: tuple[str, ...] = (), *, bare: bool = False) -> str:
     """Return one paragraph from pydantic's first complaint, on a key that is not known before one that is missing.
 
     `outer` are the keys around what was validated; `bare` says that the innermost of them has the value itself.
     """
-    found = [(outer if bare else (*outer, *_keys(d, text, outer)), d) for d in error.errors()]
+    found = [(outer if bare else (*outer, *_keys(d, file.text, outer)), d) for d in error.errors()]
     keys, detail = next(((k, d) for k, d in found if d["type"] == "extra_forbidden"), found[0])
     name = ".".join(keys)
     # A key that may hold either of two types complains of both.
     others = len({(k, d["loc"][: len(k) + sum(isinstance(p, int) for p in d["loc"])]) for k, d in found}) - 1
     more = f" ({others} more after this one.)" if others else ""
     if detail["type"] == "missing":
-        where = f", line {line_of(text, keys[:-1])}," if len(keys) > 1 else ""
-        return f"The rig file {path}{where} lacks the key {name!r}. Add it.{more}"
-    where = f"The rig file {path}, line {line_of(text, keys)}:"
+        where = f"{file.at(*keys[:-1])}," if len(keys) > 1 else file
+        return f"{where} lacks the key {name!r}. Add it.{more}"
+    where = f"{file.at(*keys)}:"
     if detail["type"] == "extra_forbidden":
         return f"{where} the key {name!r} is not known.{_known_instead(keys, detail['input'])}{more}"
     value = detail["input"]
@@ -119,28 +94,24 @@ def _demand(detail: ErrorDetails, keys: Sequence[str]) -> str:
     return f"it {message}" if message.startswith(("must", "needs")) else message
 
 
-#: The table that holds the keys below each key.
-_TABLES: dict[str, type[BaseModel]] = {
-    "columns": ColumnsTable,
-    "time": TimeTable,
-    "input": InputTable,
-    "output": OutputTable,
-    "model": ModelTable,
-    "controller": ControllerTable,
-    "view": ViewTable,
-    "records": RecordsTable,
-    "system": SystemTable,
-    "train": PartTable,
-    "holdout": PartTable,
-    "test": PartTable,
-}
+def _tables(table: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """Return the table that holds the keys below each key of a table, and below those."""
+    found = {name: held for name, field in table.model_fields.items() for held in _held(field.annotation)}
+    return {**found, **{name: held for inner in found.values() for name, held in _tables(inner).items()}}
+
+
+def _held(annotation: Any) -> list[type[BaseModel]]:
+    """Return the tables of which a value may be one."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [held for part in get_args(annotation) for held in _held(part)]
 
 
 def _known_instead(keys: Sequence[str], value: object) -> str:
     """Return what is known where a key is not."""
     if len(keys) > 1:
         constant = keys[:2] == ("system", "constants")
-        parent = ConstantTable if constant and len(keys) > 2 else _TABLES.get(keys[-2], QuantityTable)
+        parent = ConstantTable if constant and len(keys) > 2 else _tables(RigTable).get(keys[-2], QuantityTable)
         known = list(parent.model_fields)
         return f"{suggestion(keys[-1], known)} Known here: {', '.join(known)}."
     stem = next((stem for stem in QUANTITIES if keys[0].startswith(stem)), None)

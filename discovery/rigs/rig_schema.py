@@ -5,9 +5,9 @@ from __future__ import annotations
 import unicodedata
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, Field, FiniteFloat
 
-from discovery.rigs.system_table import SystemTable
+from discovery.rigs.system_table import SystemTable, Table, Text
 
 __all__ = [
     "ColumnsTable",
@@ -24,12 +24,7 @@ __all__ = [
 ]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
 _Positive = Annotated[FiniteFloat, Field(gt=0)]
-_Text = Annotated[str, Field(min_length=1)]
 
 
 def _no_control(value: str) -> str:
@@ -39,7 +34,7 @@ def _no_control(value: str) -> str:
     return value
 
 
-_Name = Annotated[_Text, AfterValidator(_no_control)]
+_Name = Annotated[Text, AfterValidator(_no_control)]
 
 
 def _not_zero(value: float) -> float:
@@ -55,7 +50,7 @@ _Scale = Annotated[
 ]
 
 
-class QuantityTable(_Table):
+class QuantityTable(Table):
     """A positive number, with or without its standard deviation."""
 
     value: _Positive = Field(description="The number, in the unit of the key's suffix.")
@@ -65,14 +60,14 @@ class QuantityTable(_Table):
     )
 
 
-class TimeTable(_Table):
+class TimeTable(Table):
     """Either a column with the times of the readings, or their rate."""
 
     rate_hz: _Positive | None = Field(
         default=None, description="Rows per second, where the file has no column of times. Left out, `name` is needed."
     )
-    name: _Text | None = Field(default=None, description="Column of the times. Left out, `rate_hz` is needed.")
-    unit: _Text = Field(default="s", description="Unit of the column, and of `jitter`.")
+    name: Text | None = Field(default=None, description="Column of the times. Left out, `rate_hz` is needed.")
+    unit: Text = Field(default="s", description="Unit of the column, and of `jitter`.")
     assumed: bool = Field(
         default=False,
         description="The rate is not known: `rate_hz` is made up. Write 1.0, and rates and frequencies are per row.",
@@ -84,11 +79,11 @@ class TimeTable(_Table):
     )
 
 
-class InputTable(_Table):
+class InputTable(Table):
     """The column of the input. It is left out where the system moves freely."""
 
-    name: _Text = Field(description="Column of the input.")
-    unit: _Text = Field(
+    name: Text = Field(description="Column of the input.")
+    unit: Text = Field(
         description="Unit of the input, after `zero` and `scale`; `1` for a pure number. For `base_excited` and with a "
         "`[controller]` it measures what the output's does, but a base under an angle may be shifted by a length."
     )
@@ -106,11 +101,11 @@ class InputTable(_Table):
     scale: _Scale = 1.0
 
 
-class OutputTable(_Table):
+class OutputTable(Table):
     """The column of the output."""
 
-    name: _Text = Field(description="Column of the output.")
-    unit: _Text = Field(
+    name: Text = Field(description="Column of the output.")
+    unit: Text = Field(
         description="Unit of the output, after `zero` and `scale`; `1` for a pure number. A `pendulum` has an "
         "angle, a `falling_body` a length."
     )
@@ -131,10 +126,10 @@ class OutputTable(_Table):
     scale: _Scale = 1.0
 
 
-class ColumnsTable(_Table):
+class ColumnsTable(Table):
     """What the columns of the recordings are. A ``flexible_arm`` has fixed ones; every other kind needs this table."""
 
-    header: Annotated[list[_Text], Field(min_length=1)] | None = Field(
+    header: Annotated[list[Text], Field(min_length=1)] | None = Field(
         default=None,
         description="Names of all columns, from left to right, of text files without a line of names. Left out, the "
         "files name them.",
@@ -151,7 +146,7 @@ class ColumnsTable(_Table):
     )
 
 
-class ControllerTable(_Table):
+class ControllerTable(Table):
     """The position loop around a ``drive``, command = kv (kp (input - output) - rate of the output).
 
     The input is then the reference. Left out, the input acts on the drive itself.
@@ -162,15 +157,15 @@ class ControllerTable(_Table):
     limit: _Positive | None = Field(
         default=None, description="Largest magnitude of the command, in `unit`. Left out, the command has no limit."
     )
-    unit: _Text = Field(default="1", description="Unit of the command; `1` for a pure number.")
-    added: _Text | None = Field(
+    unit: Text = Field(default="1", description="Unit of the command; `1` for a pure number.")
+    added: Text | None = Field(
         default=None,
         description="Column with what was added to the command, in `unit`. Left out, or in a file without this "
         "column, nothing was.",
     )
 
 
-class ViewTable(_Table):
+class ViewTable(Table):
     """A ``drive`` or an ``oscillator`` seen as the force that its motion takes: inverse dynamics.
 
     The input is then the motion, and the output the force. Both need even steps. Left out, the force is given and the
@@ -191,19 +186,19 @@ class ViewTable(_Table):
     )
 
 
-class ModelTable(_Table):
+class ModelTable(Table):
     """The model that you declare."""
 
-    effects: list[_Text] = Field(
+    effects: list[Text] = Field(
         description="Its effects, by their names in the catalogue; of a `system`, EFFECT_at_PLACE. The list may be "
         "empty for `drive`, `falling_body` and `system`."
     )
 
 
-class PartTable(_Table):
+class PartTable(Table):
     """One recording of any of these lists: a file, or some of its rows."""
 
-    file: _Text = Field(
+    file: Text = Field(
         description="File of the recording. It is looked for beside the rig file, then in the folders of "
         "`DISCOVERY_DATA`."
     )
@@ -222,7 +217,7 @@ class PartTable(_Table):
     )
 
 
-class RecordsTable(_Table):
+class RecordsTable(Table):
     """The recordings.
 
     Where a command is given ``--train``, none of these is used. ``--holdout`` alone takes the place of ``holdout``, and
@@ -240,13 +235,12 @@ class RecordsTable(_Table):
     )
 
 
-class RigTable(_Table):
+class RigTable(Table):
     """The whole file, without the keys that carry a unit."""
 
     name: _Name = Field(description="Name of the system on pages.")
     kind: Literal["flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system"] = Field(
-        default="flexible_arm",
-        description="Kind of system. Left out beside a table `[system]`, it is `system`.",
+        default="flexible_arm", description="Kind of system. Left out beside a table `[system]`, it is `system`."
     )
     system: SystemTable | None = Field(default=None, description="The equations of a `system`; no other kind has it.")
     columns: ColumnsTable | None = Field(

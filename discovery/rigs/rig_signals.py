@@ -3,90 +3,77 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 from discovery.declarations.units import is_force, si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
-from discovery.rigs.rig_mistakes import line_of
+from discovery.rigs.rig_lines import RigText
 from discovery.rigs.rig_schema import ColumnsTable, RigTable
 
 __all__ = ["check_tables", "columns_of", "controller_of", "view_of"]
 
 
-def check_tables(path: Path, text: str, table: RigTable) -> None:
-    """Refuse tables that the kind of system does not have, or lacks.
-
-    Raises
-    ------
-    InputError
-        Naming the table and what the kind records.
-    """
+def check_tables(file: RigText, table: RigTable) -> None:
+    """Refuse tables that the kind of system does not have, or lacks."""
     kind, columns = KINDS[table.kind], table.columns
     if kind.has_rod:
         for name in ("columns", "controller", "view"):
             if getattr(table, name) is not None:
                 raise InputError(
-                    f"The rig file {path}, line {line_of(text, (name,))}, declares [{name}], but the signals of an arm "
+                    f"{file.at(name)}, declares [{name}], but the signals of an arm "
                     "are fixed (time_s, motor_angle_rad, tip_x_m, tip_y_m). Remove the table, or set kind to "
                     f"{', '.join(repr(other) for other in KINDS if other != kind.name)}."
                 )
         return
     called = f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name}"
     if columns is None:
-        raise InputError(f"The rig file {path} describes {called} but has no table [columns]. Declare time and output.")
+        raise InputError(f"{file} describes {called} but has no table [columns]. Declare time and output.")
     if kind.needs_input and columns.input is None:
         raise InputError(
-            f"The rig file {path} describes {called}, whose input is the {kind.input}, but declares none. Add "
+            f"{file} describes {called}, whose input is the {kind.input}, but declares none. Add "
             'input = { name = "...", unit = "..." } to [columns].'
         )
     if kind.needs_input is False and columns.input is not None:
-        raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns', 'input'))}, declares an input, but {called} has "
-            "none. Remove it."
-        )
-    _check_loop_and_view(path, text, table, called)
+        raise InputError(f"{file.at('columns', 'input')}, declares an input, but {called} has none. Remove it.")
+    _check_loop_and_view(file, table, called)
     if table.model is not None and not table.model.effects and not kind.may_be_bare:
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('model', 'effects'))}: the key 'model.effects' is empty, but "
+            f"{file.at('model', 'effects')}: the key 'model.effects' is empty, but "
             f"{called} needs at least one effect. Name some, or remove the key for {', '.join(kind.declared)}."
         )
 
 
-def _check_loop_and_view(path: Path, text: str, table: RigTable, called: str) -> None:
+def _check_loop_and_view(file: RigText, table: RigTable, called: str) -> None:
     """Refuse a controller or a view where the mechanics with it are not those of the kind, and both at once."""
     driven = table.columns is not None and table.columns.input is not None
     for name, base in (("controller", "servo"), ("view", "inverse_dynamics")):
         kinds = [other.name for other in KINDS.values() if base in other.searched]
         if getattr(table, name) is not None and (table.kind not in kinds or not driven):
             raise InputError(
-                f"The rig file {path}, line {line_of(text, (name,))}: [{name}] belongs to {' or '.join(kinds)} with "
+                f"{file.at(name)}: [{name}] belongs to {' or '.join(kinds)} with "
                 f"an input, not to {called}. Remove the table."
             )
     if table.controller is not None and table.view is not None:
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('view',))}: the force is seen without the controller. Keep one "
-            "of [controller] and [view]."
+            f"{file.at('view')}: the force is seen without the controller. Keep one of [controller] and [view]."
         )
 
 
-def _check_header(path: Path, text: str, columns: ColumnsTable) -> None:
+def _check_header(file: RigText, columns: ColumnsTable) -> None:
     named = [columns.time.name, columns.input and columns.input.name, columns.output.name]
     for missing in (name for name in named if name and columns.header is not None and name not in columns.header):
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns', 'header'))}: the header does not name the "
+            f"{file.at('columns', 'header')}: the header does not name the "
             f"column {missing!r}. Name every column of the file, from left to right."
         )
 
 
-def columns_of(path: Path, text: str, table: RigTable) -> Columns:
+def columns_of(file: RigText, table: RigTable) -> Columns:
     """Return the declared columns in SI units.
 
-    Raises
-    ------
-    InputError
-        If a unit is not known or of the wrong kind, the time is given twice or not at all, or a header lacks a column.
+    A unit that is not known or of the wrong kind, a time that is given twice or not at all, and a header that lacks a
+    column are refused.
     """
     columns, kind = table.columns, KINDS[table.kind]
     if columns is None:
@@ -94,15 +81,15 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
     time = columns.time
     if (time.rate_hz is None) == (time.name is None) or (time.assumed and time.rate_hz is None):
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns', 'time'))}: the time needs either a rate, "
+            f"{file.at('columns', 'time')}: the time needs either a rate, "
             'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }; only a rate can be assumed.'
         )
-    factor = _factors(path, text)
+    factor = _factors(file)
     second = factor("time", time.unit, "s")
     scale = factor("output", columns.output.unit, None if table.view else kind.unit)
     if columns.input is not None:
         factor("input", columns.input.unit, None)
-    _check_header(path, text, columns)
+    _check_header(file, columns)
     noise = None if columns.output.noise == "estimate" else columns.output.noise
     given = columns.input.model_dump() if columns.input else {}
     if given and given["interpolation"] is None:
@@ -110,7 +97,7 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
     differentiated = table.view or kind.interpolation == "motion" or columns.output.reads == "acceleration"
     if differentiated and given and given["interpolation"] in ("linear", "hold"):
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns', 'input'))}: the second derivative of this input is "
+            f"{file.at('columns', 'input')}: the second derivative of this input is "
             f'needed; with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
         )
     found = Columns(
@@ -123,39 +110,34 @@ def columns_of(path: Path, text: str, table: RigTable) -> Columns:
         every=columns.every,
     )
     if kind.shaken and found.input is not None and not found.turns_by_shift:
-        _refuse_unlike(path, text, found.input.unit, found.output.unit)
+        _refuse_unlike(file, found.input.unit, found.output.unit)
     return found
 
 
-def _refuse_unlike(path: Path, text: str, moved: str, read: str) -> None:
+def _refuse_unlike(file: RigText, moved: str, read: str) -> None:
     """Refuse a base whose motion cannot be added to the deflection."""
     if si_symbol(moved) != si_symbol(read):
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns', 'input', 'unit'))}: the base moves in {moved!r} and "
-            f"the deflection is in {read!r}, so that they cannot be added to the place in the fixed frame. Declare "
-            "both as angles or both as lengths (scale = 1/l turns a small deflection into an angle), or a shift in m "
-            "under a pendulum's angle in rad."
+            f"{file.at('columns', 'input', 'unit')}: the base moves in {moved!r} and the deflection is in {read!r}, so "
+            "that they cannot be added to the place in the fixed frame. Declare both as angles or both as lengths "
+            "(scale = 1/l turns a small deflection into an angle), or a shift in m under a pendulum's angle in rad."
         )
 
 
-def controller_of(path: Path, text: str, table: RigTable) -> Controller | None:
+def controller_of(file: RigText, table: RigTable) -> Controller | None:
     """Return the controller in SI units; `kv` and `limit` are stated in its unit and per unit of the output.
 
-    Raises
-    ------
-    InputError
-        If the unit of the command is not known, or reference and output measure different things.
+    A command's unit that is not known, and a reference that measures something else than the output, are refused.
     """
     given, columns = table.controller, table.columns
     if given is None or columns is None or columns.input is None:
         return None
-    factor = _factors(path, text)
+    factor = _factors(file)
     factor("input", columns.input.unit, columns.output.unit)
     try:
         unit = si_factor(given.unit)
     except InputError as error:
-        line = line_of(text, ("controller", "unit"))
-        raise InputError(f"The rig file {path}, line {line}, [controller]: {error}") from error
+        raise InputError(f"{file.at('controller', 'unit')}, [controller]: {error}") from error
     return Controller(
         kp=given.kp,
         kv=given.kv * unit / si_factor(columns.output.unit),
@@ -165,27 +147,25 @@ def controller_of(path: Path, text: str, table: RigTable) -> Controller | None:
     )
 
 
-def view_of(path: Path, text: str, table: RigTable) -> ForceView | None:
+def view_of(file: RigText, table: RigTable) -> ForceView | None:
     """Return the view of the force.
 
-    Raises
-    ------
-    InputError
-        If input and output are the wrong way round, or the motion is smoothed more than the force that it explains.
+    Input and output the wrong way round, and a motion that is smoothed more than the force that it explains, are
+    refused.
     """
     given = table.view
     if given is None:
         return None
-    _refuse_swapped(path, text, table.columns)
+    _refuse_swapped(file, table.columns)
     if given.motion_cutoff_hz < given.cutoff_hz:
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('view', 'motion_cutoff_hz'))}: the motion is smoothed below "
+            f"{file.at('view', 'motion_cutoff_hz')}: the motion is smoothed below "
             f"{given.motion_cutoff_hz:g} Hz, but the force holds up to {given.cutoff_hz:g} Hz. Raise motion_cutoff_hz."
         )
     return ForceView(given.motion_cutoff_hz, given.cutoff_hz, given.decimation)
 
 
-def _refuse_swapped(path: Path, text: str, columns: ColumnsTable | None) -> None:
+def _refuse_swapped(file: RigText, columns: ColumnsTable | None) -> None:
     """Refuse a recorded motion that is certainly a force, and a force that is certainly a position."""
     for name in ("input", "output"):
         column = getattr(columns, name)
@@ -194,19 +174,17 @@ def _refuse_swapped(path: Path, text: str, columns: ColumnsTable | None) -> None
         if forced if name == "input" else placed:
             is_what, wanted = ("a force or a torque", "motion") if forced else ("a position", "force")
             raise InputError(
-                f"The rig file {path}, line {line_of(text, ('columns', name, 'unit'))}: the key 'columns.{name}.unit' "
-                f"is {column.unit!r}, {is_what}, but with a table [view] the {name} is the {wanted}. Declare the "
-                "recorded motion as input and the measured force or torque as output, or remove [view] to compare "
-                "the motion."
+                f"{file.at('columns', name, 'unit')}: the key 'columns.{name}.unit' is {column.unit!r}, {is_what}, but "
+                f"with a table [view] the {name} is the {wanted}. Declare the recorded motion as input and the "
+                "measured force or torque as output, or remove [view] to compare the motion."
             )
 
 
-def _factors(path: Path, text: str) -> Callable[[str, str, str | None], float]:
+def _factors(file: RigText) -> Callable[[str, str, str | None], float]:
     def factor(column: str, unit: str, expected: str | None) -> float:
         try:
             return si_factor(unit, expected)
         except InputError as error:
-            line = line_of(text, ("columns", column, "unit"))
-            raise InputError(f"The rig file {path}, line {line}, column {column!r}: {error}") from error
+            raise InputError(f"{file.at('columns', column, 'unit')}, column {column!r}: {error}") from error
 
     return factor

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from importlib import resources
-from pathlib import Path
 
 from sympy import Symbol
 
@@ -23,7 +22,7 @@ from discovery.foundation.errors import InputError, suggestion
 from discovery.mechanics.systems import system_base
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import Columns
-from discovery.rigs.rig_mistakes import line_of
+from discovery.rigs.rig_lines import RigText
 from discovery.rigs.rig_schema import RigTable
 from discovery.rigs.rig_signals import columns_of
 from discovery.rigs.system_table import ConstantTable, SystemTable
@@ -54,26 +53,23 @@ def _tables() -> Mapping[str, SystemTable]:
     }
 
 
-def system_of(path: Path, text: str, table: RigTable) -> SystemDeclaration | None:
+def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
     """Return the system that a rig file declares in its own equations; None where it names a kind.
 
-    Raises
-    ------
-    InputError
-        Naming file, line, key and remedy: for what is missing, a text that cannot be read, or units that do not fit.
+    What is missing, a text that cannot be read, and units that do not fit are refused by file, line, key and remedy.
     """
     given = table.system
     if (given is not None) != KINDS[table.kind].has_own_equations:
         raise InputError(
-            f"The rig file {path}: kind = 'system' and the table [system] belong together, and no other kind has one. "
+            f"{file}: kind = 'system' and the table [system] belong together, and no other kind has one. "
             "Remove the key kind, or the table."
         )
     if given is None:
         return None
 
     def refuse(key: str, why: str) -> InputError:
-        line = line_of(text, ("system", *key.split("."))) if key else line_of(text, ("system",))
-        return InputError(f"The rig file {path}, line {line}, {f'key {key!r}' if key else '[system]'}: {why}")
+        where = file.at("system", *filter(None, key.split(".")))
+        return InputError(f"{where}, {f'key {key!r}' if key else '[system]'}: {why}")
 
     whole = _whole(given, refuse)
     for name in ("coordinates", "constants", "places", "input"):
@@ -101,18 +97,15 @@ def system_of(path: Path, text: str, table: RigTable) -> SystemDeclaration | Non
     return declaration
 
 
-def read_columns(path: Path, text: str, table: RigTable, declaration: SystemDeclaration) -> Columns:
+def read_columns(file: RigText, table: RigTable, declaration: SystemDeclaration) -> Columns:
     """Return the columns of a declared system, whose equations say what is read.
 
-    Raises
-    ------
-    InputError
-        As `discovery.rigs.rig_signals.columns_of`, and where derivatives of an input are needed that has none.
+    Refused is what `discovery.rigs.rig_signals.columns_of` refuses, and an input without derivatives that are needed.
     """
-    base, columns = system_base(declaration), columns_of(path, text, table)
+    base, columns = system_base(declaration), columns_of(file, table)
     if base.input_moves and columns.input is not None and columns.input.interpolation in ("linear", "hold"):
         raise InputError(
-            f"The rig file {path}, line {line_of(text, ('columns', 'input'))}: the equations need derivatives of this "
+            f"{file.at('columns', 'input')}: the equations need derivatives of this "
             'input, which it has none of between its samples. Set interpolation = "spline", or remove it.'
         )
     if base.order < 2:

@@ -8,24 +8,25 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 __all__ = ["ConstantTable", "SystemTable"]
 
-_Text = Annotated[str, Field(min_length=1)]
-_One = Annotated[dict[str, _Text], Field(min_length=1, max_length=1)]
+Text = Annotated[str, Field(min_length=1)]
+_One = Annotated[dict[str, Text], Field(min_length=1, max_length=1)]
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """A table of a rig file: no other keys, nothing converted."""
+
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class ConstantTable(_Table):
+class ConstantTable(Table):
     """A constant of the equations: known by a ``value``, known within an ``sd``, or fitted from a ``guess``."""
 
-    unit: _Text = Field(description="Unit of the numbers here, any that measures the constant.")
+    unit: Text = Field(description="Unit of the numbers here, any that measures the constant.")
     value: FiniteFloat | None = Field(
         default=None, description="What it is. Without an `sd` it is not fitted. Left out, a `guess` is needed."
     )
     sd: Annotated[FiniteFloat, Field(gt=0)] | None = Field(
-        default=None,
-        description="Standard deviation of the value: the constant is fitted, with both as its prior.",
+        default=None, description="Standard deviation of the value: the constant is fitted, with both as its prior."
     )
     guess: FiniteFloat | None = Field(
         default=None, description="Where its fit begins. It is not zero, and the constant keeps its sign."
@@ -40,15 +41,15 @@ class ConstantTable(_Table):
         return self
 
 
-class SystemTable(_Table):
+class SystemTable(Table):
     """A system in its own equations, or a ready-made one under ``like``: what is left out is then as it is there."""
 
-    like: _Text | None = Field(
+    like: Text | None = Field(
         default=None,
         description="A ready-made system to begin with. Every other key replaces its own, and constants those of the "
         "same name. Left out, `coordinates`, `kinetic`, `output` and `places` are needed.",
     )
-    coordinates: Annotated[dict[str, _Text], Field(min_length=1, max_length=3)] | None = Field(
+    coordinates: Annotated[dict[str, Text], Field(min_length=1, max_length=3)] | None = Field(
         default=None, description="Names of the coordinates, each with its SI unit."
     )
     input: _One | None = Field(
@@ -58,20 +59,20 @@ class SystemTable(_Table):
     constants: dict[str, ConstantTable] = Field(
         default={}, description="The constants of the equations, each a table of its own."
     )
-    kinetic: _Text | None = Field(default=None, description="Kinetic energy, in J.")
-    potential: _Text | None = Field(default=None, description="Potential energy, in J. Left out, it is zero.")
-    dissipation: _Text | None = Field(
+    kinetic: Text | None = Field(default=None, description="Kinetic energy, in J.")
+    potential: Text | None = Field(default=None, description="Potential energy, in J. Left out, it is zero.")
+    dissipation: Text | None = Field(
         default=None, description="Rayleigh's function, half the power of linear losses, in W. Left out, it is zero."
     )
-    forces: dict[str, _Text] | None = Field(
+    forces: dict[str, Text] | None = Field(
         default=None,
         description="Generalised forces by coordinate, in J over the coordinate's unit. Left out, there are none.",
     )
-    output: _Text | None = Field(
+    output: Text | None = Field(
         default=None,
         description="What the instrument reads: a coordinate, `dot(x)`, `ddot(x)`, or an expression of them.",
     )
-    places: Annotated[dict[str, _Text], Field(min_length=1, max_length=6)] | None = Field(
+    places: Annotated[dict[str, Text], Field(min_length=1, max_length=6)] | None = Field(
         default=None,
         description="Where effects may act: names, each with the coordinate or expression that moves there.",
     )

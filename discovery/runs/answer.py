@@ -8,11 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from discovery.diagnosis.missing_force import MissingForce
 from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
@@ -28,8 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Answer", "Sampled"]
 
-FloatArray = NDArray[np.float64]
-
 
 #: What follows the answer, in words; and under which names it is in results.json.
 _PARTS = ("the posterior and what it predicts", "the noise models and the evidence of the models")
@@ -40,26 +36,8 @@ _AFTERWARDS = ("posterior", "pending", "noise", "evidence", "elastica")
 class Answer:
     """What a run knows when its loop is done, which is in its folder then.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Rig and recordings.
-    out : Path
-        Folder of the run.
-    seed : int
-        Seed of everything random.
-    content : mapping
-        Of results.json, with nothing of the posterior.
-    discovered : Discovered or None
-        Equations found in the motion.
-    fits : Fits
-        Of the linear and the declared model.
-    loop : LoopResult
-        What the loop found.
-    missing : MissingForce or None
-        The force that the final model lacks.
-    predictions : mapping
-        Of every recording by "linear", "before" and "after".
+    `content` is that of results.json, with nothing of the posterior; `missing` the force that the final model lacks;
+    and `predictions` hold every recording by "linear", "before" and "after".
     """
 
     dataset: Dataset
@@ -101,20 +79,9 @@ def _answer_in(content: Mapping[str, Any]) -> dict[str, Any]:
 class Sampled:
     """What follows the answer, as far as it is there.
 
-    Parameters
-    ----------
-    posterior : Posterior, optional
-        Draws.
-    study : PosteriorStudy, optional
-        Of the draws.
-    weighed : mapping
-        "noise" and "evidence".
-    reached : Progress, optional
-        How far the sampler was when it was last asked.
-    left_out : tuple of str
-        What is not there, in words.
-    because : str
-        Why: "asked" (not to be sampled), "running", "time", or what failed.
+    `weighed` holds "noise" and "evidence", `reached` how far the sampler was when it was last asked. What is not there
+    is in `left_out`, in words, and why it is not in `because`: "asked" (not to be sampled), "running", "time", or what
+    failed.
     """
 
     posterior: Posterior | None = None

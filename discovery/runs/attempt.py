@@ -29,19 +29,7 @@ Work = Callable[[Any, SeedSequence], Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one case.
-
-    Parameters
-    ----------
-    name : str
-        The case.
-    seconds : float
-        Time that it took.
-    result : mapping, optional
-        What its work returned, None where it failed.
-    error, trace : str
-        What went wrong, and where; empty where nothing did.
-    """
+    """What became of one case after so many seconds: what its work returned, or what went wrong, and where."""
 
     name: str
     seconds: float

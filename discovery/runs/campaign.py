@@ -41,7 +41,7 @@ def campaign(
     limit: float | None = None,
     heard: Callable[[str], object] | None = None,
 ) -> Iterator[Outcome]:
-    """Do the cases that are not done yet, and keep every outcome on disk as it comes.
+    """Do the cases that are not done yet, and keep every outcome on disk as it comes; yield the outcomes of these.
 
     Interrupted at whatever moment, the next call goes on where this one was; cases that failed or whose origin has
     changed are done again.
@@ -56,11 +56,6 @@ def campaign(
         What else all outcomes depend on; JSON-ready.
     origins : mapping of str to mapping, optional
         By name of a case, what its outcome is made from, such as hashes of files; JSON-ready, kept with the outcome.
-
-    Returns
-    -------
-    iterator of Outcome
-        Of the cases that are done now.
 
     Raises
     ------
@@ -90,13 +85,7 @@ def unfinished(
     folder: str | os.PathLike[str],
     origins: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Iterator[tuple[str, Any, str]]:
-    """Yield the cases that a campaign still has to do, with the reason why one is done again, empty for a new one.
-
-    Parameters
-    ----------
-    cases, folder, origins
-        See `campaign`.
-    """
+    """Yield the cases that a `campaign` still has to do, with the reason why one is done again, empty for a new one."""
     for name, case in cases:
         path = _file(Path(folder), name)
         if not path.exists():
@@ -141,23 +130,12 @@ def _file(folder: Path, name: str) -> Path:
 
 
 def collect(folder: str | os.PathLike[str], names: Iterable[str] | None = None, *, apart: Sequence[str] = ()) -> Path:
-    """Write the outcomes of a campaign as one table, sorted by name, and return its path.
+    """Write the outcomes of a campaign, or of some of its cases, as one table, sorted by name, and return its path.
 
-    Parameters
-    ----------
-    folder : path
-        That of `campaign`.
-    names : iterable of str, optional
-        The cases that the table is of; by default all that the folder holds.
-    apart : sequence of str
-        Keys of the results that hold a list of mappings. Each becomes a table of its own, ``<key>.parquet``: the name
-        of the case, and a column for every key of the mappings.
-
-    Returns
-    -------
-    Path
-        ``results.parquet`` in it: columns ``name``, ``seconds``, ``error`` and one for every key of the results. Beside
-        every table lies the same as CSV; what is no single value is JSON there.
+    It is ``results.parquet`` in the campaign's folder: columns ``name``, ``seconds``, ``error`` and one for every key
+    of the results. Keys that stand `apart` hold a list of mappings; each becomes a table of its own, ``<key>.parquet``:
+    the name of the case, and a column for every key of the mappings. Beside every table lies the same as CSV; what is
+    no single value is JSON there.
 
     Raises
     ------
@@ -222,19 +200,7 @@ def _parts(found: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
 
 
 def watched(outcomes: Iterable[Outcome], total: int, title: str, tell: Tell) -> Iterator[Outcome]:
-    """Yield outcomes and tell how many there are, how many failed and how long the rest will take.
-
-    Parameters
-    ----------
-    outcomes : iterable of Outcome
-        From `campaign` or `spread`.
-    total : int
-        How many there will be.
-    title : str
-        One or two words.
-    tell : callable
-        Receives one sentence after each.
-    """
+    """Yield outcomes and tell after each how many of all there are, how many failed and how long the rest will take."""
     counter, failed = Counter(tell, title, total, "done"), 0
     for done, outcome in enumerate(outcomes, 1):
         failed += bool(outcome.error)

@@ -15,11 +15,6 @@ class Course:
     """Tells what a loop does, and during its search the share of its budget of work that is spent.
 
     A search ends when nothing more is accepted. So no time is said for the whole of it, but what one set takes.
-
-    Parameters
-    ----------
-    tell : callable
-        Receives the sentences.
     """
 
     def __init__(self, tell: Tell) -> None:
@@ -29,15 +24,7 @@ class Course:
 
     @contextmanager
     def searching(self, extended: Sized, most: int) -> Iterator[None]:
-        """Tell beside every sentence how many sets are extended.
-
-        Parameters
-        ----------
-        extended : sized
-            The sets that were extended, which grows.
-        most : int
-            So many at most are.
-        """
+        """Tell beside every sentence how many sets, of so many at most, are extended; their collection grows."""
         self._extended, self._most, self._began = extended, most, time.monotonic()
         try:
             yield

@@ -32,13 +32,6 @@ def sought(found: Fit, context: Context) -> Fit:
     A frequency or a number of teeth has many minima. Every effect whose shape has several starts is taken out,
     screened beside the others and refitted from all of them; the fit changes where that gains as many nats as a
     candidate must.
-
-    Parameters
-    ----------
-    found : Fit
-        The first fit.
-    context : Context
-        Recordings, settings, progress.
     """
     declared = [e for e in found.model.effects if e in context.train[0].rig.declared]
     for effect in (e for e in declared if any(p.shape and len(p.starts) > 1 for p in get_effect(e).parameters())):

@@ -6,36 +6,17 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.units import si_symbol
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.quantisation import quantum
+from discovery.recordings.recording import Recording
+from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.rig import Rig
 
-__all__ = ["describe"]
-
-FloatArray = NDArray[np.float64]
-
-
-_STATED = (
-    ("length", "m"),
-    ("tip_mass", "kg"),
-    ("beam_mass", "kg"),
-    ("flexural_rigidity", "N m^2"),
-    ("mass", "kg"),
-    ("inertia", "kg m^2"),
-    ("gravity", "m s^-2"),
-)
-_NUMBERS = (
-    ("position_noise", "m"),
-    ("angle_noise", "rad"),
-    ("motor_angle_limit", "rad"),
-    ("motor_speed_limit", "rad s^-1"),
-    ("motor_acceleration_limit", "rad s^-2"),
-    ("deflection_limit", "rad"),
-)
+__all__ = ["describe", "flagged"]
 
 
 def describe(dataset: Dataset) -> dict[str, Any]:
@@ -66,12 +47,12 @@ def _signal(output: FloatArray) -> dict[str, float]:
 
 
 def _quantities(rig: Rig) -> dict[str, dict[str, Any]]:
-    stated = ((name, unit, getattr(rig, name)) for name, unit in _STATED)
-    numbers = ((name, unit, getattr(rig, name)) for name, unit in _NUMBERS)
-    return {
-        **{name: {"value": q.value, "sd": q.sd, "unit": unit} for name, unit, q in stated if q is not None},
-        **{name: {"value": v, "sd": None, "unit": unit} for name, unit, v in numbers if v is not None},
-    }
+    found = {}
+    for name, kind in QUANTITIES.items():
+        if (stated := getattr(rig, name)) is not None:
+            value, sd = (stated.value, stated.sd) if kind.has_sd else (stated, None)
+            found[name] = {"value": value, "sd": sd, "unit": kind.symbol}
+    return found
 
 
 def _recording(role: str, e: Experiment) -> dict[str, Any]:
@@ -91,6 +72,11 @@ def _recording(role: str, e: Experiment) -> dict[str, Any]:
         "noise_estimated": e.recording.noise_estimated,
         "signal": _signal(e.recording.output),
         "step": [quantum(column) for column in e.recording.output.T],
-        "notes": list(e.recording.notes),
-        "flags": [flag.summary() for flag in e.recording.flags],
+        **flagged(e.recording),
     }
+
+
+def flagged(recording: Recording) -> dict[str, Any]:
+    """Return what is unusual about a recording, JSON-ready."""
+    flags = [flag.summary() for flag in recording.flags]
+    return {"name": recording.name, "notes": list(recording.notes), "flags": flags}

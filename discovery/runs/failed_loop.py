@@ -19,7 +19,7 @@ from discovery.foundation.errors import ComputationError, InputError, Simulation
 from discovery.mechanics.systems import system_base
 from discovery.recordings.dataset import Dataset
 from discovery.results.provenance import provenance, write_json
-from discovery.runs.description import describe
+from discovery.runs.description import describe, flagged
 from discovery.runs.loop_files import save_curves
 from discovery.selection.decision import Decision
 
@@ -35,10 +35,8 @@ class FailedLoop:
 
     Parameters
     ----------
-    dataset : Dataset
-        Rig and recordings.
-    model : Model
-        The declared model.
+    dataset, model
+        Rig and recordings, and the declared model.
     code : str
         "runs_away" (it grows from rest by itself), "unresolved" (no step resolves its motion), "diverges" (none of
         these).
@@ -61,16 +59,13 @@ class FailedLoop:
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json: errors are infinite, as those of every motion that blows up."""
         recording = self.dataset.train[0].recording
-        everything = [e.recording for _, e in self.dataset.everything]
         infinite = {role: dict.fromkeys(("rms", "mean", "peak"), np.inf) for role in ("train", "holdout")}
         error = {"before": np.inf, "after": np.inf, "unit": recording.units[0], "share": 1.0}
         return {
             "verdict": self.verdict,
             "failure": {"code": self.code, "numbers": dict(self.numbers), "message": self.message},
             "declared": list(self.model.effects),
-            "recordings": [
-                {"name": r.name, "notes": list(r.notes), "flags": [f.summary() for f in r.flags]} for r in everything
-            ],
+            "recordings": [flagged(e.recording) for _, e in self.dataset.everything],
             "effects": [],
             "errors": {
                 "unit": recording.units[0],
@@ -87,13 +82,7 @@ class FailedLoop:
 
 
 class LoopFailure(ComputationError):
-    """The declared model of a data set cannot be fitted.
-
-    Parameters
-    ----------
-    loop : FailedLoop
-        What is said of it.
-    """
+    """The declared model of a data set cannot be fitted; `loop` is what is said of it."""
 
     def __init__(self, loop: FailedLoop) -> None:
         self.loop = loop
@@ -101,15 +90,7 @@ class LoopFailure(ComputationError):
 
 
 def failed_loop(dataset: Dataset, failure: ComputationError) -> FailedLoop:
-    """Return what can be told of a fit that failed.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Rig and recordings.
-    failure : ComputationError
-        What the fit, or the search after it, raised.
-    """
+    """Return what can be told of a fit, or the search after it, that raised this failure."""
     train = dataset.train
     units, model = natural_units(train), declared_model(train[0])
     gaussian = {} if train[0].system.has_rod else rig_uncertainty(train[0])

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.bent_intervals import without_bent
 from discovery.estimation.declared import rig_uncertainty
@@ -21,6 +20,7 @@ from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import ResidualReport, errors, examine, variance_left
 from discovery.estimation.step import error_unit
 from discovery.foundation.arguments import check_seed, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.progress import Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
@@ -32,8 +32,7 @@ from discovery.recordings.search_part import searched_part
 from discovery.runs.course import Course
 from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations
-from discovery.runs.loop_result import UPGRADES, LoopResult
-from discovery.runs.model_error_report import ModelErrorReport
+from discovery.runs.loop_result import UPGRADES, LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -46,7 +45,6 @@ from discovery.simulation.simulate import THREADS
 
 __all__ = ["UPGRADES", "close_loop"]
 
-FloatArray = NDArray[np.float64]
 #: The exact arm on which effects are searched.
 _EXACT = UPGRADES[-1][0]
 #: A trajectory error below so many noise sds at every sample is none to the search.
@@ -80,10 +78,6 @@ def close_loop(
         Seed of everything random, in the place of the one of `settings`, which is 1.
     progress : callable, optional
         Receives one sentence before every longer piece of work.
-
-    Returns
-    -------
-    LoopResult
 
     Raises
     ------
@@ -254,10 +248,7 @@ def _result(
         before=before[0],
         after=after[0],
         steps=(*steps, *search.decisions),
-        errors={
-            **_errors_head(context),
-            **{w: {"train": _train_errors(train, on_train[w]), **judge.errors(held[w])} for w in fits},
-        },
+        errors=_errors(context, on_train, held),
         model_error=_model_error(context, search.root, before[1], after[1], reports["after"]),
         lead=lead,
         residual_before=reports["before"],
@@ -266,16 +257,6 @@ def _result(
         complete=complete,
         recordings=tuple(e.recording for e in (*train, *judge.separate)),
     )
-
-
-def _errors_head(context: Context) -> dict[str, Any]:
-    """Return what all errors share: unit, noise floor, and what kind of hold-out there is."""
-    return {
-        "unit": context.train[0].recording.units[0],
-        "noise_floor": context.judge.noise_floor,
-        "holdout_kind": context.judge.kind,
-        "holdout_motion": context.judge.motion,
-    }
 
 
 def _model_error(
@@ -292,8 +273,17 @@ def _model_error(
     return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, held=held, depends_on=depends)
 
 
-def _train_errors(train: Sequence[Experiment], predictions: Sequence[FloatArray]) -> dict[str, float]:
-    return errors(
-        np.concatenate([p[e.fitted] for e, p in zip(train, predictions, strict=True)]),
-        np.concatenate([e.recording.output[e.fitted] for e in train]),
-    )
+def _errors(
+    context: Context, on_train: Mapping[str, list[FloatArray]], held: Mapping[str, list[FloatArray]]
+) -> dict[str, Any]:
+    """Return the errors before and after, with their unit, the noise floor, and what kind of hold-out there is."""
+    train, judge = context.train, context.judge
+    measured = np.concatenate([e.recording.output[e.fitted] for e in train])
+    fitted = {w: np.concatenate([p[e.fitted] for e, p in zip(train, on_train[w], strict=True)]) for w in on_train}
+    return {
+        "unit": train[0].recording.units[0],
+        "noise_floor": judge.noise_floor,
+        "holdout_kind": judge.kind,
+        "holdout_motion": judge.motion,
+        **{w: {"train": errors(fitted[w], measured), **judge.errors(held[w])} for w in on_train},
+    }

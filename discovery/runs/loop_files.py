@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.diagnosis.missing_force import MissingForce
 from discovery.estimation.fit import Fit
@@ -14,6 +13,7 @@ from discovery.estimation.natural_units import natural_units
 from discovery.estimation.predict import predict
 from discovery.estimation.residual import errors
 from discovery.export import FittedModel
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.io import atomic_write
 from discovery.recordings.dataset import Dataset
@@ -22,18 +22,7 @@ from discovery.results.provenance import provenance, write_json
 from discovery.runs.description import describe
 from discovery.runs.loop_result import LoopResult
 
-__all__ = [
-    "gather_loop",
-    "loops_predictions",
-    "models_of",
-    "of_loop",
-    "save_curves",
-    "save_prediction",
-    "to_clean",
-    "write_loop",
-]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["gather_loop", "models_of", "of_loop", "save_curves", "save_prediction", "to_clean", "write_loop"]
 
 
 def models_of(result: LoopResult) -> dict[str, Any]:
@@ -76,14 +65,9 @@ def of_loop(dataset: Dataset, loop: LoopResult, missing: MissingForce | None) ->
     }
 
 
-def loops_predictions(loop: LoopResult) -> dict[str, list[FloatArray]]:
-    """Return the predictions of the models before and after, of every recording."""
-    return {when: list(loop.predictions[when]) for when in ("before", "after")}
-
-
 def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: MissingForce | None, seed: int) -> None:
     """Gather in an empty folder what the page of a loop alone is made of."""
-    predictions = loops_predictions(result)
+    predictions = dict(result.predictions)
     content = {
         "provenance": provenance(dataset, seed=seed),
         **of_loop(dataset, result, missing),
@@ -114,25 +98,10 @@ def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, d
 
 
 def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:
-    """Write what the instrument would read before and after the loop, with standard deviations.
+    """Write what the instrument would read before and after the loop, with standard deviations, to prediction.csv.
 
-    The declared model may blow up beyond the motions that it was fitted to: its columns are empty then.
-
-    Parameters
-    ----------
-    path : Path
-        prediction.csv.
-    experiment : Experiment
-        Times and input.
-    before, after : Fit
-        The declared model and the final one.
-    initial : tuple of float, optional
-        Deflection and rate at the first time; the static equilibrium at rest otherwise.
-
-    Returns
-    -------
-    str
-        Why the columns of the declared model are empty, if they are.
+    The motion begins at a deflection and a rate, in the static equilibrium at rest otherwise. The declared model may
+    blow up beyond the motions that it was fitted to: its columns are empty then, and what is returned says why.
 
     Raises
     ------

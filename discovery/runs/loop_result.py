@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.units import quoted
@@ -20,25 +19,54 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
 from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.estimate_text import figures
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import UNDERSTATED, impossible
 from discovery.recordings.recording import Recording
-from discovery.runs.model_error_report import ModelErrorReport
+from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
-from discovery.selection.verdict import (
-    Lead,
-    Named,
-)
+from discovery.selection.verdict import Lead, Named
 
-__all__ = ["UPGRADES", "LoopResult"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["UPGRADES", "LoopResult", "ModelErrorReport"]
 
 
 #: Better bases, and what the step to each is called when the loop finds it.
 UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
+
+
+@dataclass(frozen=True)
+class ModelErrorReport:
+    """The error that a model keeps beside the noise.
+
+    Parameters
+    ----------
+    before, after : float
+        Size for the declared and for the final model [unit of the output].
+    unit : str
+        That unit.
+    share : float
+        After over before.
+    least : float
+        Size up to which it counts as none [unit of the output].
+    held : float
+        Size for the final model on the held-out recordings [unit of the output]; zero without any.
+    depends_on : tuple of str
+        States that explain a part of what the final model leaves, the strongest first.
+    """
+
+    before: float
+    after: float
+    unit: str
+    share: float
+    least: float
+    held: float
+    depends_on: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {**asdict(self), "depends_on": list(self.depends_on)}
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,10 +208,7 @@ class LoopResult(LoopViews):
         return {
             "verdict": self.verdict,
             "declared": list(self.declared),
-            "recordings": [
-                {"name": r.name, "notes": list(r.notes), "flags": [f.summary() for f in r.flags]}
-                for r in self.recordings
-            ],
+            "recordings": [flagged(r) for r in self.recordings],
             "effects": [self._described(effect) for effect in self.added],
             "errors": dict(self.errors),
             "model_error": self.model_error.summary(),

@@ -10,12 +10,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from discovery.estimation.fit import Fit
 from discovery.estimation.starts import held_out
 from discovery.foundation.arguments import as_folder, check_seed, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
 from discovery.foundation.time_limit import TimeIsUp, time_limit
@@ -27,12 +25,10 @@ from discovery.results.provenance import provenance, write_json
 from discovery.runs import stages
 from discovery.runs.answer import _PARTS, Answer, Sampled
 from discovery.runs.failed_loop import FailedLoop, gather_failed_loop
-from discovery.runs.loop_files import loops_predictions, models_of, of_loop, save_curves, to_clean, write_loop
+from discovery.runs.loop_files import models_of, of_loop, save_curves, to_clean, write_loop
 from discovery.runs.regression_stage import can_discover, discover
 
 __all__ = ["add_posterior", "answer", "run", "save_failed"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> list[FloatArray]:
@@ -123,7 +119,7 @@ def answer(
     fits = stages.estimate(dataset, progress=progress)
     missing = stages.unexplained(loop, dataset, progress=progress)
     linear = {n: _everywhere(dataset, f, fits.predictions[n]) for n, f in fits.models.items() if n == "linear"}
-    predictions = {**linear, **loops_predictions(loop)}
+    predictions = {**linear, **loop.predictions}
     content = {
         "provenance": provenance(dataset, seed=seed, command=command) | took,
         **of_loop(dataset, loop, missing),
@@ -154,22 +150,10 @@ def save_failed(out: Path, loop: FailedLoop, *, seed: int = 1, note: str = "") -
 
 
 def add_posterior(found: Answer, *, progress: Tell = silent, seconds: float = math.inf) -> dict[str, Any]:
-    """Sample the posterior of a run whose answer is saved, study it, and save all of it.
+    """Sample the posterior of a run whose answer is saved, study it, save it, and return what results.json holds.
 
-    Parameters
-    ----------
-    found : Answer
-        From `answer`.
-    progress : callable
-        Receives one sentence before every longer piece of work.
-    seconds : float
-        Time for it, saving left out; what is not done then is left out, and results.json says so. The chains stay:
-        the same run goes on with them. Only in the main thread.
-
-    Returns
-    -------
-    dict
-        The content of results.json.
+    What is not done after so many seconds, saving left out, is left out, and results.json says so. The chains stay: the
+    same run goes on with them. A limit holds in the main thread only.
 
     Raises
     ------

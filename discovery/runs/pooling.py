@@ -19,16 +19,9 @@ _FEWEST = 3
 def pooled_parameters(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return what the cases of a campaign say of each parameter together, see `discovery.posterior.pooled.pool`.
 
-    Parameters
-    ----------
-    rows : iterable of mapping
-        Outcomes of `discovery campaign`, from `discovery.runs.campaign.rows`.
-
-    Returns
-    -------
-    list of dict
-        One for each parameter that at least three systems of one kind have in one unit, with a standard deviation;
-        initial states, which belong to a recording, left out. The most frequent first; JSON-ready.
+    Rows are those of `discovery.runs.campaign.rows`. There is an entry for each parameter that at least three systems
+    of one kind have in one unit, with a standard deviation; initial states, which belong to a recording, are left out.
+    The most frequent come first; all is JSON-ready.
     """
     found: dict[tuple[str, str, str], list[tuple[str, str, float, float]]] = {}
     for row in rows:

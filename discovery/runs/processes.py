@@ -22,30 +22,22 @@ class Died(Exception):
 class Pool:
     """Processes that do one piece of work each at a time; one is started where none waits for work.
 
-    Parameters
-    ----------
-    environment : mapping of str to str
-        Variables of theirs, beside those of this process.
+    At most so many work at once. The environment holds variables of theirs, beside those of this process.
     """
 
-    def __init__(self, environment: dict[str, str]) -> None:
-        self._environment = environment
+    def __init__(self, size: int, environment: dict[str, str]) -> None:
+        self._size, self._environment = size, environment
         # A forked process would have the locks of threads that it does not have.
         self._context = multiprocessing.get_context("spawn")
         self._idle: list[tuple[Any, Connection]] = []
         self._busy: dict[Connection, tuple[Any, Any]] = {}
 
-    def submit(self, key: Any, work: Callable[..., Any], *arguments: Any) -> None:
-        """Give work to a process that waits.
+    def room(self) -> int:
+        """Return how many pieces of work can be done at once."""
+        return self._size
 
-        Parameters
-        ----------
-        key : object
-            By which `next` names it.
-        work : callable
-        *arguments : object
-            All must be picklable.
-        """
+    def submit(self, key: Any, work: Callable[..., Any], *arguments: Any) -> None:
+        """Give work, picklable with its arguments, to a process that waits; `next` names it by its key."""
         content = pickle.dumps((work, arguments))
         process, pipe = self._idle.pop() if self._idle else self._started()
         # Of a process that has died meanwhile, `next` hears.
@@ -95,9 +87,9 @@ class Pool:
 
 
 @contextmanager
-def pool(environment: dict[str, str] | None = None) -> Iterator[Pool]:
+def pool(size: int, environment: dict[str, str]) -> Iterator[Pool]:
     """Yield a `Pool`, all of whose processes end with the block."""
-    made = Pool(environment or {})
+    made = Pool(size, environment)
     try:
         yield made
     finally:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, teller
 from discovery.mechanics import get_base
 from discovery.recordings.dataset import Dataset
-from discovery.recordings.experiment import Experiment
 from discovery.rigs.rig import Rig
 from discovery.runs.stage import stage_seed
 
@@ -94,10 +93,6 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -
     progress : callable, optional
         Receives one sentence before every longer piece of work.
 
-    Returns
-    -------
-    Discovered
-
     Raises
     ------
     InputError
@@ -124,8 +119,8 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -
     tell("smoothing the recordings")
     motions = []
     for e in dataset.train:
-        recording = _shortened(e)
-        motions.append(motion_of(recording, dataset.rig, e.drive))
+        part = e.first(min(DISCOVERY_SAMPLES, len(e.recording.time[e.fitted])))
+        motions.append(motion_of(part.recording, dataset.rig, e.drive))
     rng = np.random.default_rng(stage_seed(seed, "discover"))
     tell("searching the library for the equation of motion")
     equation = sparse(motions, rng=rng)
@@ -140,11 +135,3 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -
         tell("reading the multisine's own lines")
         multisine = analyse_multisine(dataset.train[0].recording)
     return Discovered(equation, radius, multisine)
-
-
-def _shortened(experiment: Experiment):
-    r = experiment.recording
-    stop = min(DISCOVERY_SAMPLES, len(r.time[experiment.fitted]))
-    if stop == r.time.size:
-        return r
-    return replace(r, time=r.time[:stop], output=r.output[:stop], input=None if r.input is None else r.input[:stop])

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.runs.attempt import _GRACE, Outcome, Work, attempt, case_seed
-from discovery.runs.processes import Died, Pool, pool
+from discovery.runs.processes import Died, pool
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -99,27 +99,11 @@ class _Crew(Protocol):
     def room(self) -> int:
         """Return how many cases can be done at once."""
 
-    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
-        """Begin with a case: `attempt` with its arguments."""
+    def submit(self, key: int, work: Callable[..., Outcome], *arguments: Any) -> None:
+        """Begin with a case."""
 
     def next(self) -> tuple[int, Callable[[], Outcome]]:
         """Return the key of the case that ends next, and a function that returns its outcome, or raises."""
-
-
-class _Processes:
-    """Processes of this machine."""
-
-    def __init__(self, made: Pool, size: int) -> None:
-        self._made, self._size = made, size
-
-    def room(self) -> int:
-        return self._size
-
-    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
-        self._made.submit(key, attempt, *arguments)
-
-    def next(self) -> tuple[int, Callable[[], Outcome]]:
-        return self._made.next()
 
 
 class _Cluster:
@@ -134,11 +118,11 @@ class _Cluster:
     def room(self) -> int:
         return sum(self._client.ncores().values())
 
-    def submit(self, key: int, arguments: tuple[Any, ...]) -> None:
+    def submit(self, key: int, work: Callable[..., Outcome], *arguments: Any) -> None:
         # One prefix for all: the scheduler keeps statistics of every prefix for ever.
         own = ("case", os.urandom(8).hex())
         self._keys[own] = key
-        self._done.add(self._client.submit(attempt, *arguments, key=own, pure=False, retries=0))
+        self._done.add(self._client.submit(work, *arguments, key=own, pure=False, retries=0))
 
     def next(self) -> tuple[int, Callable[[], Outcome]]:
         from distributed import KilledWorker
@@ -176,8 +160,8 @@ def _here(workers: int) -> Iterator[_Crew]:
     """Yield processes on this machine."""
     # The processes share the processors; each would else simulate on all of them.
     threads = max(1, (os.cpu_count() or 1) // workers)
-    with pool({"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
-        yield _Processes(made, workers)
+    with pool(workers, {"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
+        yield made
 
 
 def _is_safe(address: str) -> bool:
@@ -237,7 +221,7 @@ def _stream(
         key = next(keys)
         running[key] = name, case, tries, time.perf_counter()
         try:
-            crew.submit(key, (work, name, case, case_seed(seed, name), limit, True))
+            crew.submit(key, attempt, work, name, case, *(case_seed(seed, name), limit, True))
         except Exception as error:
             # The case cannot be sent.
             del running[key]

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.systems import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
@@ -19,6 +18,7 @@ from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Tell, silent
 from discovery.foundation.sampling import gaps
@@ -52,22 +52,14 @@ __all__ = [
     "weighed",
 ]
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Fits:
-    """Output-error fits of the linear and of the declared model.
+    """Output-error fits of the linear and of the declared model, each with its predictions of the training recordings.
 
-    Parameters
-    ----------
-    models : mapping of str to Fit
-        By label: "linear" (where the system has a rest position), "constant_radius" (an arm's declared model without
-        the radius law), "declared".
-    predictions : mapping of str to list of ndarray
-        Of the training recordings.
-    errors : mapping
-        "position" and, for an arm, "angle" errors on the training recordings.
+    Labels are "linear" (where the system has a rest position), "constant_radius" (an arm's declared model without the
+    radius law) and "declared". Errors on the training recordings are those of the "position" and, for an arm, of the
+    "angle" and the "radius".
     """
 
     models: Mapping[str, Fit]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from discovery.equations.model import Model
-from discovery.foundation.checked_fields import check_fields
+from discovery.foundation.arguments import check_fields
 
 __all__ = ["Budget", "LoopSettings"]
 

@@ -5,27 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 
 __all__ = ["Backbone", "backbone"]
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Backbone:
-    """Instantaneous frequency and damping of a free decay.
+    """Instantaneous frequency and damping of a free decay against amplitude, each (k,).
 
-    Parameters
-    ----------
-    amplitude : ndarray, shape (k,)
-        Mean of neighbouring extremes [q].
-    frequency : ndarray, shape (k,)
-        From the time between extremes [Hz].
-    damping : ndarray, shape (k,)
-        Decay rate of the energy, 2 ln(a_0/a_1) / (t_1 - t_0) [1/s]; xi of a linear oscillator.
+    The amplitude [q] is the mean of neighbouring extremes. The frequency [Hz] is from the time between extremes, the
+    damping the decay rate of the energy, 2 ln(a_0/a_1) / (t_1 - t_0) [1/s]; xi of a linear oscillator.
     """
 
     amplitude: FloatArray
@@ -34,19 +26,11 @@ class Backbone:
 
 
 def backbone(time: FloatArray, deflection: FloatArray, period: float, start: float) -> Backbone:
-    """Return frequency and damping from the extremes of a free decay.
+    """Return frequency and damping from the extremes of a free decay, times [s] and deflections [q]; NaN marks gaps.
 
     Extremes are vertices of parabolas fitted to a third of a half period around each turning point; frequency and
-    damping are taken over whole periods, so that an offset of the rest position cancels to first order.
-
-    Parameters
-    ----------
-    time, deflection : ndarray, shape (n,)
-        Motion [s], [q]; NaN marks gaps.
-    period : float
-        Rough period [s].
-    start : float
-        Time from which the system moves freely [s].
+    damping are taken over whole periods, so that an offset of the rest position cancels to first order. `period` is a
+    rough one [s], and from `start` on the system moves freely [s].
     """
     good = np.isfinite(deflection) & (time >= start)
     t, d = time[good], deflection[good]

@@ -16,10 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.signals.penalised_spline import (
     DEGREE,
@@ -34,7 +34,6 @@ from discovery.signals.penalised_spline import (
 
 __all__ = ["FloatArray", "Smoother", "Trajectory", "smooth"]
 
-FloatArray = NDArray[np.float64]
 #: Orders of the penalised derivative to choose from.
 _ORDERS = (3, 4)
 
@@ -155,13 +154,7 @@ def _best_spline(
             penalty = upper_band(sparse.csr_array(rough.T @ rough))
             penalty *= gram[-1].sum() / penalty[-1].sum()
             system = PenalisedSpline(
-                knots,
-                gram,
-                penalty=penalty,
-                moment=moment,
-                energy=energy,
-                samples=t.size,
-                known_noise=known_noise,
+                knots, gram, penalty=penalty, moment=moment, energy=energy, samples=t.size, known_noise=known_noise
             )
             fit = system.best()
             # Of equal scores the finer knots: the penalty, not the knots, shall set the bandwidth.

@@ -17,9 +17,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.signals.multisine import Distortion, Multisine, Parity
 from discovery.signals.periods import find_periods, settling_of, whole_periods
 from discovery.signals.spectral_lines import MIN_LINES, LineNoise, Lines, line_noise, lines_of, tones_of
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from discovery.recordings.recording import Recording
 
 __all__ = ["analyse_multisine"]
-
-FloatArray = NDArray[np.float64]
 
 
 IRREGULAR = 0.05  # of a sampling interval: times may be rounded
@@ -40,20 +38,10 @@ MARGIN_DB = 1.0  # noise through a resonance makes its own estimate less certain
 def analyse_multisine(recording: Recording) -> Multisine | None:
     """Find the periods of a multisine in the input and read noise and distortion off the lines of the first output.
 
-    Realisations with different phases may follow one another, with or without pauses; the period is found on the
-    input, as the lag at which stretches of it come again (or come again with the opposite sign, at half the period of
-    an odd multisine). It must be a whole number of samples.
-
-    Parameters
-    ----------
-    recording : Recording
-        Uniformly sampled; periods with gaps are left out.
-
-    Returns
-    -------
-    Multisine or None
-        None if the input is missing, irregularly sampled, or no multisine: nothing in it comes again, or fewer than
-        eight lines carry it.
+    Realisations with different phases may follow one another, with or without pauses; the period is found on the input,
+    as the lag at which stretches of it come again (or come again with the opposite sign, at half the period of an odd
+    multisine). It must be a whole number of samples. Periods with gaps are left out. None if the input is missing,
+    irregularly sampled, or no multisine: nothing in it comes again, or fewer than eight lines carry it.
     """
     time = recording.time
     if recording.input is None or time.size < 64:
@@ -102,7 +90,7 @@ def _distortions(
     """One entry for each parity that the multisine can tell; unexcited lines are preferred to the spread."""
     samples = floor.samples * float(np.mean(lines.kinds != "outside"))
 
-    def judged(parity: Parity, use: NDArray[np.bool_], spread: bool = False) -> Distortion:
+    def judged(parity: Parity, use: BoolArray, spread: bool = False) -> Distortion:
         power = np.where(use, lines.spread if spread else lines.output, 0.0)
         # The noise is smeared over frequency as its pieces are short; so is what is compared with it.
         weight = np.convolve(use, floor.kernel, "same")[use]

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from discovery.declarations.systems import System
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.signals.differentiate import FloatArray, Trajectory, smooth
+from discovery.signals.differentiate import Trajectory, smooth
 
 if TYPE_CHECKING:
     from discovery.recordings.recording import Recording
     from discovery.rigs.rig import Rig
+    from discovery.simulation.grid import DriveLike
 
-__all__ = ["Evaluable", "Motion", "State", "motion_of"]
-
-
-class Evaluable(Protocol):
-    """Anything that gives value, first and second derivative at any time, such as `recordings.drive.Drive`."""
-
-    def evaluate(self, t: FloatArray) -> FloatArray:
-        """Return an array (3, n) of value, first and second derivative at the times ``t`` [s]."""
-        ...
+__all__ = ["Motion", "State", "motion_of"]
 
 
 class State(NamedTuple):
@@ -49,7 +43,7 @@ class Motion:
         That of the rig.
     coordinate : Trajectory
         theta_t [rad] of an arm, the output of an oscillator.
-    drive : Evaluable or None
+    drive : DriveLike or None
         theta_m [rad] of an arm, the input of an oscillator.
     radius : Trajectory or None
         rho_t / l of an arm whose tip was recorded in x and y.
@@ -58,7 +52,7 @@ class Motion:
     name: str
     kind: str
     coordinate: Trajectory
-    drive: Evaluable | None
+    drive: DriveLike | None
     radius: Trajectory | None = None
 
     @property
@@ -82,7 +76,7 @@ def _angle_of_deflection(deflection: FloatArray) -> FloatArray:
     return np.interp(deflection, np.cos(delta / np.sqrt(5.0)) * np.sin(delta), delta, left=np.nan, right=np.nan)
 
 
-def motion_of(recording: Recording, rig: Rig, drive: Evaluable | None) -> Motion:
+def motion_of(recording: Recording, rig: Rig, drive: DriveLike | None) -> Motion:
     """Smooth a recording.
 
     Parameters
@@ -91,7 +85,7 @@ def motion_of(recording: Recording, rig: Rig, drive: Evaluable | None) -> Motion
         Samples; gaps are NaN.
     rig : Rig
         Kind and, for an arm, the length [m].
-    drive : Evaluable or None
+    drive : DriveLike or None
         The smooth input, as `discovery.recordings.smooth_input.build_drive` makes it.
 
     Returns

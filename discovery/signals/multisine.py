@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Basis", "Distortion", "Multisine", "Parity"]
+from discovery.foundation.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
+__all__ = ["Basis", "Distortion", "Multisine", "Parity"]
 
 Parity = Literal["odd", "even", "odd or even"]
 Basis = Literal["unexcited lines", "spread over realisations"]

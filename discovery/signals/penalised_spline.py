@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
+
+from discovery.foundation.arrays import FloatArray
 
 __all__ = [
     "DEGREE",
@@ -27,8 +28,6 @@ __all__ = [
     "uniform_knots",
     "upper_band",
 ]
-
-FloatArray = NDArray[np.float64]
 
 DEGREE = 5
 """Degree of the spline: its second derivative is still a cubic spline."""

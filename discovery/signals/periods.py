@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import find_peaks
 
-__all__ = ["Periods", "find_periods", "period_changes", "settling_of", "whole_periods"]
+from discovery.foundation.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
+__all__ = ["Periods", "find_periods", "period_changes", "settling_of", "whole_periods"]
 
 MISMATCH = 0.01  # of the input's power, between a stretch and its repetition
 

@@ -15,12 +15,10 @@ from scipy.fft import fft, irfft, rfft
 from scipy.interpolate import CubicSpline
 from scipy.signal.windows import dpss
 
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.signals.periods import Periods, period_changes
 
 __all__ = ["MIN_LINES", "LineNoise", "Lines", "line_noise", "lines_of", "tones_of"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MIN_LINES = 8  # within 20 dB of the strongest line; a swinging or stepping drive has fewer
 EXCITED = 0.01  # power of an excited line relative to the strongest
@@ -33,7 +31,7 @@ class Lines(NamedTuple):
     multisine: Literal["odd", "full"]
     number: IntArray
     kinds: NDArray[np.str_]
-    tones: NDArray[np.bool_]
+    tones: BoolArray
     input: FloatArray
     total: FloatArray  # output as it is
     output: FloatArray  # without what unwanted input causes
@@ -96,7 +94,7 @@ def _power(spectra: NDArray[np.complex128]) -> FloatArray:
     return np.mean(np.abs(spectra) ** 2, axis=0)
 
 
-def _classify(power: FloatArray) -> tuple[NDArray[np.str_], NDArray[np.bool_]]:
+def _classify(power: FloatArray) -> tuple[NDArray[np.str_], BoolArray]:
     """Class of each line (k = 1, 2, ...) from the power of the input, and which lines hold a foreign tone."""
     number = np.arange(1, power.size + 1)
     excited = power > EXCITED * power.max()

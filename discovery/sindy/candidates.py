@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 import pysindy
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion, State
 
 __all__ = ["Candidates", "Term"]
@@ -70,14 +70,8 @@ def _family(name: str, position: str) -> Family:
 class Candidates:
     """The candidate terms of one kind of system, built from pysindy's feature libraries.
 
-    An arm's coordinate is an angle: sin and cos of it and of twice as much are offered, too.
-
-    Parameters
-    ----------
-    motions : sequence of Motion
-        Recordings of one system.
-    at_rest : bool
-        The base of an arm rests: its delta' is theta_t' and is not offered beside it.
+    An arm's coordinate is an angle: sin and cos of it and of twice as much are offered, too. Where its base rests, its
+    delta' is theta_t' and is not offered beside it.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discovery.signals.differentiate import FloatArray
+from discovery.foundation.arrays import FloatArray
 from discovery.sindy.subset import stopping_size
 
 __all__ = ["CANNOT_TELL", "MISFIT", "Choice", "log_ratio", "loudness"]

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_banded
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
-from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.candidates import Candidates, Term
 
@@ -34,18 +34,9 @@ _WINDOW = 4000
 class Library:
     """Whitened regression rows: ``target = columns @ coefficients + unit noise``.
 
-    Attributes
-    ----------
-    terms : tuple of Term, length p
-        Candidates.
-    columns : ndarray, shape (n, p)
-        Candidates, sign included, in standard deviations of the row.
-    target : ndarray, shape (n,)
-        Left-hand side in standard deviations of the row.
-    blocks : ndarray of int, shape (n,)
-        Contiguous stretch of a recording to which the row belongs; stretches are resampled whole.
-    at_rest : bool
-        Only rows where an arm's base rests were taken.
+    Columns (n, p), sign included, and target (n,) are in standard deviations of the row. Blocks (n,) are the contiguous
+    stretches of a recording to which the rows belong; stretches are resampled whole. `at_rest` says that only rows
+    where an arm's base rests were taken.
     """
 
     terms: tuple[Term, ...]
@@ -77,19 +68,9 @@ def _rests_half_the_time(motions: Sequence[Motion]) -> bool:
 
 
 def build_library(motions: Sequence[Motion]) -> Library:
-    """Evaluate the candidate terms on smoothed recordings.
+    """Evaluate the candidate terms on smoothed recordings of one system, one below the other.
 
     Rows of an arm are taken only where its base rests, if that leaves half of the samples.
-
-    Parameters
-    ----------
-    motions : sequence of Motion
-        Recordings of one system.
-
-    Returns
-    -------
-    Library
-        Columns, target and stretches of all recordings, one below the other.
 
     Raises
     ------
@@ -135,23 +116,11 @@ def stretches(times: Sequence[FloatArray], length: float) -> np.ndarray:
 
 
 def propagate(t: FloatArray, stiffness: float, damping: float, load: FloatArray) -> FloatArray:
-    """Response of q'' + damping q' + stiffness q = load, for many loads at once.
+    """Return responses (n, p + 2) of q'' + damping q' + stiffness q = load, for many loads at once.
 
-    Hermite-Simpson steps (fourth order) on any time grid, written as one banded system.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Grid [s].
-    stiffness, damping : float
-        [1/s^2], [1/s].
-    load : ndarray, shape (2 n - 1, p)
-        Loads on the grid and, at odd rows, half-way between.
-
-    Returns
-    -------
-    ndarray, shape (n, p + 2)
-        Responses from rest; the last two columns are the free motions from unit position and from unit rate.
+    Hermite-Simpson steps (fourth order) on any time grid (n,) [s], written as one banded system. Loads (2 n - 1, p) are
+    those on the grid and, at odd rows, half-way between. Responses are from rest; the last two columns are the free
+    motions from unit position and from unit rate.
     """
     h, n, p = np.diff(t), t.size, load.shape[1]
     a = np.array([[0.0, 1.0], [-stiffness, -damping]])

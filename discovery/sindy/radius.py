@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import estimate_text
-from discovery.signals.differentiate import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.evidence import CANNOT_TELL, log_ratio, loudness
 from discovery.sindy.library import stretches
@@ -117,22 +117,10 @@ def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator) -> R
     cos(gamma delta) and 1 - a delta^2 - b delta^4 compete, each alone and with kappa delta^2 theta_t'^2: the pull of
     the swinging mass straightens the rod, which a static law cannot describe.
 
-    Parameters
-    ----------
-    motions : sequence of Motion
-        Recordings of an arm with tip x and y.
-    rng : numpy.random.Generator
-        Source of the resamples.
-
-    Returns
-    -------
-    RadiusLaw
-        gamma with its interval, and the rivals.
-
     Raises
     ------
     InputError
-        If no recording has a radius.
+        If no recording has a radius: they must be of an arm with tip x and y.
     """
     readings = _Readings.of(motions)
     fits = _fits(readings)

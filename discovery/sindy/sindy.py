@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from discovery.signals.differentiate import FloatArray
+from discovery.foundation.arrays import FloatArray
 from discovery.signals.motion import Motion
 from discovery.sindy.evidence import Choice, loudness
 from discovery.sindy.library import Library, build_library
@@ -41,27 +41,10 @@ def _block_grams(library: Library) -> tuple[FloatArray, FloatArray, FloatArray]:
     return grams[:, :-1, :-1], grams[:, :-1, -1], grams[:, -1, -1]
 
 
-def discover(
-    motions: Sequence[Motion],
-    *,
-    rng: np.random.Generator,
-    resamples: int = 200,
-) -> Discovery:
-    """Discover the terms of the equation of motion.
+def discover(motions: Sequence[Motion], *, rng: np.random.Generator, resamples: int = 200) -> Discovery:
+    """Discover the terms of the equation of motion from smoothed recordings of one system.
 
-    Parameters
-    ----------
-    motions : sequence of Motion
-        One or more smoothed recordings of one system.
-    rng : numpy.random.Generator
-        Source of the resamples.
-    resamples : int
-        Number of resamples of whole stretches, with replacement.
-
-    Returns
-    -------
-    Discovery
-        Equation, probabilities, rivals and the table of the best equations of each size.
+    Whole stretches are resampled, with replacement.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from math import comb
 
 import numpy as np
 
-from discovery.signals.differentiate import FloatArray
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["best_subsets", "residual_sums", "stopping_size"]
 

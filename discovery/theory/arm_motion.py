@@ -8,8 +8,8 @@ from itertools import count, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.simulation.grid import DriveLike
 from discovery.theory.coupling import Arm, effective_inertia
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ArmMotion", "check_start", "fitted_coupling", "integrate", "move_arm"]
 
-FloatArray = NDArray[np.float64]
-
 _TOLERANCE = 1e-9
 #: States beyond this size, or so many evaluations within one stretch, count as blown up.
 _LIMIT, _EVALUATIONS = 1e9, 1_000_000
@@ -30,20 +28,10 @@ _LIMIT, _EVALUATIONS = 1e9, 1_000_000
 
 @dataclass(frozen=True)
 class ArmMotion:
-    """A motion of the arm under a prescribed motor, shapes (k,).
+    """A motion of the arm under a prescribed motor at k times [s]: angles of the motor and, polar, of the tip [rad].
 
-    Attributes
-    ----------
-    time : ndarray
-        Times [s].
-    theta_m, theta_t : ndarray
-        Angle of the motor and polar angle of the tip [rad].
-    x, y : ndarray
-        Position of the tip [m].
-    coupling_torque : ndarray
-        Gamma_c of eq. (10) [N m].
-    states : ndarray, shape (n, k)
-        Coordinates, rates and memory of the model.
+    x and y [m] are the position of the tip, `coupling_torque` is Gamma_c of eq. (10) [N m], and `states` (n, k) are
+    coordinates, rates and memory of the model.
     """
 
     time: FloatArray
@@ -56,23 +44,11 @@ class ArmMotion:
 
 
 def integrate(
-    slopes: Callable[[float, FloatArray, bool], FloatArray],
-    start: FloatArray,
-    time: FloatArray,
-    kinks: FloatArray,
+    slopes: Callable[[float, FloatArray, bool], FloatArray], start: FloatArray, time: FloatArray, kinks: FloatArray
 ) -> FloatArray:
-    """Integrate with LSODA, restarted at every kink, and return the states (n, k) at `time`.
+    """Integrate with LSODA, restarted at every kink [s], and return the states (n, k) at increasing times (k,) [s].
 
-    Parameters
-    ----------
-    slopes : callable
-        Of time, state and whether the limit from the left is meant (at the end of a stretch).
-    start : ndarray, shape (n,)
-        State at the first time.
-    time : ndarray, shape (k,)
-        Increasing times [s].
-    kinks : ndarray
-        Times at which slopes jump [s].
+    `slopes` is a function of time, state and whether the limit from the left is meant (at the end of a stretch).
 
     Raises
     ------
@@ -110,13 +86,7 @@ def integrate(
 
 
 def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: float) -> FloatArray:
-    """Return the times as an array, once everything can be used.
-
-    Raises
-    ------
-    InputError
-        If there is no drive, the times are not finite and increasing, or the initial state is not finite.
-    """
+    """Return the times as an array, once all can be used: a drive, finite increasing times, a finite initial state."""
     if drive is None:
         raise InputError("An arm moves with its hub: pass a drive, for a hub at rest one that is constant.")
     if not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):
@@ -135,26 +105,10 @@ def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: flo
     return t
 
 
-def move_arm(
-    arm: Arm,
-    drive: DriveLike,
-    time: FloatArray,
-    *,
-    deflection: float = 0.0,
-    rate: float = 0.0,
-) -> ArmMotion:
+def move_arm(arm: Arm, drive: DriveLike, time: FloatArray, *, deflection: float = 0.0, rate: float = 0.0) -> ArmMotion:
     """Simulate the arm under a prescribed motion of its motor, with the coupling torque Gamma_c of (10), (11).
 
-    Parameters
-    ----------
-    arm : Arm
-        The model with its numbers.
-    drive : DriveLike
-        Motion of the motor.
-    time : ndarray, shape (k,)
-        Increasing times [s].
-    deflection, rate : float
-        At the first time [rad], [rad/s].
+    Times (k,) increase [s]; deflection [rad] and rate [rad/s] are those at the first.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import sympy as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Joint, Kinetic
@@ -24,6 +24,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.base import SHORTENING_RADIUS, Channel
@@ -33,8 +34,6 @@ from discovery.rigs.rig import Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 
 __all__ = ["Arm", "effective_inertia"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _kinetic_torque(energy: sp.Expr, second: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
@@ -144,14 +143,8 @@ class Arm:
     def rows(self, time: ArrayLike, motor: ArrayLike, state: ArrayLike) -> list:
         """Return slopes, torque per inertia and tip, as `program` lists them.
 
-        Parameters
-        ----------
-        time : array_like, shape (k,) or ()
-            Times [s].
-        motor : array_like, shape (3, k) or (3,)
-            Motor angle [rad] and its first two derivatives.
-        state : array_like, shape (n, k) or (n,)
-            States in the order of the program: coordinates, rates, memory.
+        Times (k,) or () [s]; motor's angle [rad] and its first two derivatives, (3, k) or (3,); states (n, k) or (n,)
+        in the order of the program: coordinates, rates, memory.
         """
         return self._rows(time, motor, state, self.parameters)
 
@@ -167,10 +160,7 @@ class Arm:
 def effective_inertia(rig: Rig) -> float:
     """Return m_eff l^2 = (m + 33 m_r / 140) l^2 of a rig [kg m^2]; a rod of unstated mass counts as massless.
 
-    Raises
-    ------
-    InputError
-        If `rig` is no Rig, or states no length or no tip mass.
+    A rig without length or tip mass is refused.
     """
     if not isinstance(rig, Rig):
         raise InputError(f"The inertia is that of a Rig, not of a {type(rig).__name__}; `read_rig(path)` returns one.")

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.foundation.arguments import as_generator, check_number, check_whole, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.rigs.rig import Rig
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from discovery.rigs.rig import Quantity
 
 __all__ = ["LAWS", "MASSES", "Comparison", "Prediction", "PredictionRow", "predict"]
-
-FloatArray = npt.NDArray[np.float64]
 
 MASSES = ("as_printed", "rod_counted")
 LAWS = ("static_small", "static_least_squares", "dynamic", "dynamic_effective")
@@ -181,10 +180,6 @@ def predict(
         ``static_least_squares`` is left out.
     draws : int
         Number of draws, n.
-
-    Returns
-    -------
-    Prediction
 
     Raises
     ------

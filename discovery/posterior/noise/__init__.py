@@ -58,10 +58,7 @@ def _model(name: str) -> type[Noise]:
 def noise_of(name: str, problem: Problem, parts: Sequence[Instrument]) -> tuple[Noise, ...]:
     """Return the noise of every instrument; nothing for the Gaussian.
 
-    Raises
-    ------
-    InputError
-        For an unknown name, or one that does not apply to these recordings.
+    A name that is not known, or does not apply to these recordings, is refused.
     """
     if name == GAUSSIAN:
         return ()

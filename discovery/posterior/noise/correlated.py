@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Normal
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.posterior.noise.filters import exponential
 from discovery.posterior.noise.model import LOG_2PI, Logistic, Noise, NoiseParameter, seen_by, share_of
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Correlated"]
 
-FloatArray = NDArray[np.float64]
 # Parts of the way from the sampling interval to the record, on a logarithmic scale, from which an estimate starts.
 _STARTS = (0.25, 0.5, 0.75)
 
@@ -42,7 +41,7 @@ class Correlated(Noise):
     words: ClassVar[str] = "white and exponentially correlated"
     independent: ClassVar[bool] = False
 
-    readings: dict[int, tuple[FloatArray, NDArray[np.bool_]]]
+    readings: dict[int, tuple[FloatArray, BoolArray]]
 
     @classmethod
     def of(cls, problem: Problem, part: Instrument) -> Correlated:

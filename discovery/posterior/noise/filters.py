@@ -12,13 +12,11 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 
 __all__ = ["FAST", "LANES", "TOGETHER", "exponential", "oscillating", "padded"]
-
-FloatArray = NDArray[np.float64]
 
 LANES = 32
 FAST = {"contract", "reassoc", "nsz", "arcp"}
@@ -198,7 +196,7 @@ def padded(residual: FloatArray, *rows: FloatArray) -> tuple[FloatArray, list[Fl
 
 
 def exponential(
-    time: FloatArray, seen: NDArray[np.bool_], residual: FloatArray, share: FloatArray, tau: FloatArray, keep: bool
+    time: FloatArray, seen: BoolArray, residual: FloatArray, share: FloatArray, tau: FloatArray, keep: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Filter residuals of unit variance, a share of which is exponentially correlated (Ornstein and Uhlenbeck).
 
@@ -212,15 +210,13 @@ def exponential(
         Channels are independent of each other.
     share, tau : ndarray, shape (k,)
         Share of the variance [-] and correlation time [s].
-    keep : bool
-        Whether the innovations are wanted.
 
     Returns
     -------
     square, log_variance : ndarray, shape (k,)
         Sums of the squared innovations over their variances and of the logarithms of these variances.
     innovation : ndarray, shape (n, c, k)
-        White and of unit variance, zero in gaps; empty unless wanted.
+        White and of unit variance, zero in gaps; empty unless `keep` asks for them.
     """
     k = residual.shape[2]
     block, (a, t) = padded(residual, share, tau)
@@ -231,7 +227,7 @@ def exponential(
 
 def oscillating(
     time: FloatArray,
-    seen: NDArray[np.bool_],
+    seen: BoolArray,
     residual: FloatArray,
     share: FloatArray,
     omega: FloatArray,
@@ -241,19 +237,9 @@ def oscillating(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Filter residuals with a part that is one damped oscillator under white noise, seen by all channels.
 
-    Parameters
-    ----------
-    time, seen, residual, keep
-        As in `exponential`; the variance is one where `slope` is.
-    share, omega, xi : ndarray, shape (k,)
-        Share of the variance [-], angular frequency [rad/s] and damping [1/s] of the oscillator.
-    slope : ndarray, shape (n, c)
-        What a channel sees of the oscillator.
-
-    Returns
-    -------
-    square, log_variance, innovation
-        As of `exponential`.
+    Arguments and results are those of `exponential`, but for the angular frequency omega [rad/s] and the damping xi
+    [1/s] of the oscillator, each (k,), and what a channel sees of it, slope (n, c): the variance is one where the slope
+    is.
     """
     k = residual.shape[2]
     block, (a, w, b) = padded(residual, share, omega, xi)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.posterior.noise.filters import oscillating
 from discovery.posterior.noise.model import LOG_2PI, Logistic, Noise, NoiseParameter, seen_by, share_of
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["InputNoise"]
 
-FloatArray = NDArray[np.float64]
 # Smallest angular frequency over the dominant one: a stiffness may be at its bound of zero.
 _SLOWEST = 1e-2
 
@@ -47,7 +46,7 @@ class InputNoise(Noise):
     words: ClassVar[str] = "white, and input noise that passed through the system"
     independent: ClassVar[bool] = False
 
-    readings: dict[int, tuple[FloatArray, NDArray[np.bool_], FloatArray]]
+    readings: dict[int, tuple[FloatArray, BoolArray, FloatArray]]
     alpha: int | float
     xi: int | float
     slowest: float

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from discovery.declarations.parameters import Prior
+from discovery.foundation.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LOG_2PI", "Logistic", "Noise", "NoiseParameter", "seen_by", "share_of"]
 
-FloatArray = NDArray[np.float64]
 LOG_2PI = float(np.log(2 * np.pi))
 
 
@@ -99,22 +99,16 @@ class Noise(ABC):
 
     @abstractmethod
     def log_likelihood(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return the log density of the readings of one experiment, in units of the stated noise.
+        """Return the log density (k,) of the readings of experiment i, in units of the stated noise.
 
         Parameters
         ----------
-        i : int
-            Number of the experiment.
         residual : ndarray, shape (n, c, k)
             (prediction - measurement) / stated noise, zero in gaps.
         x : ndarray, shape (p, k)
             Free numbers of the problem.
         noise : ndarray, shape (1 + m, k)
             Parameters of the noise.
-
-        Returns
-        -------
-        ndarray, shape (k,)
         """
 
     @abstractmethod
@@ -129,7 +123,7 @@ class Noise(ABC):
         return self.whitened(i, residual, x, noise)
 
 
-def seen_by(experiment: Experiment) -> NDArray[np.bool_]:
+def seen_by(experiment: Experiment) -> BoolArray:
     """Return which readings count, up to the last of them, shape (n, c)."""
     seen = experiment.weights() > 0
     stop = int(np.flatnonzero(seen.any(axis=1))[-1]) + 1 if seen.any() else 0

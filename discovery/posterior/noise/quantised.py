@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.posterior.noise.model import Noise, seen_by
 from discovery.posterior.noise.tails import rounded
 from discovery.recordings.quantisation import quantum
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from discovery.posterior.instrument import Instrument
 
 __all__ = ["Quantised"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class Quantised(Noise):
     words: ClassVar[str] = "white, then rounded"
     size: ClassVar[str] = "noise before rounding, sd"
 
-    cells: dict[int, tuple[NDArray[np.bool_], FloatArray]]
+    cells: dict[int, tuple[BoolArray, FloatArray]]
 
     @classmethod
     def of(cls, problem: Problem, part: Instrument) -> Quantised | None:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from discovery.declarations.parameters import Normal
+from discovery.foundation.arrays import FloatArray
 from discovery.posterior.noise.model import Noise, NoiseParameter
 from discovery.posterior.noise.tails import scattered
 
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from discovery.posterior.instrument import Instrument
 
 __all__ = ["StudentT"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

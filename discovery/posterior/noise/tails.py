@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 from discovery.posterior.noise.filters import FAST, LANES, TOGETHER, padded
 
 __all__ = ["rounded", "scattered"]
-
-FloatArray = NDArray[np.float64]
 
 
 @compiled(nogil=True, fastmath=FAST, error_model="numpy")
@@ -77,24 +75,11 @@ def scattered(residual: FloatArray, factor: FloatArray) -> FloatArray:
     return total[:k]
 
 
-def rounded(seen: NDArray[np.bool_], residual: FloatArray, half: FloatArray, sd: FloatArray) -> FloatArray:
-    """Return the log probability of readings that were rounded.
+def rounded(seen: BoolArray, residual: FloatArray, half: FloatArray, sd: FloatArray) -> FloatArray:
+    """Return the log probability (k,) of the cells of readings that were rounded, gaps left out.
 
-    Parameters
-    ----------
-    seen : ndarray of bool, shape (n, c)
-        False in gaps.
-    residual : ndarray, shape (n, c, k)
-        Prediction minus the middle of the cell.
-    half : ndarray, shape (c,)
-        Half a cell.
-    sd : ndarray, shape (k,)
-        Standard deviation of the noise before rounding.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Sum of the logarithms of the cells' probabilities.
+    Residuals (n, c, k) are predictions less the middles of the cells, `half` (c,) is half a cell, and `sd` (k,) the
+    standard deviation of the noise before rounding.
     """
     total = np.empty(residual.shape[2])
     _rounded(seen, np.ascontiguousarray(residual), half, np.ascontiguousarray(sd, float), total)

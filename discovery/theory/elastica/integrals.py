@@ -24,14 +24,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import elliprd
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
 __all__ = ["TINY", "Bend", "bend", "increasing_root"]
 
-FloatArray = npt.NDArray[np.float64]
 _Equation = Callable[..., tuple[FloatArray, FloatArray]]
 
 _ITERATIONS = 80

@@ -16,19 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.theory.elastica.integrals import TINY, bend, increasing_root
 
-__all__ = [
-    "DEFLECTION_MAX",
-    "SMALL_DEFLECTION",
-    "StaticLaw",
-    "fitted_law",
-    "perpendicular_law",
-    "usable_deflections",
-]
-
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["DEFLECTION_MAX", "SMALL_DEFLECTION", "StaticLaw", "fitted_law", "perpendicular_law", "usable_deflections"]
 
 DEFLECTION_MAX = np.pi / 2
 """Largest tip deflection of :func:`perpendicular_law` [rad]; there the force points back along the clamped end."""
@@ -59,22 +51,11 @@ SMALL_DEFLECTION = StaticLaw(1.0, float(Fraction(13, 210)), 1.0 / np.sqrt(5.0))
 
 
 def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Force and radius of a tip deflected by a force perpendicular to its radius vector, from eq. (5) of the paper.
+    """Return force F_n [-] and radius rho_t / l [-] of a tip deflected by a force perpendicular to its radius vector.
 
-    The position of the tip has no component along such a force, so one equation in one unknown is left; to lowest
-    orders ``F_n = 3 delta + (13/70) delta^3`` and ``rho / l = 1 - delta^2 / 10``.
-
-    Parameters
-    ----------
-    delta : array_like
-        Deflection ``theta_t - theta_m`` of the tip [rad], at most ``DEFLECTION_MAX`` in magnitude.
-
-    Returns
-    -------
-    force : ndarray
-        Normalised force ``F_n`` [-], with the sign of `delta`.
-    rho : ndarray
-        Radius ``rho_t / l`` [-].
+    They follow from eq. (5) of the paper. The position of the tip has no component along such a force, so one equation
+    in one unknown is left; to lowest orders ``F_n = 3 delta + (13/70) delta^3`` and ``rho / l = 1 - delta^2 / 10``. The
+    force has the sign of the deflection ``delta = theta_t - theta_m`` [rad].
 
     Raises
     ------
@@ -106,12 +87,7 @@ def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
 def usable_deflections(delta_max: float | None = None, deflection: npt.ArrayLike | None = None) -> FloatArray:
     """Return the deflections at which the laws are compared, none negative [rad].
 
-    Parameters
-    ----------
-    delta_max : float, optional
-        Largest deflection that counts [rad].
-    deflection : array_like, optional
-        Deflections as a recording has them [rad]; NaN is left out. By default equally spaced up to `delta_max`.
+    They are those of a recording up to `delta_max`, NaN left out, or by default equally spaced up to there.
 
     Raises
     ------
@@ -135,13 +111,7 @@ def usable_deflections(delta_max: float | None = None, deflection: npt.ArrayLike
 
 
 def fitted_law(delta: FloatArray) -> StaticLaw:
-    """Least-squares cubic of (15) and cosine of (16) through the elastica's force and radius.
-
-    Parameters
-    ----------
-    delta : ndarray, shape (n,)
-        Deflections at which they are compared [rad], see `usable_deflections`.
-    """
+    """Return the least-squares cubic of (15) and cosine of (16) through force and radius at deflections (n,) [rad]."""
     force, rho = perpendicular_law(delta)
     (stiffness, cubic), *_ = np.linalg.lstsq(np.stack([delta, delta**3], axis=1), force / 3.0)
 
