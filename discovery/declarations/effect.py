@@ -25,7 +25,7 @@ from discovery.foundation.arguments import check_names
 if TYPE_CHECKING:
     import sympy as sp
 
-    from discovery.declarations.parameters import FloatArray
+    from discovery.foundation.arrays import FloatArray
 
 __all__ = [
     "ARM",

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from discovery.foundation.arguments import expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 __all__ = ["Flat", "HalfStudent", "LogNormal", "Normal", "Parameter", "Prior", "natural_scale"]
 
@@ -20,7 +19,7 @@ __all__ = ["Flat", "HalfStudent", "LogNormal", "Normal", "Parameter", "Prior", "
 class Prior(Protocol):
     """A one-dimensional prior density, in natural units of the problem (see `natural_scale`)."""
 
-    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+    def log_density(self, x: ArrayLike) -> FloatArray:
         """Return the logarithm of the density at `x`; minus infinity outside the support."""
         ...
 
@@ -42,7 +41,7 @@ class Flat:
 
     size: float = 1.0
 
-    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+    def log_density(self, x: ArrayLike) -> FloatArray:
         """Return zero everywhere."""
         return np.zeros(np.shape(x))
 
@@ -59,7 +58,7 @@ class Normal:
     mean: float
     sd: float
 
-    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+    def log_density(self, x: ArrayLike) -> FloatArray:
         """Return the Gaussian log density."""
         z = (np.asarray(x, float) - self.mean) / self.sd
         return -0.5 * z * z - math.log(self.sd * math.sqrt(2 * math.pi))
@@ -81,7 +80,7 @@ class HalfStudent:
 
     scale: float
 
-    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+    def log_density(self, x: ArrayLike) -> FloatArray:
         """Return the log density; minus infinity below zero."""
         z = np.asarray(x, float) / self.scale
         inside = -2 * np.log1p(z * z / 3) + math.log(4 / (math.pi * math.sqrt(3) * self.scale))
@@ -100,7 +99,7 @@ class LogNormal:
     median: float
     log_sd: float
 
-    def log_density(self, x: ArrayLike) -> NDArray[np.float64]:
+    def log_density(self, x: ArrayLike) -> FloatArray:
         """Return the log density; minus infinity at and below zero."""
         x = np.asarray(x, float)
         positive = np.where(x > 0, x, 1.0)

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 
 __all__ = ["integral_over", "least_squares", "own_period", "rates_of", "runs_on", "telling_part"]
-
-FloatArray = NDArray[np.float64]
 
 #: Passages through the middle that are enough: over more of them, twice integrated noise outgrows the motion.
 _PASSAGES = 40

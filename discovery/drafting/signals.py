@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.law_of_motion import runs_on
 from discovery.drafting.names import Meaning, meaning_of, words_of
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
 
 __all__ = ["Signal", "Signals", "angle_unit", "find_signals", "open_table"]
-
-FloatArray = NDArray[np.float64]
 
 #: Of a step, by which sampled times may differ.
 _JITTER = 0.05

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.least_squares import Minimum, Request, levenberg_marquardt, minimise
 from discovery.estimation.problem import Problem
 from discovery.estimation.race import Race
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["fit_problems", "together"]
 
-FloatArray = NDArray[np.float64]
 #: Residuals that are whitened at once.
 _TOGETHER = 4e6
 

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Flat, HalfStudent, LogNormal
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import BoolArray, FloatArray
 
 __all__ = ["Belief", "belief_of"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,10 +37,10 @@ class Belief:
     centre: FloatArray
     low: FloatArray
     high: FloatArray
-    frozen: NDArray[np.bool_]
+    frozen: BoolArray
 
 
-def belief_of(problem: Problem, x: FloatArray, at_bound: NDArray[np.bool_], more: Sequence[float]) -> Belief:
+def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequence[float]) -> Belief:
     """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
     free, units = problem.free, problem.units
     log, width, centre = [], [], []

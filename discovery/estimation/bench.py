@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.start_values import own_parameters
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.simulation import simulate
@@ -19,7 +19,6 @@ from discovery.simulation.simulate import Batch, Misses, Simulator
 
 __all__ = ["Bench"]
 
-FloatArray = NDArray[np.float64]
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7
 #: Residuals at once that stay in the cache.
@@ -134,7 +133,7 @@ class Bench:
         moved = zip(self.simulators, self.motions(parameters, initial), strict=True)
         return min(self.shortest, *(classical_step(s.kernel.program, s.grid, m, parameters[:, 0]) for s, m in moved))
 
-    def moves_alike(self, parameters: FloatArray) -> NDArray[np.bool_]:
+    def moves_alike(self, parameters: FloatArray) -> BoolArray:
         """Return which parameter sets (p, k) move as the first one does: they differ in what is read at most."""
         moving = np.isin(self.names, list(self.simulators[0].kernel.program.moving))
         return (parameters[moving] == parameters[moving, :1]).all(axis=0)
@@ -196,7 +195,7 @@ class Bench:
             sums[:-1], sums[-1] = np.einsum("nck,nck->ck", residual, residual), np.abs(residual).max(axis=(0, 1))
         return residual
 
-    def _blown(self, sums: Sequence[FloatArray]) -> NDArray[np.bool_]:
+    def _blown(self, sums: Sequence[FloatArray]) -> BoolArray:
         """Return which trials blew up in any experiment, even where they stay finite to the end, from their sums."""
         good = [np.isfinite(each[:-1]).all(axis=0) & (each[-1] < self._absurd) for each in sums]
         return ~np.logical_and.reduce(good)
@@ -207,7 +206,7 @@ class Bench:
         for first in range(0, columns, width):
             yield slice(first, first + width)
 
-    def blocks(self) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
+    def blocks(self) -> Iterator[tuple[slice, BoolArray]]:
         """Yield the rows of every recording in a residual, and where its samples (n, c) are fitted and finite.
 
         They end with the last fitted one.

@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["Bend"]
-
-FloatArray = NDArray[np.float64]
 
 #: Polynomials go on as they are there, in standard deviations.
 _REACH = 4.0

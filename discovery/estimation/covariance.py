@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.differences import half_step
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import leaps
@@ -16,7 +16,6 @@ from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
 
 __all__ = ["covariance_of", "longest_leap", "principal_spread", "solver_shift"]
 
-FloatArray = NDArray[np.float64]
 #: The residual's spectrum is averaged over a 32nd of all frequencies, and over nine lines at least.
 _BANDS = 64
 _NARROWEST = 4

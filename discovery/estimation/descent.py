@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dger
 
 from discovery.estimation.sparsity import Sparsity
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["Descent", "Wanted"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
 _KEPT = 0.8
 #: Steps that gain less than this part of what the longest of them promised are tried again along a bend,
@@ -204,7 +202,7 @@ class _Normal:
     gradient: FloatArray
     matrix: FloatArray
     diagonal: FloatArray
-    free: NDArray[np.bool_]
+    free: BoolArray
 
     def damped(self, dampings: FloatArray) -> list[FloatArray]:
         """Return the scaled matrix of the free parameters with each damping."""
@@ -253,7 +251,7 @@ def _turned(
     changes: FloatArray,
     jacobian: FloatArray,
     damped: Sequence[FloatArray],
-    free: NDArray[np.bool_],
+    free: BoolArray,
 ) -> FloatArray:
     """Return trial steps (p, k) that follow the bend of a narrow valley, from what the straight ones did to residuals.
 

@@ -10,17 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.estimation.sparsity import Sparsity
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["HalfStep", "Probed", "half_step", "simulated"]
 
-FloatArray = NDArray[np.float64]
 #: Parameters of which nothing is known are moved by this part of their scale.
 _LITTLE = 1e-3
 #: Slopes err by so much of themselves at most: their intervals then do by about as much.

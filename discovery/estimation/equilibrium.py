@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 
 from discovery.declarations import symbols as s
@@ -16,12 +15,12 @@ from discovery.declarations.effect import Load
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
 from discovery.estimation.natural_units import NaturalUnits
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.simulation.kernel.compile import numpy_derivative
 
 __all__ = ["equilibrium", "moving"]
 
-FloatArray = NDArray[np.float64]
 _NO_REST = "The model has no rest position in its range; give --initial-state ANGLE,RATE."
 _FREE = "No force of the model depends on the position: it rests {}; give --initial-state POSITION,RATE."
 

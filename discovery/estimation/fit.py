@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.asked import check_start, fitted_recordings, given_uncertainty
@@ -24,6 +23,7 @@ from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
 from discovery.foundation.arguments import check_number
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.plots.fits import FitViews
 from discovery.recordings.chosen import Recordings, training_of
@@ -31,7 +31,6 @@ from discovery.simulation.simulate import check_finite
 
 __all__ = ["SHIFT", "Fit", "fit", "fit_near", "refined"]
 
-FloatArray = NDArray[np.float64]
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
 SHIFT = 0.02
 _REFINEMENTS = 3

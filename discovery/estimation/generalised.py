@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -14,6 +13,7 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["fitted_to_all", "generalised"]
 
@@ -23,7 +23,7 @@ _ITERATIONS = 25
 
 def generalised(
     problems: Sequence[Problem],
-    starts: Sequence[NDArray[np.float64]],
+    starts: Sequence[FloatArray],
     sizes: Sequence[float],
     *,
     iterations: int,

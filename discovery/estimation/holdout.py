@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -14,13 +13,13 @@ from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.residual import errors
 from discovery.estimation.starts import held_out
 from discovery.estimation.step import choose_step
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.holdout_part import motion_over_noise, two_thirds
 
 __all__ = ["SEPARATE", "HoldOut"]
 
-FloatArray = NDArray[np.float64]
 #: What held-out recordings are called that were given as such.
 SEPARATE = "separate recordings"
 

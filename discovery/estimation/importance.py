@@ -13,14 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.estimation.proposal import Proposal
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
 __all__ = ["LARGEST_K", "LEAST_EFFECTIVE", "Weighted", "importance_sample", "smoothed", "weighed"]
 
-FloatArray = NDArray[np.float64]
 LogDensity = Callable[[FloatArray], FloatArray]
 
 #: Pareto k above which the mean of the weights converges too slowly for any use.

@@ -10,16 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import lsq_linear
 
 from discovery.estimation.belief import Belief
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 
 __all__ = ["Mode", "Prior", "bounded_step", "mode_of"]
 
-FloatArray = NDArray[np.float64]
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
 _NOISE_SCALE, _ROUNDS = 0.1, 3
@@ -76,7 +75,7 @@ class Prior:
     log_density: float
     low: FloatArray
     high: FloatArray
-    frozen: NDArray[np.bool_]
+    frozen: BoolArray
 
     @classmethod
     def of(cls, belief: Belief, p: int) -> Prior:
@@ -128,7 +127,7 @@ def _at_noise(gram: FloatArray, logarithms: float, count: int, prior: Prior, whi
 
 
 def bounded_step(
-    matrix: FloatArray, push: FloatArray, low: FloatArray, high: FloatArray, free: NDArray[np.bool_]
+    matrix: FloatArray, push: FloatArray, low: FloatArray, high: FloatArray, free: BoolArray
 ) -> FloatArray:
     """Return the step that minimises a quadratic form within bounds."""
     step = _free_step(matrix, push, free)

@@ -13,14 +13,13 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.descent import Descent, Wanted
 from discovery.estimation.sparsity import Sparsity
+from discovery.foundation.arrays import BoolArray, FloatArray
 
 __all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
 
-FloatArray = NDArray[np.float64]
 Request = Generator[Wanted, FloatArray, "Minimum"]
 
 
@@ -52,7 +51,7 @@ class Minimum:
     cost: float
     residual: FloatArray
     jacobian: FloatArray
-    at_bound: NDArray[np.bool_]
+    at_bound: BoolArray
     converged: bool
     iterations: int
     blown: bool = False

@@ -14,16 +14,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from discovery.estimation.belief import Belief
 from discovery.estimation.laplace import Mode, Prior, mode_of
 from discovery.estimation.model_error import Channel, ModelError
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["Evidence", "Linearised", "evidence_of"]
 
-FloatArray = NDArray[np.float64]
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Times as sure of its parameters as its intervals say, a set predicts by its estimate alone.
 _SURE = 1e8

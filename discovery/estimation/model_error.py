@@ -12,13 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.compiled_function import compiled
 
 __all__ = ["Channel", "ModelError", "innovations"]
 
-FloatArray = NDArray[np.float64]
 #: Memory of a model error over the natural time: a slower one takes the motion itself for an error.
 _MEMORY = 1 / 9
 

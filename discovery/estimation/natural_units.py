@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Parameter, natural_scale
 from discovery.declarations.units import dimension
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.mechanics.systems import system_base
 from discovery.recordings.experiment import Experiment, largest_deflection
 
 __all__ = ["NaturalUnits", "natural_units"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,11 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from discovery.declarations.amplitudes import amplitudes
 from discovery.declarations.unit_words import named_unit
 from discovery.declarations.units import dimension, is_force, known_dimension, si_symbol
 from discovery.equations.model import Model
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["physical_parameters", "physical_rows"]
@@ -59,7 +57,7 @@ def physical_parameters(
     model: Model,
     values: Mapping[str, float],
     fitted: tuple[str, ...],
-    covariance: NDArray[np.float64],
+    covariance: FloatArray,
     experiment: Experiment,
 ) -> dict[str, tuple[float, float, str]]:
     """Return parameters that are forces, in newtons and kilograms; none where nothing tells the inertia.

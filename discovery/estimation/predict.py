@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import principal_spread
@@ -14,13 +13,13 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
 from discovery.foundation.arguments import check_pair, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.one_system import check_one_system
 from discovery.simulation.simulate import check_finite
 
 __all__ = ["predict"]
 
-FloatArray = NDArray[np.float64]
 #: Standard deviations by which parameters are moved, to both sides, and the least where motions blow up.
 _APART, _NEAR = 0.5, 1e-3
 

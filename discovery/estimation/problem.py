@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
@@ -17,12 +16,12 @@ from discovery.estimation.model_error import ModelError, innovations
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.sparsity import Sparsity
 from discovery.estimation.start_values import StartValue, start_values
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.mechanics import get_base
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["LIGHT_ROD", "Problem", "conventions", "known_values", "values_of"]
 
-FloatArray = NDArray[np.float64]
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
 
@@ -181,7 +180,7 @@ class Problem:
         return np.array(x)
 
     @cached_property
-    def _template(self) -> tuple[FloatArray, NDArray[np.int64]]:
+    def _template(self) -> tuple[FloatArray, IntArray]:
         values = values_of(self.bench.names, self.model.base, self.bench.effects, self.units, self.model.known)
         return values, np.array([self.bench.names.index(n) for n in self.free], dtype=np.int64)
 

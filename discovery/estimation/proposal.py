@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.estimation.bent import Bend
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["Proposal"]
 
-FloatArray = NDArray[np.float64]
 _DOF = 8.0
 # Part of the draws that the defence makes, and how much wider it is.
 _DEFENCE, _WIDER = 0.1, 2.5

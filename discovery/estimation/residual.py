@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
@@ -28,7 +28,6 @@ __all__ = [
     "variance_left",
 ]
 
-FloatArray = NDArray[np.float64]
 #: Bins of the averaged residual in one period of the motion.
 BINS_PER_PERIOD = 24
 #: A prediction that errs by so many times the largest reading has blown up.
@@ -88,7 +87,7 @@ class ResidualReport:
         return {**asdict(self), "white": self.white}
 
 
-def _bins(time: FloatArray, period: float) -> NDArray[np.int64]:
+def _bins(time: FloatArray, period: float) -> IntArray:
     return np.floor((time - time[0]) / (period / BINS_PER_PERIOD)).astype(np.int64)
 
 

@@ -13,18 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from discovery.estimation.importance import importance_sample
 from discovery.estimation.laplace import Mode, Prior
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import ModelError, innovations
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
 __all__ = ["Sampled", "sampled"]
 
-FloatArray = NDArray[np.float64]
 #: Draws of a round that adapts, and of the last one, and how often: together no more simulations than a fit takes.
 _PILOT, _DRAWS, _ROUNDS, _REPAIRS = 256, 384, 2, 3
 

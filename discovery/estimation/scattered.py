@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from discovery.equations.model import Model
@@ -19,12 +18,12 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import explains
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["start_of_system"]
 
-FloatArray = NDArray[np.float64]
 #: Starts, a power of two, and by which factor they lie about a guess at most; so many of the best are followed.
 _STARTS, _FACTOR, _FOLLOWED = 512, 12.0, 8
 #: Periods of the dominant frequency in the first part, and by how much each part is longer than the one before.

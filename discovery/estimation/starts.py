@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
@@ -14,10 +13,10 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["fitted_states", "held_out"]
 
-FloatArray = NDArray[np.float64]
 #: A state is found within so many steps.
 _ITERATIONS = 12
 

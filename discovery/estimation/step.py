@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.sampling import median_step
 from discovery.foundation.workers import at_once
@@ -21,7 +21,6 @@ from discovery.simulation.simulate import THREADS
 
 __all__ = ["TOLERANCE", "Probe", "choose_step", "error_unit"]
 
-FloatArray = NDArray[np.float64]
 #: Trajectory error by default: rad for an arm, of the largest amplitude for an oscillator.
 TOLERANCE = 1e-6
 #: After so many attempts that gained less than a decade there is no convergence;

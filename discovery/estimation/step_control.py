@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
@@ -15,12 +14,11 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["affordable_bench", "cheapest", "more_accurate", "solver_errors", "tightened"]
-
-FloatArray = NDArray[np.float64]
 
 #: Most steps of one recording: dry friction and play would ask for any number.
 _MOST_STEPS = 200_000

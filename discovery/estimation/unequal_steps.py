@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import brentq
 
@@ -15,6 +14,7 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.step import Probe, choose_step
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.workers import at_once
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.pace import Pace
@@ -22,7 +22,6 @@ from discovery.simulation.simulate import THREADS
 
 __all__ = ["unequal_bench"]
 
-FloatArray = NDArray[np.float64]
 #: Equal steps that are longer than this part of the longest ones are kept,
 _ENOUGH = 0.7
 #: and so they are if unequal ones are more than this part of them.

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from discovery.export.linear import LinearModel
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
 __all__ = ["discretise"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:

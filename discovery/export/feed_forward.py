@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
@@ -16,6 +15,7 @@ from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.header import comment, composition, origin
 from discovery.export.symbolic import program_of
 from discovery.export.templates import filled
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.simulation.kernel.compile import numpy_derivative
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FeedForward", "feed_forward", "feed_forward_c", "feed_forward_csv"]
 
-FloatArray = NDArray[np.float64]
 #: Entries on either side of zero, and the least of them as a part of the largest.
 _ENTRIES, _LEAST = 100, 1e-5
 #: Part of the largest command below which what depends on rate and position together is passed over.

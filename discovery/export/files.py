@@ -6,9 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from discovery.equations.model import Model
 from discovery.export.c_source import to_c
 from discovery.export.feed_forward import FeedForward, feed_forward_c, feed_forward_csv
@@ -20,6 +17,7 @@ from discovery.export.linear import LinearModel
 from discovery.export.linear_file import linear_to_json, linear_to_python
 from discovery.export.source import to_numpy
 from discovery.export.sympy_file import to_sympy_file
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.results.manifest import check_whole
@@ -116,7 +114,7 @@ def _written(contents: Sequence[tuple[Path, str | bytes]], out: Path) -> list[Pa
     return [path for path, _ in contents]
 
 
-def read_draws(folder: Path, model: Model) -> dict[str, NDArray[np.float64]] | None:
+def read_draws(folder: Path, model: Model) -> dict[str, FloatArray] | None:
     """Return the draws of the posterior in a folder by parameter; None where there is none of this very model."""
     path = folder / "posterior.nc"
     if not path.is_file():

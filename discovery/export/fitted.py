@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.foundation.arguments import as_words, check_keys, check_names, expect
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.start_names import is_start
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
 __all__ = ["FittedModel", "fitted_model", "given_numbers"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.optimize import root
 
 from discovery.equations.model import Model
@@ -17,6 +16,7 @@ from discovery.equations.program import RECORDED, build_program
 from discovery.export.fitted import FittedModel, fitted_model
 from discovery.export.linear_warnings import tangent_warnings
 from discovery.export.symbolic import SymbolicModel, program_of
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.simulation.kernel.compile import numpy_derivative
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LinearModel", "linearise"]
 
-FloatArray = NDArray[np.float64]
 #: Relative step of the central differences: their error is about its square.
 _STEP = 1e-5
 #: Points of a cycle over which a describing function is averaged.

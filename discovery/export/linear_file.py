@@ -6,12 +6,10 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from discovery.export.fitted import FittedModel
 from discovery.export.header import composition, docstring, origin
 from discovery.export.linear import LinearModel
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["linear_to_json", "linear_to_python"]
 
@@ -34,7 +32,7 @@ def linear_to_json(linear: LinearModel) -> str:
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
-def _matrices(found: Mapping[str, NDArray[np.float64]], suffix: str = "") -> list[str]:
+def _matrices(found: Mapping[str, FloatArray], suffix: str = "") -> list[str]:
     return [f"{key}{suffix} = np.array({value.tolist()!r})" for key, value in found.items()]
 
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.special import roots_jacobi
+
+from discovery.foundation.arrays import FloatArray
 
 __all__ = [
     "RICH",
@@ -28,8 +29,6 @@ __all__ = [
     "rod_share",
     "static_shapes",
 ]
-
-FloatArray = NDArray[np.float64]
 
 #: Size of the polynomial space.
 RICH = 7

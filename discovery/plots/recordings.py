@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.html_table import html_table
 from discovery.plots.axes import axes_below, with_unit
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DatasetViews", "RecordingViews"]
 
-FloatArray = npt.NDArray[np.float64]
 #: Readings of which each is seen as a point.
 _FEW = 200
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.systems import System
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.start_names import is_start
 from discovery.mechanics import get_base
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MODELS", "Run", "Trajectory", "read_run"]
 
-FloatArray = NDArray[np.float64]
 #: Models whose predictions are stored beside the measurement.
 MODELS = ("linear", "before", "after")
 #: Predictions are drawn up to so many times the largest reading.
@@ -69,7 +68,7 @@ class Trajectory:
     models: Mapping[str, FloatArray]
     input: FloatArray | None
     deflection: FloatArray | None
-    fitted: NDArray[np.bool_]
+    fitted: BoolArray
     band: FloatArray | None
 
     def deflection_of(self, model: str) -> FloatArray | None:

@@ -11,8 +11,8 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.report.mathml import GREEK
 from discovery.report.slim import slim_png, slim_svg
 
@@ -27,7 +27,6 @@ __all__ = [
     "side_label", "styled", "verbatim",
 ]  # fmt: skip
 
-FloatArray = NDArray[np.float64]
 # Okabe and Ito's palette, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, GREY = "#CC79A7", "#56B4E9", "#4D4D4D"

@@ -10,16 +10,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.io import atomic_write
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.signals.amplitude import backbone
 
 __all__ = ["backbones", "forces", "laws", "lines", "measured_radius", "noise_free", "save_groups", "trajectories"]
-
-FloatArray = NDArray[np.float64]
 
 
 def save_groups(path: Path, groups: Mapping[str, xr.Dataset]) -> None:

@@ -13,10 +13,10 @@ from discovery.declarations.symbols import t
 from discovery.equations.model import Model
 from discovery.equations.program import Program
 from discovery.estimation.bench import Bench
+from discovery.foundation.arrays import BoolArray, FloatArray
 
 __all__ = ["ages_of", "ages_only", "per_age"]
 
-FloatArray = NDArray[np.float64]
 #: Half of the difference of delays over which a residual is differentiated, in steps, the shortest ones.
 _DIFFERENCE = 1e-3
 #: The same changes are made around every fit of the same recordings.
@@ -29,7 +29,7 @@ def _delay(program: Program) -> str | None:
     return next(delays, None)
 
 
-def ages_only(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.bool_]:
+def ages_only(bench: Bench, settings: Sequence[Mapping[str, float]]) -> BoolArray:
     """Return which changes of a parameter set alter the age of what is read and nothing else.
 
     None does so where readings pass a filter, which makes no product of an age that changes, or where an accelerometer

@@ -11,19 +11,18 @@ from itertools import product
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from discovery.declarations.registry import get_effect
 from discovery.equations.program import build_program
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import numpy_derivative
 
 __all__ = ["starts_along"]
 
-FloatArray = NDArray[np.float64]
 #: Samples over which a recorded motion is smoothed: what noise asks for and how fast the force comes and goes are
 #: unknown beforehand.
 _WINDOWS = (9, 25, 75)

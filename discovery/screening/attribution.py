@@ -22,6 +22,7 @@ from discovery.equations.model import Model
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.workers import single_algebra
 from discovery.screening.bounded_gain import bounded_gains
 from discovery.screening.responses import Grid, Responses, plan, respond
@@ -30,7 +31,6 @@ from discovery.simulation.simulate import THREADS
 
 __all__ = ["Candidate", "Shapes", "Start", "White", "grid_of", "screen"]
 
-FloatArray = NDArray[np.float64]
 #: Makes columns (n, k) white under a model error.
 White = Callable[[FloatArray], FloatArray]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.
@@ -65,11 +65,11 @@ class Shapes:
     """
 
     responses: NDArray[np.float32]
-    rows: NDArray[np.int64]
+    rows: IntArray
     transform: FloatArray
     gains: FloatArray
 
-    def bases(self, shapes: NDArray[np.int64]) -> NDArray[np.float32]:
+    def bases(self, shapes: IntArray) -> NDArray[np.float32]:
         """Return the orthonormal directions of some shapes, shape (shapes, k, n)."""
         return self.transform[shapes].astype(np.float32) @ self.responses[self.rows[shapes]]
 
@@ -108,9 +108,9 @@ class Start:
     """
 
     values: FloatArray
-    sizes: NDArray[np.int64]
+    sizes: IntArray
     responses: Responses
-    rows: NDArray[np.int64]
+    rows: IntArray
     simulated: FloatArray
     effect: str
     own: FloatArray = field(kw_only=True)

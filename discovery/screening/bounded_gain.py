@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
+
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["bounded_gains"]
 
-FloatArray = NDArray[np.float64]
 #: Eigenvalue of a correlation matrix below which a direction is rounding alone.
 _FLAT = 1e-12
 

@@ -10,17 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import FloatArray
 from discovery.screening.along import starts_along
 from discovery.screening.attribution import grid_of
 
 __all__ = ["MOST_SHAPES", "FarStart", "declared_starts", "finite_starts"]
 
-FloatArray = NDArray[np.float64]
 #: A start of a refit: effect, its free values, and values of other free parameters that go with them.
 FarStart = tuple[str, FloatArray, Mapping[str, float]]
 #: An effect with values on its grid.

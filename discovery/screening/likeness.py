@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import orth
 
+from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate
 
 __all__ = ["likely_pairs", "similarity"]
-
-FloatArray = NDArray[np.float64]
 
 
 def likely_pairs(scored: Sequence[Candidate], target: FloatArray, keep: int) -> list[tuple[Candidate, Candidate]]:

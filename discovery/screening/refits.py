@@ -6,19 +6,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems, together
 from discovery.estimation.least_squares import Minimum, levenberg_marquardt
 from discovery.estimation.problem import Problem
 from discovery.estimation.race import SLOW, Race, near_the_best
+from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate, Start
 from discovery.screening.finite import FarStart
 
 __all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle", "settled"]
 
-FloatArray = NDArray[np.float64]
 #: Effects, their free values, sensitivities (zeros: unknown), what goes with them unless it is compensated, and the
 #: starts of the effects of which recordings have values of their own.
 _Start = tuple[tuple[str, ...], FloatArray, FloatArray, Mapping[str, float] | None, tuple[Start, ...]]

@@ -17,11 +17,10 @@ from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
 from discovery.declarations.systems import System
 from discovery.estimation.bench import Bench
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.screening.ages import ages_of, ages_only, per_age
 
 __all__ = ["Grid", "Responses", "plan", "respond"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,8 @@ class Grid:
 
     fitted: tuple[Parameter, ...]
     values: FloatArray
-    sizes: NDArray[np.int64]
-    rows: NDArray[np.int64]
+    sizes: IntArray
+    rows: IntArray
 
 
 @cache
@@ -84,7 +83,7 @@ class Responses:
     left: NDArray[np.float32]
     taken: FloatArray
 
-    def moved(self, rows: NDArray[np.int64]) -> FloatArray:
+    def moved(self, rows: IntArray) -> FloatArray:
         """Return whole responses, shape (n, rows)."""
         return self.left[rows].T + self.known @ self.taken[rows].T
 
@@ -173,7 +172,7 @@ def respond(
             return motions, np.empty((reference.size, 1)), np.empty((reference.size, 0), dtype=np.float32)
         return motions, per_age(bench, fitted, motions), ages_of(bench, late)
 
-    def simulate(part: NDArray[np.int64]) -> None:
+    def simulate(part: IntArray) -> None:
         motions, slope, ages = once.result() if alike[part[0]] else (None, reference, reference)
         if older[part[0]]:
             moved = slope * np.take(ages, place[part], axis=1)
@@ -204,7 +203,7 @@ def _sets(bench: Bench, base: FloatArray, settings: Sequence[Mapping[str, float]
     return sets
 
 
-def _split(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.bool_]:
+def _split(bench: Bench, settings: Sequence[Mapping[str, float]]) -> BoolArray:
     """Return which parameter sets are of effects that have a value of each recording's own."""
     effects = [get_effect(e) for e in bench.effects] if len(bench.experiments) > 1 else []
     names = {p.name for effect in effects if effect.own() is not None for p in effect.parameters()}

@@ -6,11 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.compiled_function import compiled
 
 __all__ = ["grams"]
-
-FloatArray = NDArray[np.float64]
 
 
 @njit(fastmath={"contract", "reassoc"}, forceinline=True)
@@ -36,7 +35,7 @@ def _grams(vectors, rows, target, gram, push):
                 gram[t, i, j] = gram[t, j, i] = _product(vectors[first], vectors[rows[t, j]])
 
 
-def grams(vectors: NDArray[np.float32], rows: NDArray[np.int64], target: FloatArray) -> tuple[FloatArray, FloatArray]:
+def grams(vectors: NDArray[np.float32], rows: IntArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the scalar products within groups of vectors, and with a target, in double precision.
 
     Parameters

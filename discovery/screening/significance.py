@@ -11,15 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
 from discovery.estimation.bench import Bench
+from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate, White
 
 __all__ = ["REPLICATES", "chance_gains", "surrogates"]
 
-FloatArray = NDArray[np.float64]
 REPLICATES = 200
 
 

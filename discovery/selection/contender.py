@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
@@ -16,6 +15,7 @@ from discovery.estimation.generalised import generalised
 from discovery.estimation.log_evidence import Evidence, evidence_of
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.sampled_evidence import Sampled, sampled
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.workers import at_once
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
@@ -24,7 +24,6 @@ from discovery.simulation.simulate import THREADS
 
 __all__ = ["Contender", "contenders", "integrated"]
 
-FloatArray = NDArray[np.float64]
 #: A first-order step that gains more nats than this is made on the trajectories, unless even as much again held out
 #: leaves the set further behind the most likely one than twice so many times the nats of an accepted effect.
 _WORTH, _BEHIND = 1.0, 5.0

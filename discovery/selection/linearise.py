@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.estimation.belief import belief_of
 from discovery.estimation.bench import Bench
@@ -15,13 +14,13 @@ from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
 from discovery.estimation.starts import fitted_states
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
 
 __all__ = ["Slopes", "linearised"]
 
-FloatArray = NDArray[np.float64]
 #: Differences are taken over so many standard deviations that the white noise alone would leave.
 _APART = 0.3
 
@@ -109,7 +108,7 @@ def _slopes(
     return Slopes(linear, np.concatenate(jacobian))
 
 
-def _channels(experiment: Experiment, columns: FloatArray, present: NDArray[np.bool_]) -> list[Channel]:
+def _channels(experiment: Experiment, columns: FloatArray, present: BoolArray) -> list[Channel]:
     """Return each channel over the samples that are present."""
     time = experiment.recording.time
     return [Channel(time[here], columns[here, c]) for c, here in enumerate(present.T) if here.any()]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.equations.program import Program
+from discovery.foundation.arrays import FloatArray
 from discovery.simulation.grid import Grid
 from discovery.simulation.kernel.compile import numpy_derivative
 
@@ -17,7 +17,7 @@ __all__ = ["classical_step"]
 _PART = 1.0
 
 
-def classical_step(program: Program, grid: Grid, motion: NDArray[np.float64], parameters: NDArray[np.float64]) -> float:
+def classical_step(program: Program, grid: Grid, motion: FloatArray, parameters: FloatArray) -> float:
     """Return the longest step of the classical method on a motion on which the kernel's own may be longer [s].
 
     Infinite where nothing forgets faster than it moves, see `discovery.simulation.kernel.forgetting`.

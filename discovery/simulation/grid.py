@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.simulation.pace import Pace
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
@@ -18,11 +19,11 @@ class DriveLike(Protocol):
     """A smooth input: `discovery.recordings.drive.Drive` or anything that evaluates like it."""
 
     @property
-    def kinks(self) -> NDArray[np.float64]:
+    def kinks(self) -> FloatArray:
         """Times at which the second derivative jumps [s]."""
         ...
 
-    def evaluate(self, time: ArrayLike, side: Literal["left", "right"] = "right") -> NDArray[np.float64]:
+    def evaluate(self, time: ArrayLike, side: Literal["left", "right"] = "right") -> FloatArray:
         """Return input and two derivatives at the given times, shape (3, n); `side` chooses the limit at a kink."""
         ...
 
@@ -43,19 +44,19 @@ class Grid:
         Step that contains each output, where in it, when, and the drive there.
     """
 
-    times: NDArray[np.float64]
-    steps: NDArray[np.float64]
-    restart: NDArray[np.bool_]
-    drive: NDArray[np.float64]
-    out_step: NDArray[np.int64]
-    out_fraction: NDArray[np.float64]
-    out_time: NDArray[np.float64]
-    out_drive: NDArray[np.float64]
+    times: FloatArray
+    steps: FloatArray
+    restart: BoolArray
+    drive: FloatArray
+    out_step: IntArray
+    out_fraction: FloatArray
+    out_time: FloatArray
+    out_drive: FloatArray
 
     @classmethod
     def build(
         cls,
-        time: NDArray[np.float64],
+        time: FloatArray,
         drive: DriveLike | None,
         step: float,
         method: Method = CLASSICAL,
@@ -102,7 +103,7 @@ class Grid:
         )
 
 
-def _breaks(drive: DriveLike, samples: int) -> NDArray[np.float64]:
+def _breaks(drive: DriveLike, samples: int) -> FloatArray:
     """Return where steps must end: kinks, and where a smooth motor profile changes its polynomial.
 
     A band-limited input has several pieces a sample, each join far below the solver's error; those are passed over.

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from discovery.foundation.arrays import FloatArray
 
 __all__ = ["Pace"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.foundation.workers import aside, in_threads
 from discovery.mechanics import get_base
@@ -20,8 +20,6 @@ from discovery.simulation.pace import Pace
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
 __all__ = ["THREADS", "Asked", "Batch", "Misses", "Simulator", "check_finite", "simulated"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _threads() -> int:
@@ -56,7 +54,7 @@ class Batch:
 
     parameters: FloatArray
     initial: FloatArray
-    order: NDArray[np.int64]
+    order: IntArray
     lanes: int
 
     @property
@@ -64,7 +62,7 @@ class Batch:
         """Number of blocks."""
         return self.parameters.shape[1] // self.lanes
 
-    def columns(self, block: int) -> NDArray[np.int64]:
+    def columns(self, block: int) -> IntArray:
         """Return which sets a block holds, idle lanes left out."""
         return self.order[block * self.lanes : (block + 1) * self.lanes]
 
@@ -242,7 +240,7 @@ class Simulator:
         self.run(batch, self._plain, np.empty((0, channels, 1)), np.empty((channels + 1, width)), [0], motion=motion)
         return motion
 
-    def _order(self, parameters: FloatArray) -> NDArray[np.int64]:
+    def _order(self, parameters: FloatArray) -> IntArray:
         """Return the columns with the same effects present side by side, those with most first."""
         present = self.kernel.switches @ (parameters != 0.0) > 0
         if (present == present[:, :1]).all():
@@ -292,9 +290,7 @@ def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[Floa
     ]
 
 
-def check_finite(
-    out: NDArray[np.float64], time: NDArray[np.float64], names: Sequence[str], parameters: NDArray[np.float64]
-) -> None:
+def check_finite(out: FloatArray, time: FloatArray, names: Sequence[str], parameters: FloatArray) -> None:
     """Raise if any trajectory blew up.
 
     Raises
@@ -303,7 +299,7 @@ def check_finite(
         With the parameters of the first set that failed and the time.
     """
     with np.errstate(invalid="ignore"):
-        good: NDArray[np.bool_] = np.all(np.abs(out) < _LIMIT, axis=1)
+        good: BoolArray = np.all(np.abs(out) < _LIMIT, axis=1)
     if good.all():
         return
     lane = int(np.argmax(~good.all(axis=0)))

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect, Load, Memory
 from discovery.equations.contributions import strands
 from discovery.equations.program import RECORDED, Program
+from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import get_base
 from discovery.mechanics.rod_end import LoadedEnd, loaded_end
 from discovery.simulation.kernel.compile import numpy_derivative
@@ -33,7 +33,6 @@ __all__ = [
     "slopes_of",
 ]
 
-FloatArray = NDArray[np.float64]
 #: Slopes (n, k) at a time, for recorded input (3, k), state (n, k) and parameters (p, k).
 Evaluate = Callable[[float, FloatArray, FloatArray, FloatArray], FloatArray]
 

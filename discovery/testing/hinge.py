@@ -6,16 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
+from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import get_base
 from discovery.testing.equations import bare_base, slopes_of
 from discovery.testing.states import Sample, derivative, whole
 
 __all__ = ["hinge_residual", "joint_power", "turning_energy"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _root_torque(base_name: str, sample: Sample) -> FloatArray:

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect, Load
+from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import get_base
 from discovery.testing.equations import bare_base, energy, loaded_end_of
 from discovery.testing.states import Sample, derivative
 
 __all__ = ["elastic_pull", "push_of"]
-
-FloatArray = NDArray[np.float64]
 
 
 def elastic_pull(base: str, sample: Sample) -> FloatArray:

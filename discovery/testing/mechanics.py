@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Joint, Memory, Mode, Shape
 from discovery.declarations.registry import get_effect
+from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import get_base
 from discovery.recordings.drive import Drive
 from discovery.simulation.grid import Grid
@@ -32,7 +32,6 @@ from discovery.testing.states import Sample, derivative, every_effect, sample_st
 
 __all__ = ["MechanicsContract"]
 
-FloatArray = NDArray[np.float64]
 #: Laws may be shares of these.
 _BESIDE = ("linear_stiffness", "viscous_damping")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM, ROTOR
 from discovery.declarations.registry import get_effect
@@ -13,6 +12,7 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.natural_units import NaturalUnits
+from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import get_base
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
@@ -22,7 +22,6 @@ from discovery.testing.states import every_effect
 
 __all__ = ["check_recovery", "recover"]
 
-FloatArray = NDArray[np.float64]
 #: Of the typical size of its prior, the part that an amplitude has.
 _AMPLITUDE = 0.25
 #: Integration step [s]; stable for the fastest memory that the bounds allow, and for the ringing of the rod below.

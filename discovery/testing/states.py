@@ -6,17 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
+from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import base_names, get_base
 
 __all__ = ["Sample", "derivative", "every_effect", "sample_states", "whole", "without"]
 
-FloatArray = NDArray[np.float64]
 #: Of the differences: short against the turns of dry joints and the ringing of four shapes.
 _STEP = 1e-3
 

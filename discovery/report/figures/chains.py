@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.report.numbers import significant, unit_text
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, Picture, new_figure, quantity_label
@@ -16,7 +16,6 @@ __all__ = ["draw"]
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = NDArray[np.float64]
 _BAND = "#E3E3E3"
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 _MOST = 8

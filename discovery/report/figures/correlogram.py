@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.report.figures.phase import main_period
 from discovery.report.numbers import fixed
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["correlation", "draw", "fit_per_cent"]
 
-FloatArray = NDArray[np.float64]
 #: Periods of the motion and samples that the lags span at least; the part of the recording that they may not exceed.
 _PERIODS, _FEWEST, _PART = 2.0, 60, 4
 #: Standard normal quantile of a two-sided 99 % band (Ljung, System Identification, 2nd ed., section 16.6).

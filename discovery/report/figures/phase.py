@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import LINES, Picture, label, new_figure
@@ -12,7 +12,6 @@ from discovery.report.words import sentence
 
 __all__ = ["draw", "main_period"]
 
-FloatArray = NDArray[np.float64]
 #: Swings of a recording that are drawn: more would fill the plane.
 _SWINGS = 6
 

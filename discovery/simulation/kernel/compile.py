@@ -22,10 +22,10 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.registry import get_effect
 from discovery.equations.program import RECORDED, Program, build_program
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.compiled_function import keep_compiled
 from discovery.foundation.disk_cache import compiler_versions, kept, source_hash
 from discovery.mechanics import get_base
@@ -64,7 +64,7 @@ class Kernel:
     run: Any
     program: Program
     lanes: int
-    switches: NDArray[np.float64]
+    switches: FloatArray
     method: Method
 
     @property
