@@ -56,4 +56,4 @@ def depends_words(error: Record) -> str:
 
 
 def _is_small(error: Record) -> bool:
-    return error["after"] is not None and error["after"] <= error["least"]
+    return error["after"] is not None and max(error["after"], error.get("held") or 0.0) <= error["least"]

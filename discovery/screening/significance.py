@@ -1,17 +1,20 @@
 """How much an effect that is not there would seem to explain: a parametric bootstrap over the whole catalogue.
 
 Under the smaller model a recording is its prediction plus noise. The noise of the bootstrap has the spectrum of what
-the larger model leaves: white where the instrument is all there is, slow where the model is not perfect. Each replicate
-is offered to every shape of every candidate, with the fitted parameters re-adjusted, and the best one counts; to first
-order in the noise that is a projection on the sensitivities of one batched simulation.
+the larger model leaves: white where the instrument is all there is, slow where the model is not perfect. Before there
+is a larger model, it is that of the smaller one made smooth, so that what is missing does not pass for noise. Each
+replicate is offered to every shape of every candidate, with the fitted parameters re-adjusted, and the best one counts;
+to first order in the noise that is a projection on the sensitivities of one batched simulation.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from scipy import fft
+from scipy.ndimage import uniform_filter1d
 
 from discovery.estimation.bench import Bench
 from discovery.foundation.arrays import FloatArray
@@ -22,7 +25,9 @@ __all__ = ["REPLICATES", "chance_gains", "surrogates"]
 REPLICATES = 200
 
 
-def surrogates(residual: FloatArray, bench: Bench, rng: np.random.Generator, count: int = REPLICATES) -> FloatArray:
+def surrogates(
+    residual: FloatArray, bench: Bench, rng: np.random.Generator, count: int = REPLICATES, *, smooth: bool = False
+) -> FloatArray:
     """Return noise with the spectrum of a residual, channel by channel, and random phases.
 
     Parameters
@@ -35,6 +40,9 @@ def surrogates(residual: FloatArray, bench: Bench, rng: np.random.Generator, cou
         Source of the phases.
     count : int
         Number of replicates.
+    smooth : bool
+        With the spectrum made smooth, and random amplitudes (Daniell, Supplement to the Journal of the Royal
+        Statistical Society 8 (1946) 88): a line in the residual is none in the noise.
 
     Returns
     -------
@@ -50,7 +58,10 @@ def surrogates(residual: FloatArray, bench: Bench, rng: np.random.Generator, cou
         for c, here in enumerate(present.T):
             # Gaps hold zeros; the power of the others stands for them.
             filled = fft.rfft(part[:, c], length)[:, None] * np.sqrt(length / max(1, int(here.sum())))
-            phase = np.exp(2j * np.pi * rng.random((filled.size, count)))
+            phase = np.exp(2j * np.pi * rng.random((len(filled), count)))
+            if smooth:
+                power = uniform_filter1d(np.square(np.abs(filled)), 2 * math.isqrt(n) + 1, axis=0)
+                filled = np.sqrt(power * rng.standard_exponential(phase.shape))
             made[:, c] = fft.irfft(filled * phase, length, axis=0)[:n] * here[:, None]
         found[rows] = made.reshape(-1, count)
     return found

@@ -106,12 +106,14 @@ class Offers:
     def chance(self, smaller: Contender, larger: Contender) -> float:
         """Return the chi-square that noise alone would let the best candidate beside a set remove, at the level asked.
 
-        The noise has the spectrum of what the larger set leaves, under whose model error it counts.
+        The noise has the spectrum of what the larger set leaves, under whose model error it counts; smooth, if that is
+        the set itself.
         """
         if (smaller, larger) not in self._chance:
             settings, problem, minimum = self.context.settings, larger.refit.problem, larger.refit.minimum
             rng = np.random.default_rng([settings.seed, len(larger.added)])
-            noise = surrogates(minimum.residual[: problem.bench.n_rows], problem.bench, rng)
+            residual, alone = minimum.residual[: problem.bench.n_rows], smaller is larger
+            noise = surrogates(residual, problem.bench, rng, smooth=alone)
             inherited = [i for i, n in enumerate(problem.names) if n in {*smaller.refit.problem.names}]
             gains = chance_gains(self.scored(smaller), minimum.jacobian[:, inherited], noise, self._white(larger))
             self._chance[smaller, larger] = float(np.quantile(gains, settings.chance))

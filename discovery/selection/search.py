@@ -97,7 +97,7 @@ class Search:
         self._change_mechanics()
 
     def _unless_likelier(self, before: Contender, told: int) -> None:
-        """Go back to a set, and forget the decisions since, unless they led to one that is as likely."""
+        """Go back to a set unless decisions led to one as likely: an exchange may make needless what is worth more."""
         if self.best.joint < before.joint:
             self.best = before
             del self.decisions[told:]
@@ -264,10 +264,7 @@ class Search:
         return odds, code
 
     def _backward(self, before: Contender) -> None:
-        """Take out members that the others make needless; exchange those that another effect serves better.
-
-        What an exchange makes needless may be worth more than it gains: `_grow` goes back then.
-        """
+        """Take out members that the others make needless; exchange those that another effect serves better."""
         waiting = [*self.best.added[: None if len({*self.best.added} - {*before.added}) > 1 else -1]]
         for effect in waiting:
             if effect not in self.best.added or len(self.best.added) < 2:
