@@ -401,6 +401,17 @@ def test_numbers_without_names_get_some(tmp_path: Path) -> None:
     assert document["columns"]["time"]["name"] == "c1"
 
 
+def test_times_without_a_name_in_uneven_steps_are_the_only_column_that_rises(tmp_path: Path) -> None:
+    time = np.cumsum(np.random.default_rng(5).uniform(0.01, 0.09, 200))
+    path = tmp_path / "swing.tsv"
+    np.savetxt(path, np.column_stack([time, 0.2 * np.cos(3.0 * time)]), "%.6f", "\t")
+    assert drafted(path)["columns"]["time"]["name"] == "c1"
+    np.savetxt(path, np.column_stack([time, time**2, np.cos(3.0 * time)]), "%.6f", "\t")
+    with pytest.raises(InputError, match="no column of times"):
+        draft([path], tmp_path)
+
+
+
 def test_a_rate_takes_the_place_of_times(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "reading", SWING)
     with pytest.raises(InputError, match="--rate"):

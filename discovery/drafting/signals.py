@@ -154,7 +154,7 @@ def _list(columns: Mapping[str, FloatArray]) -> str:
 
 
 def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], named: str | None) -> str:
-    """Return the column of times: the one that is called so, else the first that counts up in even steps."""
+    """Return the column of times: the one that is called so, else the first in even steps, else the only one to rise."""
     if named is not None:
         return named
     for name, values in columns.items():
@@ -164,6 +164,9 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
         steps = np.diff(values)
         if meanings[name].role == "" and steps.size and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
             return name
+    rising = [name for name, values in columns.items() if meanings[name].role == "" and (np.diff(values) > 0).all()]
+    if len(rising) == 1:
+        return rising[0]
     raise InputError(
         f"{path} has no column of times that could be recognised. Name it with --time, or say with --rate how many "
         f"readings there are a second. {_list(columns)}"
