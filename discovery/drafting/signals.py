@@ -154,7 +154,7 @@ def _list(columns: Mapping[str, FloatArray]) -> str:
 
 
 def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], named: str | None) -> str:
-    """Return the column of times: the one that is called so, else the first in even steps, else the only one to rise."""
+    """Return the column of times: the one called so, else the first in even steps, else the only one that rises."""
     if named is not None:
         return named
     for name, values in columns.items():
