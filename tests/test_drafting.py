@@ -411,7 +411,6 @@ def test_times_without_a_name_in_uneven_steps_are_the_only_column_that_rises(tmp
         draft([path], tmp_path)
 
 
-
 def test_a_rate_takes_the_place_of_times(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "reading", SWING)
     with pytest.raises(InputError, match="--rate"):

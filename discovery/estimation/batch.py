@@ -40,7 +40,6 @@ def fit_problems(
             tolerance=tolerance,
             rough=rough,
             is_behind=entries.enter(p.model.effects) if entries is not None else None,
-            sparsity=p.sparsity,
         )
         for p, x in zip(problems, starts, strict=True)
     ]

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.blas import dger
 
-from discovery.estimation.sparsity import Sparsity
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["Descent", "Wanted"]
@@ -48,7 +47,6 @@ class Descent:
         tolerance: float,
         quick: bool,
         rough: bool,
-        sparsity: Sparsity | None = None,
     ) -> None:
         self.x = np.clip(np.asarray(start, float), lower, upper)
         self.lower, self.upper, self.scale = lower, upper, scale
@@ -57,7 +55,6 @@ class Descent:
         self.converged, self.blown, self.count = False, False, 0
         self._tolerance, self._quick, self._rough = tolerance, quick, rough
         self._every, self._both = np.arange(self.x.size), not (quick or rough)
-        self._sparsity = Sparsity.dense(self.x.size) if sparsity is None else sparsity
         self._step = 1e-6 * scale
         self._damping, self._patience, self._fresh = 1e-3, _PATIENCE, not quick
 
@@ -74,7 +71,7 @@ class Descent:
         self.residual = answers[:, 0]
         size = (self.residual.size, self.x.size)
         self.jacobian = np.empty(size, order="F") if jacobian is None else jacobian.copy(order="F")
-        self.jacobian[:, unknown] = self._columns(answers[:, 1:], self.residual, apart, unknown)
+        self.jacobian[:, unknown] = _columns(answers[:, 1:], self.residual, apart)
         self.cost = float(_cost(self.residual[:, None])[0])
         self.blown = not np.isfinite(self.cost)
 
@@ -149,7 +146,7 @@ class Descent:
         foreseen, middle = tried.foreseen, tried.residuals[:, 1]
         known = foreseen.size > 0 and tried.costs[1] < self.cost + gain and bool(np.isfinite(foreseen).all())
         if known:
-            self.jacobian = self._columns(foreseen, middle, tried.apart, self._every)
+            self.jacobian = _columns(foreseen, middle, tried.apart)
             moved, changed = self.x - tried.points[:, 1], self.residual - middle
             carried = tried.best != 1
         if carried:
@@ -165,34 +162,11 @@ class Descent:
     def _difference(self) -> Steps:
         points, apart = self._probes(self.x, self._every, both=self._both)
         answers = yield Wanted(points)
-        self.jacobian = self._columns(answers, self.residual, apart, self._every)
+        self.jacobian = _columns(answers, self.residual, apart)
         self._fresh = True
 
     def _probes(self, x: FloatArray, which: IntArray, *, both: bool) -> tuple[FloatArray, FloatArray]:
-        """Return points (p, k) beside x that give derivatives, inside the bounds, and how far apart they are.
-
-        Both sides, first all above and then all below, or one; beside a bound always one.
-        """
-        high, low = np.minimum(x + self._step, self.upper), np.maximum(x - self._step, self.lower)
-        sides = (high, low) if both else (np.where(high > x, high, low),)
-        point = self._sparsity.together(which)
-        count = int(point.max(initial=-1)) + 1
-        around = np.repeat(x[:, None], len(sides) * count, axis=1)
-        for i, side in enumerate(sides):
-            around[which, i * count + point] = side[which]
-        apart = (sides[0] - (low if both else x))[which]
-        return around, np.where(apart != 0, apart, 1.0)
-
-    def _columns(self, answers: FloatArray, residual: FloatArray, apart: FloatArray, which: IntArray) -> FloatArray:
-        """Return derivatives from the residuals at `_probes`, zero where a simulation blew up."""
-        count = int(self._sparsity.together(which).max(initial=-1)) + 1
-        behind = answers[:, count:] if answers.shape[1] > count else residual[:, None]
-        with np.errstate(invalid="ignore"):
-            changes = answers[:, :count] - behind
-        changes[:, ~np.isfinite(changes).all(axis=0)] = 0.0
-        columns = self._sparsity.columns(changes, which)
-        columns /= apart
-        return columns
+        return _probes(x, self.lower, self.upper, self._step, which, both=both)
 
 
 @dataclass(frozen=True)
@@ -243,6 +217,31 @@ def _cost(residuals: FloatArray) -> FloatArray:
     with np.errstate(over="ignore", invalid="ignore"):
         cost = 0.5 * np.einsum("nk,nk->k", residuals, residuals)
     return np.where(np.isfinite(cost), cost, np.inf)
+
+
+def _probes(
+    x: FloatArray, lower: FloatArray, upper: FloatArray, step: FloatArray, which: IntArray, *, both: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return points (p, k) beside x whose residuals give derivatives, inside the bounds, and how far apart they are.
+
+    Both sides, first all above and then all below, or one; beside a bound always one.
+    """
+    high, low = np.minimum(x + step, upper), np.maximum(x - step, lower)
+    sides = (high, low) if both else (np.where(high > x, high, low),)
+    around = np.repeat(x[:, None], len(sides) * which.size, axis=1)
+    for i, side in enumerate(sides):
+        around[which, i * which.size + np.arange(which.size)] = side[which]
+    apart = (sides[0] - (low if both else x))[which]
+    return around, np.where(apart != 0, apart, 1.0)
+
+
+def _columns(answers: FloatArray, residual: FloatArray, apart: FloatArray) -> FloatArray:
+    """Return derivatives from the residuals at `_probes`, zero where a simulation blew up."""
+    behind = answers[:, apart.size :] if answers.shape[1] > apart.size else residual[:, None]
+    with np.errstate(invalid="ignore"):
+        columns = (answers[:, : apart.size] - behind) / apart
+    columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
+    return columns
 
 
 def _turned(

@@ -14,8 +14,7 @@ import numpy as np
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
-from discovery.estimation.sparsity import Sparsity
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.recordings.experiment import Experiment
 
 __all__ = ["HalfStep", "Probed", "half_step", "simulated"]
@@ -28,24 +27,44 @@ _ERROR = 0.5
 
 @dataclass(frozen=True)
 class Probed:
-    """Points around a vector within its bounds, how far apart those of a parameter are, and what each moves."""
+    """Points around a vector within its bounds, from which derivatives are taken.
+
+    What is free of a recording moves that one alone. That of all recordings is moved at once, so that derivatives cost
+    as many simulations for ten of them as for one (Curtis, Powell and Reid, Journal of the Institute of Mathematics and
+    its Applications 13 (1974) 117).
+
+    Parameters
+    ----------
+    points : ndarray, shape (m, 2 g + 1)
+        The vector, then all points above it, then all below.
+    apart : ndarray, shape (m,)
+        How far apart those of a number are.
+    at : ndarray of int, shape (m,)
+        Which of the g points of either side each number is moved at.
+    owner : ndarray of int, shape (m,)
+        Recording that each moves alone; -1 for all of them.
+    """
 
     points: FloatArray
     apart: FloatArray
-    sparsity: Sparsity
+    at: IntArray
+    owner: IntArray
 
     @classmethod
     def around(cls, problem: Problem, x: FloatArray, size: FloatArray) -> Probed:
-        """Return the points around a vector (p,), each parameter moved by its own size either way."""
+        """Return the points around a vector (m,), each number moved by its own size either way."""
+        free, each = len(problem.free), np.arange(x.size)
+        owner = np.array([-1] * free + [state.experiment for state in problem.states], np.int64)
+        # The first states of all recordings share a point, and so do the second ones.
+        named = [*range(free), *(free + state.row for state in problem.states)]
+        at = np.unique(named, return_inverse=True)[1].reshape(-1)
+        count = int(at.max(initial=-1)) + 1
         low, high = problem.bounds
         up, down = np.minimum(x + size, high), np.maximum(x - size, low)
-        each = np.arange(x.size)
-        point = problem.sparsity.together(each)
-        count = int(point.max(initial=-1)) + 1
         points = np.repeat(x[:, None], 2 * count + 1, axis=1)
-        points[each, 1 + point], points[each, 1 + count + point] = up, down
+        points[each, 1 + at], points[each, 1 + count + at] = up, down
         apart = up - down
-        return cls(points, np.where(apart > 0, apart, 1.0), problem.sparsity)
+        return cls(points, np.where(apart > 0, apart, 1.0), at, owner)
 
     @property
     def count(self) -> int:
@@ -53,11 +72,10 @@ class Probed:
         return self.points.shape[1]
 
     def columns(self, number: int, experiment: Experiment, channels: FloatArray) -> FloatArray:
-        """Return derivatives of one experiment by every parameter and its residual, shape (n, c, p + 1) [noise sds]."""
-        noise, parts = experiment.recording.scatter[:, :, None], self.sparsity.parts
-        count, point = self.count // 2, self.sparsity.together(np.arange(parts.size))
-        slopes = (channels[:, :, 1 : count + 1] - channels[:, :, count + 1 :])[:, :, point] / self.apart / noise
-        slopes[:, :, ~np.isfinite(slopes).all(axis=(0, 1)) | ((parts >= 0) & (parts != number))] = 0.0
+        """Return derivatives of one experiment by every number and its residual, shape (n, c, m + 1) [noise sds]."""
+        noise, count = experiment.recording.scatter[:, :, None], self.count // 2
+        slopes = (channels[:, :, 1 : count + 1] - channels[:, :, count + 1 :])[:, :, self.at] / self.apart / noise
+        slopes[:, :, ~np.isfinite(slopes).all(axis=(0, 1)) | ((self.owner >= 0) & (self.owner != number))] = 0.0
         residual = (channels[:, :, :1] - experiment.recording.output[:, :, None]) / noise
         return np.concatenate([slopes, residual], axis=2)
 

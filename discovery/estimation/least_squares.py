@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from discovery.estimation.descent import Descent, Wanted
-from discovery.estimation.sparsity import Sparsity
 from discovery.foundation.arrays import BoolArray, FloatArray
 
 __all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
@@ -72,7 +71,6 @@ def levenberg_marquardt(
     jacobian: FloatArray | None = None,
     rough: bool = False,
     is_behind: Callable[[float, int], bool] | None = None,
-    sparsity: Sparsity | None = None,
 ) -> Request:
     """Minimise half the sum of squared residuals within bounds.
 
@@ -94,16 +92,13 @@ def levenberg_marquardt(
         middle trial wherever `minimise` sends them along, and carry these to where the step ends.
     is_behind : callable, optional
         Asked before every step, with the cost and the number of steps so far, whether to give up.
-    sparsity : Sparsity, optional
-        Which residuals each parameter moves: all of them.
 
     Yields
     ------
     Wanted
         Parameter vectors whose residuals, shape (n, k), are wanted; those of `next` may follow, all or none.
     """
-    quick = jacobian is not None
-    found = Descent(start, lower, upper, scale, tolerance=tolerance, quick=quick, rough=rough, sparsity=sparsity)
+    found = Descent(start, lower, upper, scale, tolerance=tolerance, quick=jacobian is not None, rough=rough)
     yield from found.begin(jacobian)
     while not found.converged and found.count < iterations and found.is_finite:
         if is_behind is not None and is_behind(found.cost, found.count):

@@ -14,7 +14,6 @@ from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.model_error import ModelError, innovations
 from discovery.estimation.natural_units import NaturalUnits, natural_units
-from discovery.estimation.sparsity import Sparsity
 from discovery.estimation.start_values import StartValue, start_values
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.mechanics import get_base
@@ -121,14 +120,6 @@ class Problem:
     def states(self) -> tuple[StartValue, ...]:
         """What is free of every experiment: its initial state, and what is its own."""
         return start_values(self.model, self.units, self.bench.experiments, self.bench.own, self.reference or "")
-
-    @cached_property
-    def sparsity(self) -> Sparsity:
-        """Which residuals each free number moves: what is free of an experiment moves that one alone."""
-        first = len(self.free)
-        groups = [*range(first), *(first + state.row for state in self.states)]
-        parts = [*([-1] * first), *(state.experiment for state in self.states)]
-        return Sparsity(np.array(groups, np.int64), np.array(parts, np.int64), tuple(r for r, _ in self.bench.blocks()))
 
     @cached_property
     def free(self) -> tuple[str, ...]:

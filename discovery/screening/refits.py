@@ -171,7 +171,6 @@ def _raced(
                 tolerance=1e-3,
                 jacobian=jacobian,
                 is_behind=race.enter(effects),
-                sparsity=extended.sparsity,
             )
         )
     quick = together(problems, requests)
@@ -189,7 +188,6 @@ def _raced(
             tolerance=1e-3,
             jacobian=minima[i].jacobian,
             is_behind=race.enter(labels[i]),
-            sparsity=problems[i].sparsity,
         )
         for i in going
     ]
