@@ -26,7 +26,7 @@ from discovery.runs.loop_result import ModelErrorReport
 from discovery.selection.decision import Candidacy, Decision
 from discovery.selection.odds import Odds
 from discovery.selection.settings import LoopSettings
-from discovery.selection.verdict import VERDICTS, Lead
+from discovery.selection.verdict import VERDICTS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -253,7 +253,7 @@ def test_every_field_of_the_evidence_is_explained(loop_json: str) -> None:
 def test_every_verdict_and_record_is_named(attribution: str, loop_json: str) -> None:
     shown = re.findall(r"^\| `(\w+)` \| [^|]+ \| [^|]+ \|$", attribution.partition("## 8.")[2], re.MULTILINE)
     assert set(shown[: len(VERDICTS)]) == set(VERDICTS)
-    for record in (ModelErrorReport, Lead, Decision, Candidacy):
+    for record in (ModelErrorReport, Decision, Candidacy):
         assert not [f.name for f in fields(record) if f"`{f.name}`" not in loop_json], record.__name__
     assert not [code for code in OUTCOMES if f"`{code}`" not in attribution + loop_json]
 

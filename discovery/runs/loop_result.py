@@ -27,7 +27,7 @@ from discovery.recordings.flags import UNDERSTATED, impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
-from discovery.selection.verdict import Lead, Named
+from discovery.selection.verdict import Named
 
 __all__ = ["UPGRADES", "LoopResult", "ModelErrorReport"]
 
@@ -91,7 +91,7 @@ class LoopResult(LoopViews):
         As in loop.json.
     model_error : ModelErrorReport
         The error that the model keeps beside the noise.
-    lead : Lead or None
+    lead : Decision or None
         The strongest candidate that is not named, where something is left.
     residual_before, residual_after : ResidualReport
         On the training recordings.
@@ -129,7 +129,7 @@ class LoopResult(LoopViews):
     steps: tuple[Decision, ...]
     errors: Mapping[str, Any]
     model_error: ModelErrorReport
-    lead: Lead | None
+    lead: Decision | None
     residual_before: ResidualReport
     residual_after: ResidualReport
     predictions: Mapping[str, list[FloatArray]]
@@ -214,7 +214,7 @@ class LoopResult(LoopViews):
             "model_error": self.model_error.summary(),
             "complete": self.complete,
             "cautions": [c.summary() for c in self.cautions],
-            **({"lead": self.lead.summary()} if self.lead else {}),
+            **({"lead": {k: self.lead.summary()[k] for k in ("effects", "code", "numbers")}} if self.lead else {}),
             "contradiction": self.contradiction.summary(),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},

@@ -2,8 +2,9 @@
 
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
-the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2. A share of what laws
-moved is model error too. Held out it must gain half the nats, also by the estimate alone; it stays until it loses them.
+the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2; that there is an
+error at all has odds of its own. A share of what laws moved is model error too. Held out it must gain half the nats,
+also by the estimate alone; it stays until it loses them.
 """
 
 from __future__ import annotations
@@ -71,8 +72,10 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
     """Return the log odds of a larger set against a smaller one; `root` is the model without any added effect."""
     with np.errstate(invalid="ignore"):
         gains = [getattr(larger.evidence, n) - getattr(smaller.evidence, n) for n in ("train", "held", "ahead")]
-    size = max(_size(larger, smaller, root, settings, judged=judged) for judged in (False, True))
-    against = 0.5 * (size / _form(larger, smaller, settings)) ** 2
+    sizes = [_sizes(larger, smaller, root, settings, judged=judged) for judged in (False, True)]
+    form, nil = _form(larger, smaller, settings), larger.evidence.nil
+    size = max(moved / float(np.hypot(error, laws)) for moved, error, laws in sizes)
+    against = max(_against(moved / form, error, laws, nil) for moved, error, laws in sizes)
     train, held, ahead = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in gains)
     return Odds(train, held, ahead, size, against, float(smaller.chi2 - larger.chi2))
 
@@ -97,8 +100,10 @@ def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> floa
     return settings.form_wide if any(e.pliable for e in added) else settings.form_of(larger.model)
 
 
-def _size(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool) -> float:
-    """Return how far a set moves the residual over the model error that it leaves, rms over rms.
+def _sizes(
+    larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool
+) -> tuple[float, float, float]:
+    """Return how far a set moves the residual, the model error that it leaves, and what its laws idealise, all rms.
 
     In training, or in training and held-out recordings together: an effect may show in the larger motion of either.
     """
@@ -109,7 +114,14 @@ def _size(larger: Contender, smaller: Contender, root: Contender, settings: Loop
         parts = [(q + r, n + m, np.sqrt((n * a**2 + m * b**2) / (n + m))) for (q, n, a), (r, m, b) in both]
     (chi2, n_data, error), (without, *_), (bare, *_) = parts
     moved, before = (float(np.sqrt(max(gain, 0.0) / n_data)) for gain in (without - chi2, bare - without))
-    return moved / max(float(np.hypot(error, settings.law_of(larger.model) * before)), 1e-12)
+    return moved, float(error), max(settings.law_of(larger.model) * before, 1e-12)
+
+
+def _against(moved: float, error: float, laws: float, nil: float) -> float:
+    """Return the log odds against model error; beside what laws idealise there is one with log odds of `nil`."""
+    with_error = 0.5 * (moved / np.hypot(error, laws)) ** 2 + np.logaddexp(0.0, -nil)
+    without = 0.5 * (moved / laws) ** 2 + np.logaddexp(0.0, nil)
+    return float(-np.logaddexp(-with_error, -without))
 
 
 def candidacy(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Candidacy:

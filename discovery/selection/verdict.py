@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
 from discovery.declarations.registry import get_effect
 from discovery.selection.contender import Contender
 from discovery.selection.context import Context
+from discovery.selection.decision import Decision
 from discovery.selection.odds import Odds, between_rivals, odds_of
 from discovery.selection.search import Search
 
-__all__ = ["VERDICTS", "Lead", "Named", "is_complete", "least_error", "named", "strongest_lead", "verdict_of"]
+__all__ = ["VERDICTS", "Named", "is_complete", "least_error", "named", "strongest_lead", "verdict_of"]
 
 VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
 
@@ -52,29 +52,6 @@ class Named:
     def evidence(self) -> dict[str, float]:
         """Return the numbers of the report."""
         return {**asdict(self.odds), "odds": self.odds.total, **self.force}
-
-
-@dataclass(frozen=True)
-class Lead:
-    """The strongest candidate that is not named.
-
-    Parameters
-    ----------
-    effects : tuple of str
-        The candidate, or two of them.
-    code : str
-        What it lacks, see `discovery.selection.decision.Decision`.
-    numbers : mapping of str to float
-        Its odds.
-    """
-
-    effects: tuple[str, ...]
-    code: str
-    numbers: Mapping[str, float]
-
-    def summary(self) -> dict[str, Any]:
-        """Return a JSON-ready description."""
-        return {"effects": list(self.effects), "code": self.code, "numbers": dict(self.numbers)}
 
 
 def least_error(contender: Contender, root: Contender, context: Context) -> float:
@@ -133,7 +110,7 @@ def named(search: Search) -> list[Named]:
     return found
 
 
-def strongest_lead(search: Search) -> Lead | None:
+def strongest_lead(search: Search) -> Decision | None:
     """Return what was refused beside the set found, or taken out of it, with the highest odds; None without any."""
     told, changes = search.decisions, ("add", "exchange", "mechanics")
     made = max((i for i, d in enumerate(told) if d.accepted and d.action in changes), default=-1)
@@ -141,4 +118,4 @@ def strongest_lead(search: Search) -> Lead | None:
     left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
     # What was refused before the last change was refused beside another set.
     best = max(left, key=lambda i: (i > made, told[i].numbers["odds"]), default=None)
-    return None if best is None else Lead(told[best].effects, told[best].code, told[best].numbers)
+    return None if best is None else told[best]
