@@ -17,7 +17,7 @@ from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import finished
-from discovery.selection.odds import Odds, odds_of
+from discovery.selection.odds import Odds, _against, odds_of
 from discovery.selection.offers import Offers
 from discovery.selection.search import Search
 from discovery.selection.settings import Budget, LoopSettings
@@ -272,6 +272,44 @@ def test_sets_that_give_way_to_each_other_in_turn_end_with_the_likeliest(monkeyp
     assert len(turns) == 3
     assert search.best is likely
     assert search.decisions[-1].code == "exhausted"
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_an_exchange_stays_where_the_set_it_leads_to_is_as_likely(
+    monkeypatch: pytest.MonkeyPatch, *, lost: bool
+) -> None:
+    search = begun(context(beta=1.0, f_c=0.02))
+    likely, *_, unlikely = [c for c in search.offers.beside(search.root) if np.isfinite(c.joint)]
+    grown, ends = (likely, unlikely) if lost else (unlikely, likely)
+
+    def forward() -> bool:
+        if search.best is search.root:
+            search.best = grown
+            return True
+        return False
+
+    def backward(before: Contender) -> None:
+        search.decisions.append(Decision("exchange", ("wind", "table_tilt"), True, "accepted"))
+        search.best = ends
+
+    monkeypatch.setattr(search, "_forward", forward)
+    monkeypatch.setattr(search, "_backward", backward)
+    monkeypatch.setattr(search, "_change_mechanics", lambda: False)
+    monkeypatch.setattr(search, "_is_complete", lambda: False)
+    search._grow()
+    assert search.best is likely
+    assert ("exchange" in [d.action for d in search.decisions]) != lost
+
+
+@pytest.mark.parametrize(("nil", "expected"), [(50.0, 2.0), (-3.0, 2.0 + np.log1p(np.exp(3.0))), (-60.0, 62.0)])
+def test_an_error_that_may_be_none_counts_with_its_odds(nil: float, expected: float) -> None:
+    # An effect moves twice as much as an error would of 0.1 noise sds, beside laws that idealise next to nothing.
+    assert _against(0.2, 0.1, 1e-12, nil) == pytest.approx(expected, rel=1e-6)
+    assert _against(0.0, 0.1, 1e-12, nil) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_laws_idealise_is_there_whatever_the_error() -> None:
+    assert _against(0.2, 0.0, 0.1, -60.0) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(("dry", "code"), [(0.02, "accepted"), (0.0, "training")])

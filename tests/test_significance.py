@@ -42,6 +42,26 @@ def test_surrogates_keep_the_spectrum_of_every_channel() -> None:
     assert abs(np.corrcoef(made[:, 0, 0], slow[:, 0])[0, 1]) < 0.9
 
 
+def test_a_line_is_none_of_smooth_noise() -> None:
+    n = 4000
+    turns = 2 * np.pi * 446 * np.arange(n) / n
+    noise = np.random.default_rng(2).standard_normal((n, 1))
+    line = 0.4 * np.sin(turns)[:, None]
+    pair = candidate("force", np.column_stack([np.sin(turns), np.cos(turns)]))
+
+    def chance(residual: np.ndarray, *, smooth: bool) -> float:
+        made = surrogates(residual.ravel(), bench(residual), np.random.default_rng(1), 400, smooth=smooth)
+        assert np.mean(made**2) == pytest.approx(np.mean(residual**2), rel=0.02)
+        return float(np.median(chance_gains([pair], np.ones((n, 1)), made, as_is)))
+
+    promised = float(chance_gains([pair], np.ones((n, 1)), noise + line, as_is)[0])
+    assert promised > 200
+    # Its own spectrum has the line in every replicate; of noise alone a line takes two of chi-square.
+    assert chance(noise + line, smooth=False) > 0.9 * promised
+    assert chance(noise + line, smooth=True) < 8
+    assert chance(noise, smooth=True) == pytest.approx(stats.chi2(2).median(), rel=0.2)
+
+
 def test_gaps_stay_empty_and_the_rest_keeps_its_power() -> None:
     output = RNG.standard_normal((N, 1))
     output[100:200] = np.nan
