@@ -70,12 +70,12 @@ class Odds:
 
 def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Odds:
     """Return the log odds of a larger set against a smaller one; `root` is the model without any added effect."""
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # of what blows up
         gains = [getattr(larger.evidence, n) - getattr(smaller.evidence, n) for n in ("train", "held", "ahead")]
-    sizes = [_sizes(larger, smaller, root, settings, judged=judged) for judged in (False, True)]
-    form, nil = _form(larger, smaller, settings), larger.evidence.nil
-    size = max(moved / float(np.hypot(error, laws)) for moved, error, laws in sizes)
-    against = max(_against(moved / form, error, laws, nil) for moved, error, laws in sizes)
+        sizes = [_sizes(larger, smaller, root, settings, judged=judged) for judged in (False, True)]
+        form, nil = _form(larger, smaller, settings), larger.evidence.nil
+        size = max(moved / float(np.hypot(error, laws)) for moved, error, laws in sizes)
+        against = max(_against(moved / form, error, laws, nil) for moved, error, laws in sizes)
     train, held, ahead = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in gains)
     return Odds(train, held, ahead, size, against, float(smaller.chi2 - larger.chi2))
 
