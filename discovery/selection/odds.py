@@ -2,8 +2,8 @@
 
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
-the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2; that there is an
-error at all has odds of its own. A share of what laws moved is model error too. Held out it must gain half the nats,
+the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2; where none is
+likelier, those odds count beside. A share of what laws moved is model error too. Held out it must gain half the nats,
 also by the estimate alone; it stays until it loses them.
 """
 
@@ -118,10 +118,11 @@ def _sizes(
 
 
 def _against(moved: float, error: float, laws: float, nil: float) -> float:
-    """Return the log odds against model error; beside what laws idealise there is one with log odds of `nil`."""
-    with_error = 0.5 * (moved / np.hypot(error, laws)) ** 2 + np.logaddexp(0.0, -nil)
-    without = 0.5 * (moved / laws) ** 2 + np.logaddexp(0.0, nil)
-    return float(-np.logaddexp(-with_error, -without))
+    """Return the log odds against model error; where none is likelier than one, those count beside (`nil` below zero).
+
+    What laws idealise is there in any case.
+    """
+    return float(min(0.5 * (moved / np.hypot(error, laws)) ** 2 + max(-nil, 0.0), 0.5 * (moved / laws) ** 2))
 
 
 def candidacy(larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings) -> Candidacy:
