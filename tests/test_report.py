@@ -41,6 +41,7 @@ from discovery.report.formula import formula
 from discovery.report.index import build_index
 from discovery.report.latex import latex
 from discovery.report.mathml import block
+from discovery.report.model_error_sentences import model_error_words
 from discovery.report.noise import honest_table, noise_differs, noise_sentence
 from discovery.report.numbers import chance, interval, scale_for, scale_for_change, significant, uncertain, unit_text
 from discovery.report.results import Run
@@ -228,6 +229,11 @@ def test_a_model_error_that_shows_held_out_alone_is_told(tmp_path: Path) -> None
         "What is left is a model error of 0.0400 mm, 4 % of that before, and of 0.0600 mm held out; it depends on "
         "deflection and rate."
     )
+    # Where the evidence for any is weak, one above what counts as none held out is not said to lie below it.
+    complete = {**results["loop"], "verdict": "explained"}
+    assert model_error_words(complete).endswith("; it cannot be told from none")
+    complete["model_error"] = {**complete["model_error"], "held": 4e-5}
+    assert model_error_words(complete).endswith("counts as none")
 
 
 @pytest.mark.usefixtures("undrawn")

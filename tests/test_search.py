@@ -301,6 +301,15 @@ def test_an_exchange_stays_where_the_set_it_leads_to_is_as_likely(
     assert ("exchange" in [d.action for d in search.decisions]) != lost
 
 
+def test_what_leaves_more_than_before_is_no_half_of_a_pair() -> None:
+    search = begun(context(beta=1.0, f_c=0.02))
+    gains = {c: c.evidence.train - search.root.evidence.train for c in search.offers.beside(search.root)}
+    half = max(gains, key=lambda c: gains[c])
+    worse = dataclasses.replace(half, refit=search.root.refit)
+    assert search._leading([half]) == [half]
+    assert search._leading([worse]) == []
+
+
 @pytest.mark.parametrize(("nil", "expected"), [(50.0, 2.0), (0.0, 2.0), (-3.0, 5.0), (-60.0, 62.0)])
 def test_an_error_that_is_rather_none_counts_with_its_odds(nil: float, expected: float) -> None:
     # An effect moves twice as much as an error would of 0.1 noise sds, beside laws that idealise next to nothing.

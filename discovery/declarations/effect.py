@@ -47,10 +47,16 @@ __all__ = [
     "Potential",
     "Sensor",
     "Shape",
+    "first_sentence",
 ]
 
 #: What an effect may need: a linear spring, an angle that nothing ties, a falling body, or a base that moves.
 SPRING, ROTOR, WEIGHT, SHAKEN = "spring", "rotor", "weight", "shaken"
+
+
+def first_sentence(kind: type) -> str:
+    """Return the first sentence of the docstring of a class."""
+    return (inspect.getdoc(kind) or "").partition("\n")[0].rstrip(".")
 
 
 class Effect(ABC):
@@ -144,7 +150,7 @@ class Effect(ABC):
     @classmethod
     def title(cls) -> str:
         """Return the first sentence of the docstring."""
-        return (inspect.getdoc(cls) or "").partition("\n")[0].rstrip(".")
+        return first_sentence(cls)
 
     def __repr__(self) -> str:
         return f"<{self.kind} effect {self.id()}({', '.join(p.name for p in self.parameters())})>"

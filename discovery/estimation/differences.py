@@ -57,7 +57,7 @@ class Probed:
         owner = np.array([-1] * free + [state.experiment for state in problem.states], np.int64)
         # The first states of all recordings share a point, and so do the second ones.
         named = [*range(free), *(free + state.row for state in problem.states)]
-        at = np.unique(named, return_inverse=True)[1].reshape(-1)
+        at = np.unique(named, return_inverse=True)[1]
         count = int(at.max(initial=-1)) + 1
         low, high = problem.bounds
         up, down = np.minimum(x + size, high), np.maximum(x - size, low)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from inspect import getdoc
 from typing import Any
 
 from markupsafe import Markup, escape
 
+from discovery.declarations.effect import first_sentence
 from discovery.declarations.registry import catalogue, effect_name, get_effect
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES
@@ -125,7 +125,7 @@ def effect_title(effect_id: str) -> str:
     if effect_id in UPGRADES:
         return UPGRADES[effect_id].title()
     if effect_id in base_names():
-        return (getdoc(type(get_base(effect_id))) or "").partition("\n")[0].rstrip(".")
+        return first_sentence(type(get_base(effect_id)))
     return get_effect(effect_id).title() if _listed(effect_id) else effect_name(effect_id)
 
 

@@ -214,7 +214,7 @@ class LoopResult(LoopViews):
             "model_error": self.model_error.summary(),
             "complete": self.complete,
             "cautions": [c.summary() for c in self.cautions],
-            **({"lead": {k: self.lead.summary()[k] for k in ("effects", "code", "numbers")}} if self.lead else {}),
+            **({"lead": _lead(self.lead)} if self.lead else {}),
             "contradiction": self.contradiction.summary(),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
@@ -249,3 +249,8 @@ class LoopResult(LoopViews):
             "may_stand_for_unknown": found is not None and found.doubtful,
             **({"stands_for": other.summary()} if other else {}),
         }
+
+
+def _lead(refused: Decision) -> dict[str, Any]:
+    """Return a JSON-ready description of what was refused, and why."""
+    return {"effects": list(refused.effects), "code": refused.code, "numbers": dict(refused.numbers)}
