@@ -22,8 +22,6 @@ from discovery.foundation.io import atomic_write
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES, Upgrade
 
-__all__ = ["catalogue_page", "main"]
-
 _KINDS = {
     "mechanics": "Mechanics of the arm",
     "kinetic": "Kinetic energy",

@@ -18,8 +18,6 @@ from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig_schema import QuantityTable, RigTable
 from discovery.rigs.rig_system import ready_made
 
-__all__ = ["EXAMPLE", "main", "rig_file_page"]
-
 _OPENING = """# The rig file
 
 Written by `make docs` from the schema that reads rig files.

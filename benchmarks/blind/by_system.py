@@ -10,8 +10,6 @@ import pandas as pd
 
 from benchmarks.blind.score import NINETY, brief, proportion, quartiles
 
-__all__ = ["all_systems", "misses", "tables"]
-
 #: An effect is plain that is so many times as large as the errors of the model, and as the noise.
 PLAIN = 4.0
 #: A hold-out error is as good as the true model's below so many times that.

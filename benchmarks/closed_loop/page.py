@@ -13,8 +13,6 @@ from discovery.report.page import embed, environment
 from discovery.report.style import BLUE, RED, Picture, new_figure, styled
 from discovery.report.tables import Table
 
-__all__ = ["best", "build_page", "markdown"]
-
 Row = Mapping[str, Any]
 #: What is compared: key, which is also the head in the CSV file, and head of the column.
 _MEASURES = (

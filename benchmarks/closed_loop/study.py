@@ -24,8 +24,6 @@ from discovery.export import FittedModel, discretise, linearise, read_fitted
 from discovery.runs.attempt import Outcome
 from discovery.runs.spread import spread
 
-__all__ = ["LAST", "SEEDS", "TURN", "compare", "design", "drive", "motion", "score"]
-
 FloatArray = NDArray[np.float64]
 #: Time between samples and length of a run [s], and the angle to be turned [rad].
 SAMPLE, LENGTH, TURN = 0.02, 4.0, 0.5

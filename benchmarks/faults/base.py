@@ -8,8 +8,6 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
-__all__ = ["DRAG", "RIG", "film", "write"]
-
 LENGTH, GRAVITY, DRAG, NOISE = 0.8, 9.80665, 0.0425, 0.2
 RIG = f"""name = "a pendulum on film"
 kind = "pendulum"

@@ -16,8 +16,6 @@ from warnings import catch_warnings, simplefilter
 
 from benchmarks.faults.base import DRAG, write
 
-__all__ = ["OUTCOMES", "Case", "Outcome", "judged", "run"]
-
 #: Every outcome, with whether it may be.
 OUTCOMES = {
     "refused": True,

@@ -14,8 +14,6 @@ from benchmarks.faults.machine import machine
 from benchmarks.faults.recordings import recordings
 from benchmarks.faults.rigs import rig_files
 
-__all__ = ["LIMIT", "corpus", "outcome_of"]
-
 #: Seconds of a processor's time beyond which a case counts as hanging.
 LIMIT = 60.0
 

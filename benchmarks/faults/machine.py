@@ -8,8 +8,6 @@ from pathlib import Path
 
 from benchmarks.faults.case import Case
 
-__all__ = ["machine"]
-
 #: Arguments that are refused, with what the refusal names.
 ARGUMENTS: dict[str, tuple[list[str], tuple[str, ...]]] = {
     "no rig file": (["loop"], ("RIG",)),

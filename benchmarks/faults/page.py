@@ -7,8 +7,6 @@ from pathlib import Path
 
 from discovery.foundation.io import atomic_write
 
-__all__ = ["put"]
-
 
 def put(page: Path, name: str, text: str) -> None:
     """Write a text between the marks ``<!-- name: ... -->`` and ``<!-- end of name -->`` of a page."""

@@ -14,8 +14,6 @@ import pandas as pd
 from benchmarks.faults.base import film
 from benchmarks.faults.case import Case
 
-__all__ = ["recordings"]
-
 FILE = "high.csv"
 #: No numbers at all.
 WORDS = (

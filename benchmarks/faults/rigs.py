@@ -9,8 +9,6 @@ from pathlib import Path
 
 from benchmarks.faults.case import Case
 
-__all__ = ["rig_files"]
-
 FILE = "rig.toml"
 #: Keys of the sound file, each with the text of its value.
 KEYS = {

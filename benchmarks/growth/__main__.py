@@ -14,8 +14,6 @@ from pathlib import Path
 
 from benchmarks.growth.recordings import CASES, Recorded
 
-__all__ = ["Cost", "main", "measured", "table"]
-
 #: Megabytes in a unit of ``ru_maxrss``: bytes on macOS, kibibytes elsewhere.
 _MEGABYTES = 2.0**-20 if sys.platform == "darwin" else 2.0**-10
 

@@ -14,8 +14,6 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate, write_csv
 
 from benchmarks.growth.stick_slip import stick_slip
 
-__all__ = ["CASES", "Recorded"]
-
 #: Steps of the integrator between two readings.
 _STEPS = 4
 

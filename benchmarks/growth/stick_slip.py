@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-__all__ = ["stick_slip"]
-
 FloatArray = NDArray[np.float64]
 Force = Callable[[FloatArray], FloatArray]
 

@@ -12,8 +12,6 @@ from pathlib import Path
 
 from benchmarks.scale.rig import write
 
-__all__ = ["COMMANDS", "FIT", "OUT", "Command", "environment", "finished", "start"]
-
 #: Folder of the results, in the folder that a command works in.
 OUT = "out"
 #: Rigs of the campaign.

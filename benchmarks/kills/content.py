@@ -15,8 +15,6 @@ import pandas as pd
 from discovery.foundation.errors import InputError
 from discovery.results.manifest import check_whole
 
-__all__ = ["content", "differences", "faults", "hidden"]
-
 #: Keys and columns that say when something was done, or how long it took.
 _CLOCK = frozenset({"created", "seconds", "loop_seconds"})
 _STAMP = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+:0-9]*")

@@ -11,8 +11,6 @@ from benchmarks.kills.commands import FIT, OUT, Command, environment, start
 from benchmarks.kills.content import content, differences, hidden
 from benchmarks.kills.trial import Reference
 
-__all__ = ["compiled_once", "two"]
-
 #: Processes that meet on an empty cache.
 _PROCESSES = 4
 _REFUSED = "Another discovery command is writing to"

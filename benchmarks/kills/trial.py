@@ -15,8 +15,6 @@ import numpy as np
 from benchmarks.kills.commands import OUT, Command, environment, finished, start
 from benchmarks.kills.content import content, differences, faults, hidden
 
-__all__ = ["SIGNALS", "Reference", "Trial", "killed", "reference", "tried"]
-
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 #: Seconds between two looks at a folder.
 _LOOK = 5e-3

@@ -12,8 +12,6 @@ import numpy as np
 from benchmarks.measured.known import Reference
 from discovery.report.results import Run
 
-__all__ = ["Check", "drive_checks", "gravity_over_length"]
-
 
 @dataclass(frozen=True)
 class Check:

@@ -18,8 +18,6 @@ from discovery.report.sentences import verdict_sentence
 from discovery.report.words import effect_name, listed
 from discovery.results.provenance import read_json
 
-__all__ = ["Entry", "Outcome", "read_entries", "read_entry"]
-
 #: Verdicts under which effects are named.
 _NAMED = ("explained", "partly_explained")
 _GROUPS = {

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from benchmarks.measured.entry import Entry
 from discovery.report.style import BLUE, GREEN, GREY, RED, Picture, new_figure, plain_log
 
-__all__ = ["draw"]
-
 
 def draw(entries: Sequence[Entry]) -> Picture:
     """Return the errors on held-out data over that of the declared model, on a logarithmic axis, one line a rig."""

@@ -12,8 +12,6 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from discovery.foundation.errors import InputError
 
-__all__ = ["Figure", "Goal", "Known", "Measure", "Reference", "read_known"]
-
 #: How an error is stated: its rms, its rms over that of the signal, or over the signal's standard deviation.
 Measure = Literal["rms", "relative", "normalised"]
 

@@ -17,8 +17,6 @@ from discovery.report.style import styled
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed, page_prose, sentence, values_text
 
-__all__ = ["build_comparison"]
-
 #: Rigs of this kind are many and alike: they share one section.
 _MANY = "falling_body"
 

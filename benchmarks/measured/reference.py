@@ -11,8 +11,6 @@ from discovery.estimation.residual import errors
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
 
-__all__ = ["score_reference"]
-
 
 def score_reference(rig: Path, reference: Reference) -> dict[str, dict[str, float]]:
     """Return the errors [N] of a reference model's force by "train" and "holdout".

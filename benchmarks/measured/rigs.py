@@ -8,8 +8,6 @@ from discovery_datasets import registry
 
 from discovery.rigs.rig_file import read_rig
 
-__all__ = ["at_hand", "measured_rigs"]
-
 
 def measured_rigs(datasets: Path) -> dict[str, Path]:
     """Return the rig files of all registered sets by name, such as ``emps/rig``, in the order of the registry."""

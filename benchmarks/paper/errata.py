@@ -20,15 +20,6 @@ from benchmarks.paper.stand import Stand
 from discovery.declarations.units import si_factor
 from discovery.foundation.errors import InputError
 
-__all__ = [
-    "centripetal_term",
-    "errata",
-    "polar_acceleration",
-    "radius_error",
-    "rod_mass",
-    "stiffness_unit",
-]
-
 FloatArray = NDArray[np.float64]
 
 #: Tables I and II: diameter [m], Young's modulus [Pa], area moment [m^4], density [kg/m^3], disc [kg]; l = 1 m.

@@ -10,8 +10,6 @@ from benchmarks.paper.erratum import Erratum
 from benchmarks.paper.stand import Stand
 from benchmarks.paper.theory.elastica.force_map import load_at_tip
 
-__all__ = ["coupling_torque_frame", "force_frame", "motor_constant"]
-
 
 def force_frame(hub: float = 0.7, force: float = 0.3, direction: float = 2.0) -> Erratum:
     """Erratum g: (7) sets the force of (4), in the frame that turns with the motor, equal to m p'' in the fixed frame.

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from benchmarks.paper.erratum import Erratum
 from benchmarks.paper.stand import SPEED, scaled_rig
 
-__all__ = ["OTHER_ARMS", "largest_deflection", "time_scale"]
-
 FloatArray = NDArray[np.float64]
 
 #: Arms for the time scale, as factors on length, rigidity and both masses of the reference.

@@ -12,8 +12,6 @@ from discovery.report.mathml import GREEK
 from discovery.report.numbers import MISSING, significant
 from discovery.report.paper import paper_numbers
 
-__all__ = ["finding_items"]
-
 #: Errata of the list; the others were found beside them.
 _LISTED = "abcdef"
 _DOTS = {1: "\N{COMBINING DOT ABOVE}", 2: "\N{COMBINING DIAERESIS}"}

@@ -9,8 +9,6 @@ from typing import Any
 from discovery.report.numbers import MISSING, significant, uncertain
 from discovery.report.paper import paper_numbers
 
-__all__ = ["Item", "paper_items"]
-
 _TERMS = {"delta": "δ", "delta^3": "δ³", "theta_t'": "θ̇"}
 
 

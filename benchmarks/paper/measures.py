@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from benchmarks.paper.stand import Stand
 
-__all__ = ["angle_error", "distance", "excursion", "mean_and_peak", "model_errors", "radius_error"]
-
 FloatArray = NDArray[np.float64]
 
 

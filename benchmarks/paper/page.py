@@ -25,8 +25,6 @@ from discovery.report.style import styled
 from discovery.report.tables import Table
 from discovery.results.provenance import read_json
 
-__all__ = ["build_page"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -11,8 +11,6 @@ from scipy.optimize import least_squares
 from benchmarks.paper.rest_fit import RestFit, fit_from_rest
 from benchmarks.paper.stand import Stand
 
-__all__ = ["CUBIC", "LINEAR", "PaperModels", "fit_radius", "paper_models"]
-
 FloatArray = NDArray[np.float64]
 
 LINEAR = ("viscous_damping", "linear_stiffness")

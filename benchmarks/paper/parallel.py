@@ -8,8 +8,6 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import TypeVar
 
-__all__ = ["in_parallel"]
-
 _In = TypeVar("_In")
 _Out = TypeVar("_Out")
 

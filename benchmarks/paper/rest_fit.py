@@ -21,8 +21,6 @@ from discovery.foundation.errors import NotConverged, NotIdentifiable
 from discovery.rigs.rig import Rig
 from discovery.theory.elastica.static_law import SMALL_DEFLECTION
 
-__all__ = ["ROD_SHARE", "RestFit", "fit_from_rest", "rig_alpha", "rig_values"]
-
 FloatArray = NDArray[np.float64]
 
 ROD_SHARE = 33 / 140

@@ -16,8 +16,6 @@ from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Quantity, Rig
 
-__all__ = ["ANGLE_NOISE", "DURATION", "POSITION_NOISE", "RATE", "Stand", "as_rig", "manoeuvre", "scaled_rig", "stand"]
-
 FloatArray = NDArray[np.float64]
 
 DURATION, RATE = 30.0, 100.0

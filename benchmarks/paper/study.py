@@ -21,8 +21,6 @@ from discovery.foundation.progress import Progress, Tell
 from discovery.results.curves import save_groups
 from discovery.results.provenance import read_json, surroundings, write_json
 
-__all__ = ["STUDIES", "run_studies", "written_by"]
-
 FloatArray = NDArray[np.float64]
 
 STUDIES = {

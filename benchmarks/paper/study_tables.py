@@ -10,17 +10,6 @@ from discovery.report.numbers import significant, uncertain, unit_text
 from discovery.report.tables import Table
 from discovery.report.words import effect_name
 
-__all__ = [
-    "freed_table",
-    "friction_table",
-    "general_table",
-    "ladder_table",
-    "mattiasson_table",
-    "motor_table",
-    "sensitivity_table",
-    "similar_table",
-]
-
 
 def ladder_table(steps: Mapping[str, Any]) -> Table:
     """Return the error of every model, from the rig file alone and fitted."""

@@ -12,8 +12,6 @@ from discovery.report.numbers import significant
 from discovery.report.paper import paper_numbers
 from discovery.report.tables import Table
 
-__all__ = ["calibration_table", "item_table"]
-
 
 def item_table(name: str, caption: str, items: list[Item]) -> Table:
     """Return rows of the paper's items."""

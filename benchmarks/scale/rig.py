@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-__all__ = ["write"]
-
 RIG = """name = "oscillator"
 kind = "oscillator"
 [columns]

@@ -21,8 +21,6 @@ from discovery.report.campaign import build_campaign
 from discovery.runs.campaign import campaign, collect, rows, unfinished
 from discovery.runs.pooling import pooled_parameters
 
-__all__ = ["study"]
-
 #: Rigs that are done alone, before and after.
 ALONE = 40
 

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import psutil
 
-__all__ = ["Watch"]
-
 
 def _workers_of(process: psutil.Process) -> list[psutil.Process]:
     """Return the processes that work for another."""

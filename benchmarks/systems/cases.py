@@ -8,8 +8,6 @@ from benchmarks.systems import laws, machines
 from benchmarks.systems.laws import Law
 from benchmarks.systems.machines import Machine
 
-__all__ = ["CASES", "Case"]
-
 
 @dataclass(frozen=True)
 class Case:

@@ -6,10 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import sin, tanh
 
-__all__ = [
-    "NOTHING", "Law", "cogging", "cubic", "dead_zone", "drag", "dry", "hysteresis", "lopsided", "play", "saturation",
-]  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Law:

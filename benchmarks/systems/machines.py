@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from math import cos, sin
 from textwrap import dedent
 
-__all__ = ["Machine", "cart_pendulum", "furuta_pendulum", "motor", "quarter_car", "servo", "two_masses"]
-
 #: Force at a joint, from its name, displacement and rate.
 Joints = Callable[[str, float, float], float]
 #: Accelerations from input, coordinates, rates, and the force that a law makes at a joint.

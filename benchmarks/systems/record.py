@@ -12,8 +12,6 @@ from scipy.integrate import solve_ivp
 from benchmarks.systems.laws import Law
 from benchmarks.systems.machines import Machine
 
-__all__ = ["record"]
-
 #: Parts of an input, and the times at which one in steps changes [s].
 _PARTS, _STEPS = 9, (0.5, 2.5, 4.5, 6.5)
 

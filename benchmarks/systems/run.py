@@ -15,8 +15,6 @@ from typing import Any
 from benchmarks.systems.cases import Case
 from benchmarks.systems.record import record
 
-__all__ = ["Outcome", "run"]
-
 #: Held-out residual over the noise up to which a prediction counts as within it.
 _WITHIN = 1.1
 #: Seconds after which a command is given up.

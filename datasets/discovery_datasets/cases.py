@@ -14,8 +14,6 @@ from discovery_datasets.hidden import FAMILIES, Hidden, Scene, clash, draw_hidde
 from discovery_datasets.manoeuvres import Manoeuvre, minimum_jerk, sequence, trapezoid
 from discovery_datasets.quick import readings
 
-__all__ = ["CaseDraw", "draw_case", "draw_rig"]
-
 FloatArray = NDArray[np.float64]
 Generator = np.random.Generator
 #: Shares of the kinds of case; what is left has one effect of the catalogue.

@@ -15,8 +15,6 @@ from discovery_datasets import quick_effects as quick
 from discovery_datasets.arm import ArmRig
 from discovery_datasets.disturbances import Disturbance
 
-__all__ = ["FAMILIES", "Hidden", "Scene", "clash", "draw_hidden", "log_uniform", "random_sign"]
-
 FloatArray = NDArray[np.float64]
 Generator = np.random.Generator
 #: Effects that act on a motion in a like way, for statistics; the last family is in no catalogue.

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from discovery_datasets.compiled import compiled
 
-__all__ = ["INPUTS", "STATES", "Laws", "follow", "integrate"]
-
 FloatArray = NDArray[np.float64]
 #: Columns of the tabulated inputs: measured force or reference, other force [q/s^2], inertia over its nominal value.
 INPUTS = ("input", "push", "inertia")

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from discovery_datasets.quick_effects import QuickDisturbance
 
-__all__ = ["OUTSIDE"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -17,8 +17,6 @@ from discovery_datasets.disturbances import Disturbance
 from discovery_datasets.engine import GREASE, INPUTS, Physics, Rod, integrate, slope
 from discovery_datasets.manoeuvres import Manoeuvre
 
-__all__ = ["Readings", "readings"]
-
 FloatArray = NDArray[np.float64]
 #: Converged to 0.003 mm on the paper's arm.
 MODES, NODES = 5, 12

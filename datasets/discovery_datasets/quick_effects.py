@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from discovery_datasets.disturbances import Disturbance
 
-__all__ = ["QUICK_EFFECTS"]
-
 
 @dataclass(frozen=True)
 class QuickDisturbance(Disturbance):

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["COMMANDS"]
-
 
 @click.command()
 @click.argument("rig", type=PATH)

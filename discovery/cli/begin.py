@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from discovery.recordings.dataset import Dataset
 
-__all__ = ["COMMANDS"]
-
 #: Formats of a picture that matplotlib and a browser both know.
 _PICTURES = (".png", ".svg", ".pdf")
 

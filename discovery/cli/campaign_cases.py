@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Case", "beside", "found_cases", "listed", "origins", "rig_files"]
-
 #: Files that are named before the rest is counted.
 _NAMED = 5
 

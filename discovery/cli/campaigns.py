@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
     from discovery.runs.attempt import Outcome
 
-__all__ = ["COMMANDS", "close"]
-
 
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
     """Run the loop of one case, write its loop.json, and return what the tables of the campaign hold."""

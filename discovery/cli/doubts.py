@@ -8,8 +8,6 @@ if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["doubts"]
-
 
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""

@@ -11,8 +11,6 @@ from discovery.cli.options import KINDS, options, print_json
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-__all__ = ["effects"]
-
 
 def _names(context: click.Context, _: click.Parameter, begun: str) -> list[str]:
     """Return the effects whose names begin so, for completion in a shell."""

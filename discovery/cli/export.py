@@ -12,8 +12,6 @@ import click
 from discovery.cli.folders import results_folder
 from discovery.cli.options import PATH, note, options, print_files
 
-__all__ = ["COMMANDS"]
-
 _WHAT = click.option(
     "--what",
     type=click.Choice(["before", "after"]),

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import click
 
-__all__ = ["held", "results_folder", "writable"]
-
 
 def results_folder(out: Path, *files: str) -> Path:
     """Return the folder of ``--out``, made if need be; refuse one in which these files cannot be written.

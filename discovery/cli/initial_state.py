@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
 
-__all__ = ["check_state", "read_state"]
-
 #: A recorded reach, or a turn, times so much is still believed of an angle that turns on.
 _ANGLES = 2.0
 #: A recorded reach times so much is still believed of a length: a thousand is a mistaken prefix.

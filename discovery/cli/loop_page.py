@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["check_parts", "has_parts", "rebuild_page", "remove_page", "write_failed_page", "write_page"]
-
 #: Folder beside loop.json that holds what the page is made of, its tables as CSV and its figures.
 PARTS = "page"
 

@@ -18,22 +18,6 @@ if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
     from discovery.rigs.rig import Rig
 
-__all__ = [
-    "KINDS",
-    "PATH",
-    "SEED",
-    "Seconds",
-    "load",
-    "note",
-    "once",
-    "options",
-    "print_files",
-    "print_json",
-    "progress",
-    "tell_unused",
-]
-
-
 #: Kinds of system that a rig file may name, here so that the help is there at once.
 KINDS = ("flexible_arm", "oscillator", "pendulum", "base_excited", "drive", "falling_body", "system")
 

@@ -6,8 +6,6 @@ import re
 from collections import deque
 from collections.abc import Iterator
 
-__all__ = ["plain_formula", "plain_text"]
-
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
 _WORDS = {
     **{

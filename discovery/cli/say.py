@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from discovery.diagnosis.missing_force import MissingForce
     from discovery.runs.loop_result import LoopResult
 
-__all__ = ["say_doubts", "say_failed", "say_left_out", "say_loop", "say_missing"]
-
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""

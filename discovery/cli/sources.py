@@ -14,8 +14,6 @@ from discovery.cli.options import PATH, SEED, options, print_files, print_json
 if TYPE_CHECKING:
     from discovery_datasets.disturbances import Disturbance
 
-__all__ = ["COMMANDS", "MANOEUVRES"]
-
 #: Manoeuvres of the twin, named here so that the help is there at once.
 MANOEUVRES = ("train_paper", "train_large", "holdout_inside", "holdout_beyond")
 

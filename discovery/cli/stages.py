@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from discovery.recordings.dataset import Dataset
 
-__all__ = ["COMMANDS", "NOISES"]
-
 #: Noise models, named here so that the help is there at once; "auto" is the one of largest evidence.
 NOISES = ("auto", "gaussian", "student_t", "correlated", "input", "quantised")
 

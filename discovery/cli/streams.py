@@ -7,8 +7,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-__all__ = ["is_of_output", "open_streams", "spoken", "unwritten"]
-
 #: Why standard output could not be written, while there was more to do.
 _LOST: list[OSError] = []
 

@@ -7,8 +7,6 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Dissipation, Effect, Load, Memory, Potential
 
-__all__ = ["amplitudes"]
-
 #: What a law takes from elsewhere: its parameters are then shares of that, not forces.
 _TAKEN = (s.alpha, s.xi, s.length, s.push)
 

@@ -8,8 +8,6 @@ from discovery.declarations.effect import Load
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.declarations.symbols import omega
 
-__all__ = ["ExternalForce"]
-
 
 class ExternalForce(Load):
     r"""A generalised force on the angle of the tip (an oscillator: on its coordinate), by its value at every instant.

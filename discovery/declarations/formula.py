@@ -13,8 +13,6 @@ import sympy as sp
 from discovery.declarations.units import dimension
 from discovery.foundation.errors import InputError, suggestion
 
-__all__ = ["FUNCTIONS", "Quantity", "read_formula", "reserved_words", "unit_words"]
-
 #: Exponents of the base units, none of them zero.
 Dimension = Mapping[str, Fraction]
 

@@ -13,8 +13,6 @@ from discovery.foundation.arguments import expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
-__all__ = ["Flat", "HalfStudent", "LogNormal", "Normal", "Parameter", "Prior", "natural_scale"]
-
 
 class Prior(Protocol):
     """A one-dimensional prior density, in natural units of the problem (see `natural_scale`)."""

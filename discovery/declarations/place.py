@@ -12,8 +12,6 @@ from discovery.declarations import symbols as s
 from discovery.declarations.amplitudes import amplitudes
 from discovery.declarations.effect import OSCILLATOR, Dissipation, Effect, Load, Memory, Potential
 
-__all__ = ["INERTIA", "at_place", "can_be_placed", "local", "placed"]
-
 #: Reference inertia of a place: an effect gives its force over it.
 INERTIA = sp.Symbol("inertia", real=True)
 #: Between an effect and its place in an id.

@@ -17,8 +17,6 @@ from discovery.declarations.smooth_force import SmoothForce
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 
-__all__ = ["catalogue", "effect_name", "get_effect"]
-
 #: Names of people in those of effects.
 _PEOPLE = {"coriolis", "coulomb", "stribeck"}
 

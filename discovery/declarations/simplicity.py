@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from discovery.declarations.registry import get_effect
 
-__all__ = ["simplicity"]
-
 
 def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
     """Return a key that sorts effects, the physically simplest first.

@@ -10,8 +10,6 @@ from discovery.declarations.effect import Load
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.declarations.symbols import delta, delta_dot, omega
 
-__all__ = ["SmoothForce"]
-
 #: Highest power in position and rate together.
 _DEGREE = 4
 _POWERS = [(j, k) for j, k in product(range(_DEGREE + 1), repeat=2) if j + k <= _DEGREE]

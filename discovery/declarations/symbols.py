@@ -9,45 +9,6 @@ from __future__ import annotations
 
 import sympy as sp
 
-__all__ = [
-    "POSITION_CHANNELS",
-    "RATES",
-    "RATE_CHANNELS",
-    "U_4",
-    "U",
-    "acceleration",
-    "alpha",
-    "alpha_m",
-    "arc",
-    "bend",
-    "bend_dot",
-    "delta",
-    "delta_dot",
-    "h",
-    "length",
-    "omega",
-    "omega_m",
-    "push",
-    "rho",
-    "root",
-    "root_dot",
-    "slope",
-    "slope_dot",
-    "t",
-    "theta",
-    "theta_m",
-    "u",
-    "v2",
-    "v_x",
-    "v_y",
-    "w2",
-    "x",
-    "x_g",
-    "xi",
-    "y",
-    "y_g",
-]
-
 #: Time [s].
 t = sp.Symbol("t", real=True)
 #: Absolute angle of the tip, theta_t [rad]; the coordinate of an oscillator [q].

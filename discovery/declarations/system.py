@@ -22,8 +22,6 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
-__all__ = ["Constant", "SystemDeclaration"]
-
 
 @dataclass(frozen=True)
 class Constant:

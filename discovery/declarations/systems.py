@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["ARM", "OSCILLATOR", "System"]
-
 
 class System(StrEnum):
     """A kind of system on which effects act: equal to its name, and it answers what depends on it."""

@@ -8,8 +8,6 @@ from collections.abc import Iterable, Mapping
 from discovery.declarations.units import si_factor
 from discovery.foundation.errors import InputError
 
-__all__ = ["split_suffix", "suffix_unit"]
-
 # What ordinary columns and keys end in: it needs no pint, whose import takes longer than the reading.
 _SUFFIXES = frozenset({"s", "m", "rad", "kg", "N m^2"})
 

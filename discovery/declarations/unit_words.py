@@ -7,8 +7,6 @@ from fractions import Fraction
 
 from discovery.declarations.units import dimension, powers_text
 
-__all__ = ["named_unit"]
-
 #: Units of mechanics by what they measure, the shortest first.
 _WORDS = (
     *("1", "m", "s", "kg", "N", "N m", "N s", "N m s", "N m^-1", "N s m^-1", "m s^-1", "m s^-2", "kg m^2", "kg m"),

@@ -22,19 +22,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import pint
 
-__all__ = [
-    "dimension",
-    "homogeneous",
-    "in_coordinate",
-    "is_force",
-    "known_dimension",
-    "powers_text",
-    "quoted",
-    "si_factor",
-    "si_symbol",
-    "to_si",
-]
-
 # Coherent SI units in base dimensions; the radian, a ratio of lengths, has none (SI brochure, 9th ed., table 4).
 _COHERENT: dict[str, dict[str, int]] = {
     "q": {"q": 1},  # unit of the coordinate in declarations: rad for an arm, that of the output for an oscillator

@@ -21,8 +21,6 @@ from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
 
-__all__ = ["SCATTERED", "Caution", "at_edges", "burst", "like_noise", "missed", "not_carried", "scattered", "strayed"]
-
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
 #: Times the training error, a hold-out that is missed by a model which leaves an error there, too.

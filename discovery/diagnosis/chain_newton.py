@@ -9,8 +9,6 @@ from discovery.diagnosis.slow_model import Law
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
-__all__ = ["ROUNDS", "Newton", "close"]
-
 #: Rounds of Newton's method.
 ROUNDS = 12
 #: Derivatives beyond this are those of a motion that nothing holds.

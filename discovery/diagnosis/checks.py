@@ -15,8 +15,6 @@ from discovery.estimation.residual import correlation_length
 from discovery.mechanics.elastica import Elastica
 from discovery.theory.prediction import predict
 
-__all__ = ["WIDE", "Check", "against_length", "against_rig", "against_stiffness"]
-
 #: A prior is made so many times as wide.
 WIDE = 30.0
 #: Where a value that was held back by its bound is looked for, in these standard deviations.

@@ -32,8 +32,6 @@ from discovery.screening.refits import Refit
 from discovery.selection.contender import contenders
 from discovery.selection.context import Context
 
-__all__ = ["Contradiction", "ContradictionReport", "check_contradictions"]
-
 #: A value on quicker mechanics differs by at most this part of what is to be reconciled.
 _ALIKE = 0.1
 

@@ -16,8 +16,6 @@ import numpy as np
 from discovery.diagnosis.latent_force import FINE, LatentForce, cubic_splines
 from discovery.foundation.arrays import FloatArray, IntArray
 
-__all__ = ["ForceDependence", "Sites", "Smooth", "dependences", "depends_on"]
-
 #: What the force of an arm, or of an oscillator, may depend on.
 ARM_SETS = (
     ("deflection",), ("angle",), ("rate",), ("motor_angle",), ("time",),

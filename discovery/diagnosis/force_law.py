@@ -27,8 +27,6 @@ from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import DiscoveryError
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["MARGIN", "Judge", "Patch", "sparse_law", "spline_law", "tried"]
-
 #: Part of the held-out rms error that a patch must remove.
 MARGIN = 0.2
 #: Terms of a sparse law explain at least this share of the force's variance each.

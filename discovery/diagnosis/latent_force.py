@@ -25,8 +25,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["FINE", "LatentForce", "cubic_splines", "reconstruct"]
-
 #: Knots in one period of the motion.
 KNOTS = 12
 #: Times in one spacing of the knots at which the force is reported.

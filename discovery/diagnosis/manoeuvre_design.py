@@ -18,18 +18,6 @@ from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment, largest_deflection
 
-__all__ = [
-    "NUMBERS",
-    "MotorLimits",
-    "Move",
-    "allowed_limits",
-    "demonstrated_limits",
-    "hub_drive",
-    "known_part",
-    "moves_from_unit",
-    "reach",
-]
-
 #: Slowest and gentlest move, as a part of the limit.
 _GENTLE = 0.25
 #: Numbers that describe a move: where to, how fast, how hard, how long to wait before.

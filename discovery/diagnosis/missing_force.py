@@ -19,8 +19,6 @@ from discovery.estimation.fit import Fit
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["MissingForce", "missing_force"]
-
 #: Twice the logarithm of the likelihood ratio from which there is a force at all, as for an effect of the catalogue.
 LEAST_GAIN = 40.0
 #: Sets of variables, of those that cannot be told apart, whose laws are tried.

@@ -9,8 +9,6 @@ from discovery.diagnosis.manoeuvre_design import NUMBERS, MotorLimits, Move, mov
 from discovery.diagnosis.rival_distance import Trial
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["MoveSearch"]
-
 #: Share of the trials that are drawn at random; the others improve on the best of those.
 _RANDOM = 0.6
 #: Standard deviation of a random step from the best, in each direction of the unit cube.

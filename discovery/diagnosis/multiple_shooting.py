@@ -21,8 +21,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import Simulator, check_finite
 
-__all__ = ["Chain", "Linearised"]
-
 #: Relative size of the differences that give derivatives.
 _SMALL = 1e-6
 #: Cuts are at most this many median sampling intervals apart: gaps are bridged by more of them.

@@ -28,8 +28,6 @@ from discovery.screening.refits import Refit, refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
-__all__ = ["Reconciliation", "reconcile"]
-
 #: The step towards the stated value, in the parameter's own standard deviations: far above the noise, far below one
 #: slip of phase; the part of its misfit that a candidate must remove, and how many are tried.
 _STEP, _LINEAR, _SHORTLIST = 30.0, 0.5, 8

@@ -29,8 +29,6 @@ from discovery.foundation.sampling import median_step
 from discovery.recordings.angles import within_half_a_turn
 from discovery.simulation.simulate import Simulator
 
-__all__ = ["Distance", "Trial", "distance_on_given"]
-
 #: Samples at which trial manoeuvres are compared: several in each period of the motion.
 _SAMPLES = 400
 

@@ -32,8 +32,6 @@ from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.screening.likeness import similarity
 
-__all__ = ["Separation", "separate", "similarity_matrix"]
-
 #: Chi-square by which the right rival must be expected to win: less may be chance.
 _DECIDES = 10.0
 #: Places on either side from which a system without an input is let go.

@@ -27,8 +27,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import get_base
 from discovery.simulation.kernel.compile import numpy_derivative
 
-__all__ = ["Law", "SlowModel"]
-
 #: Base that follows the slow motion of a base with several coordinates.
 _SLOW = "elastica_1"
 #: Speed within which dry friction is smooth, at least, in natural ones.

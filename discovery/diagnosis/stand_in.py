@@ -9,8 +9,6 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
 from discovery.rigs.quantities import QUANTITIES
 
-__all__ = ["StandIn", "stand_in"]
-
 #: A rig file may err by so many of its standard deviations.
 _CREDIBLE = 3.0
 

@@ -7,8 +7,6 @@ import numpy as np
 from discovery.declarations.units import si_symbol
 from discovery.drafting.law_of_motion import FloatArray, integral_over, least_squares, telling_part
 
-__all__ = ["LOOKS", "is_one_line", "is_relative"]
-
 #: Factor between the squared errors of the two readings, and share of the motion's square that the better one may
 #: leave: a recording beyond these does not tell them apart.
 _CLEAR, _LEFT = 3.0, 0.03

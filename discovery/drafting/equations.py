@@ -12,8 +12,6 @@ from discovery.drafting.law_of_motion import FloatArray, own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 
-__all__ = ["equations"]
-
 #: Which derivative of a coordinate is read, by the unit of the output.
 _READ = {
     **{"m": "x", "m/s": "dot(x)", "m/s^2": "ddot(x)"},

@@ -13,8 +13,6 @@ from discovery.drafting.signals import Signals
 from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
 from discovery.rigs.kinds import Kind
 
-__all__ = ["Guess", "fits", "guess_kind", "has_columns_of_an_arm"]
-
 
 class Guess(NamedTuple):
     """A kind of system, and one clause that says why."""

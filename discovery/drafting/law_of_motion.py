@@ -12,8 +12,6 @@ from scipy.integrate import cumulative_trapezoid
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 
-__all__ = ["integral_over", "least_squares", "own_period", "rates_of", "runs_on", "telling_part"]
-
 #: Passages through the middle that are enough: over more of them, twice integrated noise outgrows the motion.
 _PASSAGES = 40
 #: Factor by which the squared error must fall with a spring in the law. Measured drives reach 1.6, what lies beside an

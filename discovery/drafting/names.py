@@ -8,8 +8,6 @@ from typing import NamedTuple
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.errors import InputError
 
-__all__ = ["Meaning", "meaning_of", "words_of"]
-
 #: Words for which unit libraries have no name, or another meaning.
 _SPELLED = {
     "°": "deg",

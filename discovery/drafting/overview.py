@@ -17,8 +17,6 @@ from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.signals.periods import find_periods
 
-__all__ = ["overview", "overview_lines"]
-
 #: Of a step, by which times of a steady rate may differ.
 _JITTER = 0.05
 #: Share of the power of an input on either side of its band.

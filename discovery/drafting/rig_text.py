@@ -27,8 +27,6 @@ from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording_columns import ARM_STEMS
 from discovery.rigs.kinds import KINDS
 
-__all__ = ["draft"]
-
 #: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.
 _BESIDE = 0.5
 #: Share of the steps of a held input that are none, and of its range that it jumps by.

@@ -19,8 +19,6 @@ from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
 
-__all__ = ["Signal", "Signals", "angle_unit", "find_signals", "open_table"]
-
 #: Of a step, by which sampled times may differ.
 _JITTER = 0.05
 #: Roles without which other columns are looked at, and the fewest rows that tell anything.

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
 
-__all__ = ["trials"]
-
 
 def trials(table: Table, time: npt.NDArray[np.float64], names: Sequence[str]) -> tuple[str, list[str | float]]:
     """Return the column that tells the trials of a file apart, and its values in their order; none of them otherwise.

@@ -20,9 +20,6 @@ from discovery.declarations.place import channels_of
 from discovery.mechanics.base import Channel, Mechanics, Strand
 from discovery.mechanics.joint import Root
 
-__all__ = ["RECORDED", "channel_forces", "kinetic_of", "memory_of", "radius_of", "received_input", "strands"]
-
-
 #: Recorded input with its first two derivatives; an oscillator uses the value only.
 RECORDED = sp.symbols("r_0 r_1 r_2", real=True)
 

@@ -13,8 +13,6 @@ from discovery.declarations.registry import effect_name
 from discovery.mechanics.declared import DeclaredBase
 from discovery.mechanics.declared_equations import INPUT, coordinates_of
 
-__all__ = ["DeclaredLine", "declared_lines", "placed_lines"]
-
 _DOTS = ("", "'", "''")
 _LETTERS = {"potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
 

@@ -21,8 +21,6 @@ from discovery.mechanics.rod import rod_of
 if TYPE_CHECKING:
     from discovery.mechanics.base import Base, Mechanics
 
-__all__ = ["MOVING_INPUT", "EquationTerms", "Sum", "equation_of_motion", "equation_terms", "motion_symbols"]
-
 #: An input that is a motion, with its first two derivatives.
 MOVING_INPUT = (s.u, *sp.symbols("u' u''", real=True))
 #: What is read where the motion is prescribed.

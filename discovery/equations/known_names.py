@@ -15,8 +15,6 @@ from discovery.mechanics import base_names, get_base
 if TYPE_CHECKING:
     from discovery.equations.model import Model
 
-__all__ = ["check_declared"]
-
 
 @cache
 def _declared() -> frozenset[str]:

@@ -11,8 +11,6 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.model import Model
 from discovery.mechanics.base import Place
 
-__all__ = ["candidates", "ever_candidates"]
-
 #: What acts on the whole of a declared system, not at one of its places.
 _WHOLE = ("drive", "sensor")
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from discovery.declarations.effect import Effect
     from discovery.mechanics.base import Base
 
-__all__ = ["Model"]
-
 
 @dataclass(frozen=True)
 class Model:

@@ -13,8 +13,6 @@ from discovery.recordings.chosen import Recordings, training_of
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.one_system import check_model
 
-__all__ = ["check_start", "fitted_recordings", "given_uncertainty"]
-
 
 def fitted_recordings(model: Model, experiments: Recordings) -> tuple[Experiment, ...]:
     """Return the recordings to which a model is fitted.

@@ -11,8 +11,6 @@ from discovery.estimation.problem import Problem
 from discovery.estimation.race import Race
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["fit_problems", "together"]
-
 #: Residuals that are whitened at once.
 _TOGETHER = 4e6
 

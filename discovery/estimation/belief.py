@@ -11,8 +11,6 @@ from discovery.declarations.parameters import Flat, HalfStudent, LogNormal
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 
-__all__ = ["Belief", "belief_of"]
-
 
 @dataclass(frozen=True)
 class Belief:

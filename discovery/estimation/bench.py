@@ -17,8 +17,6 @@ from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
 from discovery.simulation.simulate import Batch, Misses, Simulator
 
-__all__ = ["Bench"]
-
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7
 #: Residuals at once that stay in the cache.

@@ -13,8 +13,6 @@ import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Bend"]
-
 #: Polynomials go on as they are there, in standard deviations.
 _REACH = 4.0
 #: A polynomial is taken where the logarithm by which it lowers the variance, times the draws that count, exceeds so

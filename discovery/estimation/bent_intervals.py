@@ -10,8 +10,6 @@ import numpy as np
 from discovery.declarations.registry import get_effect
 from discovery.estimation.fit import Fit
 
-__all__ = ["without_bent"]
-
 #: Squared distance from none, in variances, up to which an interval of 90 % holds none.
 _HOLDS = 1.645**2
 

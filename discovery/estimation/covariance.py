@@ -14,8 +14,6 @@ from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
 
-__all__ = ["covariance_of", "longest_leap", "principal_spread", "solver_shift"]
-
 #: The residual's spectrum is averaged over a 32nd of all frequencies, and over nine lines at least.
 _BANDS = 64
 _NARROWEST = 4

@@ -11,9 +11,6 @@ from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["declared_model", "rig_uncertainty"]
-
-
 #: Retardation time of an ordinary rod's material, with its standard deviation [s]: fibre composites lose 0.5 to 1 % of
 #: their elastic energy per radian of a vibration at some 50 rad/s, where such a rod rings.
 RETARDATION, RETARDATION_SD = 1.5e-4, 1e-4

@@ -11,8 +11,6 @@ from scipy.linalg.blas import dger
 
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["Descent", "Wanted"]
-
 #: A Jacobian that is carried along is renewed where a step gains less than this part of what it promised.
 _KEPT = 0.8
 #: Steps that gain less than this part of what the longest of them promised are tried again along a bend,

@@ -17,8 +17,6 @@ from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["HalfStep", "Probed", "half_step", "simulated"]
-
 #: Parameters of which nothing is known are moved by this part of their scale.
 _LITTLE = 1e-3
 #: Slopes err by so much of themselves at most: their intervals then do by about as much.

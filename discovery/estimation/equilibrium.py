@@ -19,8 +19,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.simulation.kernel.compile import numpy_derivative
 
-__all__ = ["equilibrium", "moving"]
-
 _NO_REST = "The model has no rest position in its range; give --initial-state ANGLE,RATE."
 _FREE = "No force of the model depends on the position: it rests {}; give --initial-state POSITION,RATE."
 

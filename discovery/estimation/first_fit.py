@@ -22,8 +22,6 @@ from discovery.estimation.residual import explains
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["first_fit", "led"]
-
 #: Parts of the recordings that are followed one after the other, and how many readings the first one has at least.
 _PARTS, _FEWEST = tuple(2.0**-k for k in range(8, -1, -1)), 64
 #: A swing that is lost among n leaves about 2/n of the variance: a fit that leaves less than this has lost none of 20.

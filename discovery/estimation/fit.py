@@ -29,8 +29,6 @@ from discovery.plots.fits import FitViews
 from discovery.recordings.chosen import Recordings, training_of
 from discovery.simulation.simulate import check_finite
 
-__all__ = ["SHIFT", "Fit", "fit", "fit_near", "refined"]
-
 #: Largest shift of an estimate that the solver may cause, in standard deviations.
 SHIFT = 0.02
 _REFINEMENTS = 3

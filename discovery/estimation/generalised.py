@@ -15,8 +15,6 @@ from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["fitted_to_all", "generalised"]
-
 #: Rounds in which a fit to a part becomes one to all.
 _ITERATIONS = 25
 

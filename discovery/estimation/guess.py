@@ -15,8 +15,6 @@ from discovery.estimation.problem import Problem
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["restoring", "scan", "staged_start"]
-
 #: Stiffness over the square of the dominant frequency.
 _STIFFNESS = np.concatenate(
     [np.geomspace(0.3, 0.8, 12, endpoint=False), np.geomspace(0.8, 1.5, 140), np.geomspace(1.55, 4, 12)]

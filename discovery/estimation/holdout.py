@@ -18,8 +18,6 @@ from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.holdout_part import motion_over_noise, two_thirds
 
-__all__ = ["SEPARATE", "HoldOut"]
-
 #: What held-out recordings are called that were given as such.
 SEPARATE = "separate recordings"
 

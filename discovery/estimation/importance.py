@@ -18,8 +18,6 @@ from discovery.estimation.proposal import Proposal
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
-__all__ = ["LARGEST_K", "LEAST_EFFECTIVE", "Weighted", "importance_sample", "smoothed", "weighed"]
-
 LogDensity = Callable[[FloatArray], FloatArray]
 
 #: Pareto k above which the mean of the weights converges too slowly for any use.

@@ -15,8 +15,6 @@ from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 
-__all__ = ["choose_interpolation"]
-
 #: An input that is moved about needs an acceleration; a force may jump. The first is kept where nothing tells.
 _MOTIONS = ("motion", "spline", "band_limited")
 _FORCES = ("spline", "band_limited", "linear", "hold")

@@ -17,8 +17,6 @@ from discovery.estimation.belief import Belief
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 
-__all__ = ["Mode", "Prior", "bounded_step", "mode_of"]
-
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
 _NOISE_SCALE, _ROUNDS = 0.1, 3

@@ -17,8 +17,6 @@ import numpy as np
 from discovery.estimation.descent import Descent, Wanted
 from discovery.foundation.arrays import BoolArray, FloatArray
 
-__all__ = ["Minimum", "Request", "levenberg_marquardt", "minimise"]
-
 Request = Generator[Wanted, FloatArray, "Minimum"]
 
 

@@ -21,8 +21,6 @@ from discovery.estimation.laplace import Mode, Prior, mode_of
 from discovery.estimation.model_error import Channel, ModelError
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Evidence", "Linearised", "evidence_of"]
-
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Times as sure of its parameters as its intervals say, a set predicts by its estimate alone.
 _SURE = 1e8

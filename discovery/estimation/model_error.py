@@ -16,8 +16,6 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.compiled_function import compiled
 
-__all__ = ["Channel", "ModelError", "innovations"]
-
 #: Memory of a model error over the natural time: a slower one takes the motion itself for an error.
 _MEMORY = 1 / 9
 

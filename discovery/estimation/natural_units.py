@@ -14,8 +14,6 @@ from discovery.foundation.sampling import median_step
 from discovery.mechanics.systems import system_base
 from discovery.recordings.experiment import Experiment, largest_deflection
 
-__all__ = ["NaturalUnits", "natural_units"]
-
 
 @dataclass(frozen=True)
 class NaturalUnits:

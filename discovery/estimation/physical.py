@@ -14,8 +14,6 @@ from discovery.equations.model import Model
 from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["physical_parameters", "physical_rows"]
-
 Dimension = dict[str, Fraction]
 
 

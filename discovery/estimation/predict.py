@@ -18,8 +18,6 @@ from discovery.recordings.experiment import Experiment
 from discovery.recordings.one_system import check_one_system
 from discovery.simulation.simulate import check_finite
 
-__all__ = ["predict"]
-
 #: Standard deviations by which parameters are moved, to both sides, and the least where motions blow up.
 _APART, _NEAR = 0.5, 1e-3
 

@@ -19,8 +19,6 @@ from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.mechanics import get_base
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["LIGHT_ROD", "Problem", "conventions", "known_values", "values_of"]
-
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
 

@@ -11,8 +11,6 @@ from numpy.random import Generator
 from discovery.estimation.bent import Bend
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Proposal"]
-
 _DOF = 8.0
 # Part of the draws that the defence makes, and how much wider it is.
 _DEFENCE, _WIDER = 0.1, 2.5

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 
-__all__ = ["SLOW", "Race", "is_far_behind", "near_the_best"]
-
 #: A quick search may be slow at first: it is out only where it leaves so many times the excess of the best one.
 SLOW = 100.0
 #: Nobody gives up before so many steps,

@@ -15,19 +15,6 @@ from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
-__all__ = [
-    "Dependence",
-    "ResidualReport",
-    "correlation_length",
-    "errors",
-    "examine",
-    "explains",
-    "memory",
-    "roughness",
-    "systematic_share",
-    "variance_left",
-]
-
 #: Bins of the averaged residual in one period of the motion.
 BINS_PER_PERIOD = 24
 #: A prediction that errs by so many times the largest reading has blown up.

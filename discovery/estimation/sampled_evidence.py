@@ -22,8 +22,6 @@ from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
-__all__ = ["Sampled", "sampled"]
-
 #: Draws of a round that adapts, and of the last one, and how often: together no more simulations than a fit takes.
 _PILOT, _DRAWS, _ROUNDS, _REPAIRS = 256, 384, 2, 3
 

@@ -22,8 +22,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["start_of_system"]
-
 #: Starts, a power of two, and by which factor they lie about a guess at most; so many of the best are followed.
 _STARTS, _FACTOR, _FOLLOWED = 512, 12.0, 8
 #: Periods of the dominant frequency in the first part, and by how much each part is longer than the one before.

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from discovery.estimation.natural_units import NaturalUnits
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["StartValue", "own_parameters", "start_values"]
-
 #: An initial state is known from the data to this part of the amplitude.
 _KNOWN = 0.01
 #: States of a swing whose acceleration is read, over those of a linear one.

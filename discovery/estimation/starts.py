@@ -15,8 +15,6 @@ from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["fitted_states", "held_out"]
-
 #: A state is found within so many steps.
 _ITERATIONS = 12
 

@@ -19,8 +19,6 @@ from discovery.foundation.workers import at_once
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["TOLERANCE", "Probe", "choose_step", "error_unit"]
-
 #: Trajectory error by default: rad for an arm, of the largest amplitude for an oscillator.
 TOLERANCE = 1e-6
 #: After so many attempts that gained less than a decade there is no convergence;

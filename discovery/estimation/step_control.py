@@ -18,8 +18,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["affordable_bench", "cheapest", "more_accurate", "solver_errors", "tightened"]
-
 #: Most steps of one recording: dry friction and play would ask for any number.
 _MOST_STEPS = 200_000
 #: Other mechanics may take so many times the steps: the tip does not feel what rings faster still.

@@ -10,8 +10,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.mechanics.systems import system_base
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["turns_back"]
-
 #: Reversals behind which the motion passes the same places in the same direction again.
 _TWICE = 2
 #: A reversal goes back by this part of the way between the ends of the motion, and by so many times the noise.

@@ -20,8 +20,6 @@ from discovery.recordings.experiment import Experiment
 from discovery.simulation.pace import Pace
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["unequal_bench"]
-
 #: Equal steps that are longer than this part of the longest ones are kept,
 _ENOUGH = 0.7
 #: and so they are if unequal ones are more than this part of them.

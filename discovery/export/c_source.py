@@ -22,8 +22,6 @@ from discovery.foundation.errors import InputError
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["to_c"]
-
 #: Span of time over which the largest lateness is looked for [s].
 _SPAN = 100.0
 

@@ -14,8 +14,6 @@ from discovery.equations.model import Model
 from discovery.export.latex_writer import LatexLine
 from discovery.mechanics.systems import declared_base
 
-__all__ = ["declared_latex"]
-
 _READ = sp.Symbol("y_read", real=True)
 
 

@@ -11,8 +11,6 @@ from discovery.export.linear import LinearModel
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
-__all__ = ["discretise"]
-
 
 def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
     """Return what a state and a held input become after some time."""

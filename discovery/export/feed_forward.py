@@ -22,8 +22,6 @@ from discovery.simulation.kernel.compile import numpy_derivative
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["FeedForward", "feed_forward", "feed_forward_c", "feed_forward_csv"]
-
 #: Entries on either side of zero, and the least of them as a part of the largest.
 _ENTRIES, _LEAST = 100, 1e-5
 #: Part of the largest command below which what depends on rate and position together is passed over.

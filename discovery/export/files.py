@@ -23,8 +23,6 @@ from discovery.foundation.io import atomic_write
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
 
-__all__ = ["FORMATS", "Format", "export_feed_forward", "export_linear", "export_model", "read_draws", "read_fitted"]
-
 
 @dataclass(frozen=True)
 class Format:

@@ -21,8 +21,6 @@ from discovery.foundation.start_names import is_start
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["FittedModel", "fitted_model", "given_numbers"]
-
 
 @dataclass(frozen=True, repr=False)
 class FittedModel:

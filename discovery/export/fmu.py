@@ -27,8 +27,6 @@ from discovery.foundation.errors import InputError
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["to_fmu"]
-
 _FILES = ("model.c", "fmi2.c")
 
 

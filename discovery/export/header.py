@@ -7,8 +7,6 @@ from collections.abc import Iterable
 from discovery.export.fitted import FittedModel
 from discovery.foundation.estimate_text import estimate_text
 
-__all__ = ["comment", "composition", "docstring", "initial_states", "origin"]
-
 
 def composition(found: FittedModel) -> str:
     """Return the base of a model and its effects in words."""

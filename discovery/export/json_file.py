@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from discovery.equations.model import Model
     from discovery.estimation.fit import Fit
 
-__all__ = ["SCHEMA_VERSION", "from_json", "to_json"]
-
 #: Version of the layout in docs/EXPORT.md; it grows when a field changes its meaning or goes.
 SCHEMA_VERSION = 1
 _SCHEMA = "discovery-model"

@@ -11,8 +11,6 @@ import sympy as sp
 from discovery.export.fitted import FittedModel
 from discovery.foundation.estimate_text import estimate_text
 
-__all__ = ["parameter_table", "words_in_text"]
-
 
 def _number(value: float, sd: float) -> str:
     """Return a value with its standard deviation, as many digits as that warrants."""

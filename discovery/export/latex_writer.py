@@ -10,8 +10,6 @@ from discovery.declarations import symbols as s
 from discovery.declarations.effect import Mode
 from discovery.equations.model import Model
 
-__all__ = ["LETTERED", "LatexLine", "Writer"]
-
 #: The speed itself, so that its square root and its powers look as one writes them.
 _SPEED = sp.Symbol("v_t", positive=True)
 _NAMES = {

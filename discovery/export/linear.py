@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
     from discovery.mechanics import Base
 
-__all__ = ["LinearModel", "linearise"]
-
 #: Relative step of the central differences: their error is about its square.
 _STEP = 1e-5
 #: Points of a cycle over which a describing function is averaged.

@@ -11,8 +11,6 @@ from discovery.export.header import composition, docstring, origin
 from discovery.export.linear import LinearModel
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["linear_to_json", "linear_to_python"]
-
 
 def linear_to_json(linear: LinearModel) -> str:
     """Return a linear model as JSON: matrices as lists of rows, and what they are of."""

@@ -7,8 +7,6 @@ import sympy as sp
 from discovery.declarations.effect import Closure, Drive, Effect, Memory, Sensor, Shape
 from discovery.equations.model import Model
 
-__all__ = ["tangent_warnings"]
-
 
 def _sharp(effect: Effect) -> bool:
     """Return whether a law is no smooth function of the motion: friction, drag, play, whose tangent says little."""

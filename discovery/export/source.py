@@ -21,8 +21,6 @@ from discovery.export.templates import filled, indented
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["integration_step", "to_numpy"]
-
 _STACKED = "np.array(np.broadcast_arrays({}))"
 #: Where nothing in it need depend on the state.
 _SHAPED = "np.array(np.broadcast_arrays({}, state[0]))[:-1]"

@@ -8,8 +8,6 @@ from discovery.declarations import symbols as s
 from discovery.equations.model import Model
 from discovery.export.symbolic import SymbolicModel
 
-__all__ = ["input_words"]
-
 _ARM = {
     "INPUTS": "theta_m, theta_m_dot, theta_m_ddot",
     "INPUT_WORDS": "theta_m and its derivatives: the recorded motor angle [rad, rad/s, rad/s^2]",

@@ -21,18 +21,6 @@ from discovery.mechanics.rod import rod_of
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = [
-    "Assignments",
-    "SymbolicModel",
-    "closed_form",
-    "equation_text",
-    "needed",
-    "program_of",
-    "received",
-    "substituted",
-    "to_sympy",
-]
-
 Assignments = tuple[tuple[sp.Symbol, sp.Expr], ...]
 #: Initial deflection [q] and rate [q/s] in `SymbolicModel.initial`.
 DEFLECTION, RATE = sp.symbols("deflection rate", real=True)

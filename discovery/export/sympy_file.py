@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from discovery.equations.model import Model
     from discovery.estimation.fit import Fit
 
-__all__ = ["to_sympy_file"]
-
 
 class _Printer(StrPrinter):
     """Prints expressions as Python of `from sympy import ...`: rationals stay exact, decimals keep all digits."""

@@ -9,8 +9,6 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-__all__ = ["filled", "indented"]
-
 
 @cache
 def _environment() -> Environment:

@@ -15,23 +15,6 @@ from discovery.foundation.errors import InputError, suggestion
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-__all__ = [
-    "as_folder",
-    "as_generator",
-    "as_path",
-    "as_paths",
-    "as_words",
-    "check_callable",
-    "check_fields",
-    "check_keys",
-    "check_names",
-    "check_number",
-    "check_pair",
-    "check_seed",
-    "check_whole",
-    "expect",
-]
-
 
 def expect(given: object, kind: type, name: str, remedy: str) -> None:
     """Refuse an argument of another kind; the remedy says how the right one is made, as a sentence."""

@@ -12,8 +12,6 @@ from numba.core import caching, compiler, serialize
 
 from discovery.foundation import disk_cache
 
-__all__ = ["compiled", "keep_compiled"]
-
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Return a decorator that compiles a function as ``numba.njit`` does, at its first call, and keeps it on disk."""

@@ -22,8 +22,6 @@ from typing import TypeVar
 from discovery.foundation.errors import InputError
 from discovery.foundation.locks import file_lock
 
-__all__ = ["cache_folder", "compiler_versions", "kept", "load", "save", "source_hash", "turn"]
-
 T = TypeVar("T")
 #: Seconds for which a process waits for another that makes the same entry.
 _PATIENCE = 300.0

@@ -8,16 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = [
-    "ComputationError",
-    "DiscoveryError",
-    "InputError",
-    "NotConverged",
-    "NotIdentifiable",
-    "SimulationFailure",
-    "suggestion",
-]
-
 
 class DiscoveryError(Exception):
     """Base of every error that this package raises on purpose."""

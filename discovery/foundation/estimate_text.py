@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["decimals", "estimate_text", "figures", "places"]
-
-
 #: From here on a number has an exponent.
 _PLAIN = 1e7
 

@@ -20,8 +20,6 @@ from discovery.foundation.errors import ComputationError, InputError, suggestion
 from discovery.foundation.text_encoding import decoded
 from discovery.foundation.text_table import parse_text
 
-__all__ = ["DRAFT", "Table", "atomic_write", "read_table", "reason", "shown"]
-
 _CSV = (".csv", ".tsv", ".txt", ".dat")
 #: Larger numbers leave the range of floating-point numbers in another unit.
 _LARGEST = 1e200

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["file_lock", "folder_lock"]
-
 #: Seconds between two attempts.
 _PAUSE = 0.05
 

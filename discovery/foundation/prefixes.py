@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["prefix_for"]
-
 #: Units that take a prefix as they stand.
 _PREFIXED = ("m", "rad", "s", "V", "A", "N", "N m")
 #: Sizes below which thousandths and millionths are easier to read.

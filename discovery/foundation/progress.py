@@ -10,8 +10,6 @@ from typing import Self, TypeVar
 
 from discovery.foundation.arguments import check_callable
 
-__all__ = ["Counter", "Progress", "Tell", "counted", "silent", "teller"]
-
 _Item = TypeVar("_Item")
 
 

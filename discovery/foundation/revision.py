@@ -6,8 +6,6 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
-__all__ = ["git_revision"]
-
 
 @cache
 def git_revision() -> str | None:

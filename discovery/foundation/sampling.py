@@ -6,8 +6,6 @@ import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
 
-__all__ = ["gaps", "median_step"]
-
 #: Stamps that only jitter are nearer than this, over the median step; where one sample is lost they are twice as far.
 _GAP = 1.5
 

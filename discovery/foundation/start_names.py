@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["is_start", "start_name", "start_of", "start_word"]
-
 _START = re.compile(r"(\w+)_0_init\[(.*)\]", re.DOTALL)
 _WORDS = {"delta": "deflection", "rate": "rate"}
 

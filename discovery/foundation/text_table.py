@@ -18,8 +18,6 @@ from discovery.foundation.arrays import IntArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.text_encoding import decoded
 
-__all__ = ["parse_text", "unnamed_columns"]
-
 _BLANKS = r"\s+"
 #: Rows in which a decimal comma is looked for.
 _LOOKED = 200

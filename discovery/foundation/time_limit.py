@@ -7,8 +7,6 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["TimeIsUp", "time_limit"]
-
 #: An alarm that nobody could hear, as within a callback of a compiled library, rings again after so many seconds.
 _AGAIN = 10.0
 

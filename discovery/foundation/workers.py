@@ -13,8 +13,6 @@ from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["aside", "at_once", "in_threads", "single_algebra"]
-
 T = TypeVar("T")
 _this_thread = threading.local()
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from discovery.declarations import symbols as s
 from discovery.mechanics.one_coordinate import ForceDriven
 
-__all__ = ["BASE", "Accelerometer"]
-
 
 class Accelerometer(ForceDriven):
     r"""A force-driven coordinate, q'' = g u(t) + effects, of which an instrument reads the acceleration q''."""

@@ -25,18 +25,6 @@ from discovery.mechanics.rod import STRAIGHT, Rod
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = [
-    "RADIUS_LAWS",
-    "ROOT_JOINTS",
-    "SHORTENING_RADIUS",
-    "ArmBase",
-    "Base",
-    "Channel",
-    "Mechanics",
-    "Place",
-    "Strand",
-]
-
 #: One measure of the bending: its value, its rate, and its Jacobian.
 Strand = tuple["sp.Expr", "sp.Expr", tuple["sp.Expr", ...]]
 #: Joints at the root of the rod: a base whose only coordinate is the angle of the tip has no root that could turn.

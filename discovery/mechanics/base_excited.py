@@ -13,8 +13,6 @@ from discovery.mechanics.base import Channel
 from discovery.mechanics.one_coordinate import OneCoordinate
 from discovery.mechanics.rod import STRAIGHT
 
-__all__ = ["BASE", "BaseExcited"]
-
 
 class BaseExcited(OneCoordinate):
     r"""The deflection q of a body of unit inertia from a base that moves by the recorded u(t): q'' = -p u'' + effects.

@@ -9,8 +9,6 @@ from discovery.mechanics.base import ROOT_JOINTS, ArmBase, Mechanics
 from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT, Rod
 
-__all__ = ["BASE", "ConstantRadius"]
-
 _THETA, _OMEGA = sp.symbols("q_1 qd_1", real=True)
 
 

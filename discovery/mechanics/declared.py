@@ -19,8 +19,6 @@ from discovery.mechanics.base import Base, Channel, Mechanics, Place, Strand
 from discovery.mechanics.declared_equations import INPUT, Equations, coordinates_of
 from discovery.mechanics.rod import STRAIGHT
 
-__all__ = ["DeclaredBase"]
-
 #: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
 _FARTHEST = 1e4
 #: A direction counts as free of springs where what they answer is smaller than so much of the stiffest.

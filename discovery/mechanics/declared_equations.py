@@ -12,8 +12,6 @@ from discovery.declarations.formula import Quantity, read_formula, unit_words
 from discovery.declarations.system import SystemDeclaration
 from discovery.foundation.errors import InputError
 
-__all__ = ["INPUT", "Equations", "coordinates_of", "is_moved_by_input", "read_equations"]
-
 #: The recorded input with its first two derivatives, where it is a motion.
 INPUT = (s.theta_m, s.omega_m, s.alpha_m)
 

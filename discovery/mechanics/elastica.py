@@ -35,18 +35,6 @@ _CALM = 1.5e-4
 _END_SHARE = 3.0
 #: Rod mass over tip mass at which the fastest mode is made heavier.
 _LIGHT = 0.1
-__all__ = [
-    "BASE",
-    "CALM",
-    "FOUR_MODES",
-    "ONE_MODE",
-    "TWO_MODES",
-    "Elastica",
-    "ElasticaCalm",
-    "ElasticaFourModes",
-    "ElasticaOneMode",
-    "ElasticaTwoModes",
-]
 
 
 @lru_cache(maxsize=64)

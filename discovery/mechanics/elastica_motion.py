@@ -16,8 +16,6 @@ from discovery.mechanics.rod_shapes import bending_matrix, curvatures, rod_masse
 if TYPE_CHECKING:
     from discovery.mechanics.elastica import Elastica
 
-__all__ = ["Derivation"]
-
 
 def over_three(curvature: np.ndarray, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> Strand:
     """Return a third of the curvature at a place, from that of each shape there (n,)."""

@@ -6,8 +6,6 @@ from discovery.declarations.effect import WEIGHT
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
 
-__all__ = ["BASE", "FallingBody"]
-
 
 class FallingBody(OneCoordinate):
     r"""A body of unit inertia at the height q under gravity: q'' = -g_0 + effects."""

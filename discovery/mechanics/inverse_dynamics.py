@@ -9,8 +9,6 @@ from discovery.declarations.effect import ROTOR
 from discovery.declarations.parameters import LogNormal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
 
-__all__ = ["BASE", "InverseDynamics"]
-
 
 class InverseDynamics(OneCoordinate):
     r"""A body whose motion u(t) is recorded; what is read is the force that it takes.

@@ -23,8 +23,6 @@ from discovery.declarations.effect import Joint
 from discovery.foundation.errors import InputError
 from discovery.mechanics.base import Channel, Mechanics
 
-__all__ = ["TURN", "Root", "hinged", "root_of"]
-
 #: Change of each channel as the whole arm turns, of a rate as it turns at unit rate; the others do not change.
 TURN: dict[sp.Symbol, sp.Expr] = {
     s.theta: sp.Integer(1),

@@ -11,9 +11,6 @@ from discovery.declarations import symbols as s
 from discovery.mechanics.base import Channel, Mechanics, Strand
 from discovery.mechanics.rod_shapes import quadrature
 
-__all__ = ["lagrangian_mechanics"]
-
-
 #: Places along a rod of one coordinate at which its fibres are followed.
 _PLACES = 4
 

@@ -8,8 +8,6 @@ from discovery.declarations import symbols as s
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
 
-__all__ = ["BASE", "MovingPivot"]
-
 
 class MovingPivot(OneCoordinate):
     r"""A pendulum whose pivot is moved along a level line by the recorded u(t): q'' = -p cos(q) u'' + effects.

@@ -14,8 +14,6 @@ from discovery.mechanics.base import Base, Channel, Mechanics
 from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT
 
-__all__ = ["ForceDriven", "OneCoordinate"]
-
 _Q, _QD = sp.symbols("q_1 qd_1", real=True)
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from discovery.declarations.effect import ROTOR
 from discovery.mechanics.one_coordinate import ForceDriven
 
-__all__ = ["BASE", "Oscillator"]
-
 
 class Oscillator(ForceDriven):
     r"""One coordinate q with unit inertia: q'' = g u(t) + effects, with the recorded input u (none in a free decay)."""

@@ -8,8 +8,6 @@ from discovery.declarations.registry import catalogue
 from discovery.foundation.errors import InputError
 from discovery.mechanics.base import Base
 
-__all__ = ["check_place"]
-
 #: What changes the whole of a declared system, not a force at one of its places.
 _WHOLE = ("drive", "sensor")
 

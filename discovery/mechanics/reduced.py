@@ -16,8 +16,6 @@ from discovery.mechanics.base import (
 from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT, Rod
 
-__all__ = ["BASE", "Reduced", "rod_coupling", "rod_inertia"]
-
 _THETA, _OMEGA = sp.symbols("q_1 qd_1", real=True)
 #: Small-deflection elastica under a force across the radius: rho/l = 1 - delta^2/10 + ... = cos(delta/sqrt 5) + ...
 _GAMMA = 1 / sp.sqrt(5)

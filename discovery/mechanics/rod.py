@@ -18,8 +18,6 @@ import sympy as sp
 from discovery.declarations.effect import Effect, Shape
 from discovery.declarations.symbols import arc
 
-__all__ = ["STRAIGHT", "Rod", "ThirdOrder", "rod_of"]
-
 
 @dataclass(frozen=True)
 class ThirdOrder:

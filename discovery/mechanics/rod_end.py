@@ -29,8 +29,6 @@ from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect, Kinetic
 from discovery.mechanics.base import Mechanics
 
-__all__ = ["TURN", "TURN_RATE", "LoadedEnd", "loaded_end"]
-
 #: The turn r beyond the slope of the shapes [rad], and its rate.
 TURN, TURN_RATE = sp.symbols("r_e rd_e", real=True)
 

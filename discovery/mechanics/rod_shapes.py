@@ -16,20 +16,6 @@ from scipy.special import roots_jacobi
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = [
-    "RICH",
-    "bending_matrix",
-    "curvatures",
-    "end_residual",
-    "mass_matrix",
-    "polynomials",
-    "quadrature",
-    "reduced_shapes",
-    "rod_masses",
-    "rod_share",
-    "static_shapes",
-]
-
 #: Size of the polynomial space.
 RICH = 7
 #: Mass ratio at which the second mode is computed; its shape hardly depends on it.

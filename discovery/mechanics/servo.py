@@ -9,8 +9,6 @@ from discovery.declarations.effect import ROTOR
 from discovery.declarations.parameters import Normal, Parameter
 from discovery.mechanics.one_coordinate import OneCoordinate
 
-__all__ = ["BASE", "Servo"]
-
 
 class Servo(OneCoordinate):
     r"""A body of unit inertia under a known controller that follows the recorded reference u(t).

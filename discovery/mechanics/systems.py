@@ -12,8 +12,6 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics.declared import DeclaredBase
 from discovery.mechanics.declared_equations import coordinates_of, is_moved_by_input, read_equations
 
-__all__ = ["declaration_of", "declare", "declared_base", "know_system", "system_base"]
-
 _DECLARED: dict[str, DeclaredBase] = {}
 
 

@@ -9,8 +9,6 @@ from typing import ClassVar
 
 from discovery.declarations.effect import ARM, Effect
 
-__all__ = ["UPGRADES", "ElasticaGeometry", "RadiusInertia", "Upgrade"]
-
 
 class Upgrade(Effect):
     """A step from simpler mechanics of the arm to a better base, without a free parameter."""

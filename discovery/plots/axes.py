@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-__all__ = ["axes_below", "detached_axes", "one_axes", "with_unit"]
-
 #: Width of a figure and height of one picture in it [inch].
 _WIDTH, _HEIGHT = 8.0, 2.4
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["FitViews"]
-
 
 class FitViews:
     """What a fit offers to a notebook."""

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["LoopViews"]
-
 #: What is held out, told apart by the motion that was trained, and by whether it moves at all.
 _PARTS = {
     "holdout_inside": "held out, inside the trained range",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["PosteriorViews"]
-
 _COLUMNS = ("mean", "sd", "q05", "q50", "q95", "unit", "r_hat", "ess")
 
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-__all__ = ["DatasetViews", "RecordingViews"]
-
 #: Readings of which each is seen as a point.
 _FEW = 200
 

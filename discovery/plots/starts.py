@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-__all__ = ["starts_table"]
-
 
 def starts_table(told: Iterable[tuple[str, Mapping[str, Any]]], value: str) -> pd.DataFrame:
     """Return a row for every recording: deflection and rate at its first time, their standard deviations and units.

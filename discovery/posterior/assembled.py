@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from discovery.posterior.independence import Chains
     from discovery.posterior.likelihood import LogPosterior
 
-__all__ = ["PACKAGES", "of_chains", "of_ensembles"]
-
 #: Packages whose versions decide the draws.
 PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")
 _PRIOR_DRAWS = 2000

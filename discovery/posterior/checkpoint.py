@@ -24,8 +24,6 @@ from discovery.foundation.io import atomic_write
 from discovery.posterior.ensembles import Ensemble
 from discovery.posterior.student_mixture import StudentMixture
 
-__all__ = ["Remembered", "densities", "fingerprint", "restore", "save"]
-
 _PROPOSAL = tuple(field.name for field in fields(StudentMixture))
 #: Points that are asked for together, in whole lanes of the kernel, and seconds after which what was done is kept.
 _BLOCK, _KEPT_AFTER = 512, 2.0

@@ -15,8 +15,6 @@ from discovery.posterior.parameter_roles import shared
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
 
-__all__ = ["NOTABLE", "Autocorrelation", "Correlations", "autocorrelation", "correlations", "quantities"]
-
 #: Correlations of at least this size are told.
 NOTABLE = 0.3
 #: Lags reach so many autocorrelation times, and are at most so many.

@@ -17,8 +17,6 @@ import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Convergence", "convergence", "tail_effective"]
-
 #: A chain must be so many autocorrelation times long for the estimate of that time to be trusted.
 LENGTH_IN_TAU = 50
 # R-hat is that of so many draws an ensemble at most, of whole walkers: ranks of millions tell no more.

@@ -26,8 +26,6 @@ from discovery.recordings.chosen import Recordings, training_of
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["INTERVAL", "Posterior"]
-
 #: What the intervals of a summary are; `Posterior.interval` adds the noise.
 INTERVAL = "equal-tailed 90 % credible interval"
 _QUANTILES = (0.05, 0.5, 0.95)

@@ -22,8 +22,6 @@ from discovery.foundation.workers import single_algebra
 from discovery.posterior.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch
 from discovery.posterior.student_mixture import StudentMixture
 
-__all__ = ["TEMPERED", "Ensemble", "check_walkers", "grow", "start_ensembles"]
-
 LogDensity = Callable[[FloatArray], FloatArray]
 
 _LARGEST_CONDITION = 1e8

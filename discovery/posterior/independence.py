@@ -23,8 +23,6 @@ from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import ComputationError
 from discovery.posterior.diagnostics import Convergence, convergence
 
-__all__ = ["LARGEST_K", "Chains", "independence_chains"]
-
 LogDensity = Callable[[FloatArray], FloatArray]
 
 #: Pareto k from which the variance of the weights is infinite.

@@ -19,8 +19,6 @@ from discovery.foundation.arrays import FloatArray
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["arranged", "as_chains", "attributes", "by_name", "of_all_readings", "of_readings", "of_walkers"]
-
 _DIMENSIONS = ("chain", "draw")
 _LABELLED = re.compile(r"(?P<stem>[^\[]+)\[(?P<label>.*)\]")
 

@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["Instrument", "instruments", "noise_names"]
-
 
 @dataclass(frozen=True)
 class Instrument:

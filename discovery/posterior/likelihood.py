@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
     from discovery.estimation.problem import Problem
 
-__all__ = ["NOISE_PRIOR", "LogPosterior", "log_posterior"]
-
 #: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
 NOISE_PRIOR = Normal(0.0, 5.0)
 # Residuals at once, in whole blocks of the kernel's lanes.

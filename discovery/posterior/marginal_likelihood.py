@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 #: Fewer draws tell nothing of an integral.
 FEWEST_DRAWS = 100
 
-__all__ = ["FEWEST_DRAWS", "Evidence", "log_evidence", "log_prior_mass"]
-
 
 @dataclass(frozen=True)
 class Evidence:

@@ -21,8 +21,6 @@ from discovery.posterior.noise import GAUSSIAN
 if TYPE_CHECKING:
     from discovery.screening.refits import Refit
 
-__all__ = ["Comparison", "compare_models"]
-
 
 @dataclass(frozen=True, repr=False)
 class Comparison:

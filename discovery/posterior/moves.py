@@ -16,8 +16,6 @@ from numpy.random import RandomState
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.posterior.student_mixture import StudentMixture
 
-__all__ = ["Counted", "DifferentialEvolution", "IndependenceMove", "Snooker", "Stretch"]
-
 #: Part of the steps of differential evolution that go from one peak of a posterior to another.
 _JUMPS = 0.3
 

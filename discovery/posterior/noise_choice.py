@@ -17,8 +17,6 @@ from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import FEWEST_DRAWS, Evidence, log_evidence
 from discovery.posterior.noise import GAUSSIAN, applicable
 
-__all__ = ["NoiseChoice", "choose_noise"]
-
 _DOING = "weighing noise models by their evidence"
 
 

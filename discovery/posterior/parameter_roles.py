@@ -13,8 +13,6 @@ from discovery.declarations.effect import Effect, Expressed
 from discovery.declarations.registry import effect_name
 from discovery.equations.model import Model
 
-__all__ = ["shared"]
-
 #: What an effect of each kind does to the motion or to its reading.
 _ROLES = {
     "kinetic": "inertia",

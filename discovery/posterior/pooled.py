@@ -11,8 +11,6 @@ from scipy.special import ndtr
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 
-__all__ = ["Pooled", "Quantity", "pool"]
-
 #: Points at which the spread is integrated over, and how far beyond the smallest and the largest scale of the data.
 _POINTS, _BEYOND = 600, 1e4
 #: Probabilities of the ends and the middle of an interval.

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["QUANTILES", "Band", "degrees", "errors", "fitted_starts", "noise_factor", "predictive", "simulated"]
-
 QUANTILES = (0.05, 0.5, 0.95)
 
 

@@ -17,8 +17,6 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray
 from discovery.posterior.priors import MarginalPrior
 
-__all__ = ["FACTORS", "LIMIT", "PriorEffect", "prior_effects"]
-
 #: How many times as wide all priors are made together.
 FACTORS = (0.5, 2.0)
 #: A change beyond this, in posterior standard deviations, means that the prior matters.

@@ -15,8 +15,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior
 from discovery.posterior.noise.model import Logistic
 
-__all__ = ["MarginalPrior", "marginal_priors", "prior_draws"]
-
 #: Points of a quadrature, and how many widths it reaches where there is no bound.
 _POINTS, _REACH = 20_001, 10.0
 #: Scales of a heavy tail.

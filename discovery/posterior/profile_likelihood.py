@@ -26,8 +26,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import LogPosterior
 
-__all__ = ["CUT", "Profile", "profiles"]
-
 #: Quantile 0.9 of chi-square with one degree of freedom.
 CUT = 2.7055434540954
 #: Held values of a parameter, and how far they reach in the fit's standard deviations.

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["Replicated", "check_pointwise", "replicated"]
-
 
 @dataclass(frozen=True)
 class Replicated:

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["Mode", "joint_mode", "noise_density", "residual_blocks"]
-
 # Turns end when one gains less, as a logarithm of the density.
 _TURNS, _GAIN = 12, 0.02
 # A reading strays that lies so many usual distances from the median of so many neighbours.

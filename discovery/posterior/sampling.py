@@ -25,8 +25,6 @@ from discovery.posterior.independence import Chains, independence_chains
 from discovery.posterior.likelihood import LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN
 
-__all__ = ["sample"]
-
 FEWEST_ENSEMBLES = 4
 _FEWEST_WALKERS, _WALKERS_A_DIMENSION, _MOST_WALKERS, _LANES = 64, 4, 2048, 32
 # Effective samples that a walker yields in the shortest run that can converge: more walkers are better than more steps.

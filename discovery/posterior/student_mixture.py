@@ -12,8 +12,6 @@ from numpy.random import RandomState
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.workers import single_algebra
 
-__all__ = ["StudentMixture"]
-
 #: Degrees of freedom; tails heavier than those of the posterior keep walkers from sticking there.
 _DOF = 30.0
 #: One component is so many times as wide as all others together, with this weight: it finds what they miss.

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["Coverage", "PosteriorStudy", "study_posterior"]
-
 #: Recordings of more samples get no predictive band.
 LONGEST_BAND = 20_000
 #: Points of a prior's density over the range of the profile.

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["as_tree", "fields_of", "readings", "sampled", "some"]
-
 _DIAGNOSTICS = ("r_hat", "tau", "ess", "ess_tail")
 
 

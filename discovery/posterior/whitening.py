@@ -20,8 +20,6 @@ from discovery.posterior.robust_start import joint_mode, noise_density
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
 
-__all__ = ["cholesky", "information_covariance", "refined_start", "settled"]
-
 LogDensity = Callable[[FloatArray], FloatArray]
 
 # Steps of differences along a noise parameter, on its scale without bounds, and along whitened coordinates.

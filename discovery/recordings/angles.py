@@ -6,8 +6,6 @@ import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["within_half_a_turn"]
-
 
 def within_half_a_turn(angle: FloatArray) -> FloatArray:
     """Return an angle [rad] without its full turns, from minus pi on and less than pi; NaN stays."""

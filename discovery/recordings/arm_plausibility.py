@@ -14,9 +14,6 @@ from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.file_signals import Signals
 from discovery.rigs.rig import Rig
 
-__all__ = ["check_arm"]
-
-
 #: So small a share of readings may be wild ones.
 _WILD = 0.01
 # Room for errors of scale and origin that are effects to be found, not mistakes of the file.

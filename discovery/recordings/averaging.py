@@ -16,8 +16,6 @@ from discovery.recordings.recording import Recording
 from discovery.recordings.spectra import filled, spectrum
 from discovery.rigs.rig import Rig
 
-__all__ = ["averaged", "averaged_down"]
-
 #: A recording keeps at least so many readings: fewer would hardly make anything quicker.
 _KEPT = 2000
 #: Averages over so many times the readings that err alike are nearly independent, and at least so many are kept.

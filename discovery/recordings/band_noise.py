@@ -12,8 +12,6 @@ from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.spectra import filled, spectrum
 
-__all__ = ["BandNoise", "band_noise"]
-
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16
 #: Bands of which a plateau consists at least, the ratio of the largest amplitude in it to the smallest, and how far the

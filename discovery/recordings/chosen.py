@@ -10,8 +10,6 @@ from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.one_system import check_one_system
 
-__all__ = ["Recordings", "held_out_of", "training_of"]
-
 Recordings: TypeAlias = "Dataset | Experiment | Iterable[Experiment]"
 """A data set, or recordings made ready for simulation."""
 

@@ -9,8 +9,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.recordings.quantisation import quantum
 from discovery.recordings.reading_noise import white_noise
 
-__all__ = ["copied", "scaled_copy"]
-
 #: Of the noise: what two signals with noises of their own never come down to.
 _NEAR = 0.3
 #: Share of Gaussian values that is below so many standard deviations.

@@ -29,8 +29,6 @@ from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
 
-__all__ = ["Dataset", "load_dataset"]
-
 
 @dataclass(frozen=True, repr=False)
 class Dataset(DatasetViews):

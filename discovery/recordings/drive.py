@@ -11,8 +11,6 @@ from scipy.interpolate import CubicSpline
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Drive", "spline_drive"]
-
 
 @dataclass(frozen=True)
 class Drive:

@@ -21,8 +21,6 @@ from discovery.rigs.rig import Rig
 from discovery.simulation.grid import DriveLike
 from discovery.simulation.pace import Pace
 
-__all__ = ["Experiment", "make_experiment"]
-
 
 @dataclass(frozen=True, repr=False)
 class Experiment:

@@ -27,8 +27,6 @@ from discovery.recordings.recording_columns import (
 )
 from discovery.rigs.rig import Rig
 
-__all__ = ["Signals"]
-
 
 @dataclass
 class Signals:

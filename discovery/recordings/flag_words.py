@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-__all__ = ["CODES", "IMPOSSIBLE", "MISREAD", "NOISE", "OVERSTATED", "UNDERSTATED"]
-
 UNDERSTATED, OVERSTATED, MISREAD = "noise_understated", "noise_overstated", "columns_misread"
 #: Severity of a flag that refutes what the rig file declares.
 IMPOSSIBLE = "impossible"

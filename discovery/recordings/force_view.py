@@ -8,8 +8,6 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.rigs.rig import ForceView
 
-__all__ = ["force_samples", "noise_gain", "sampling_rate", "zero_phase"]
-
 _ORDER = 4
 _SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
 _SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves disturb

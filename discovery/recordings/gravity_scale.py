@@ -18,8 +18,6 @@ from discovery.foundation.sampling import median_step
 from discovery.recordings.flags import Flag
 from discovery.rigs.rig import Rig
 
-__all__ = ["angle_doubt", "fall_doubt", "slow_fall"]
-
 Motion = tuple[FloatArray, FloatArray]
 
 _ANGLES = ("turn", "rad", "deg", "mrad")

@@ -9,8 +9,6 @@ import numpy as np
 
 from discovery.recordings.recording import Recording
 
-__all__ = ["fitted_count", "motion_begin", "motion_end", "motion_over_noise", "two_thirds"]
-
 #: A recording is looked at in so many stretches.
 _STRETCHES = 60
 #: It moves where the readings of a stretch scatter by so many times their noise.

@@ -15,8 +15,6 @@ from discovery.recordings.drive import Drive, spline_drive
 from discovery.recordings.profile_spline import Phase, fit_phases, likeliest_roughness
 from discovery.recordings.quantisation import resolution
 
-__all__ = ["smooth_motion"]
-
 _DETECTION = 5.0  # sds of a second difference: no false phase in some 1e5 tests
 _MARGIN = 2  # samples around a detected phase that belong to it, at least
 _TAIL = 0.25  # part of its length that belongs to it on either side

@@ -10,8 +10,6 @@ from discovery.recordings.flags import Flag
 from discovery.recordings.holdout_part import motion_end
 from discovery.recordings.recording import Recording
 
-__all__ = ["moving_count", "moving_part"]
-
 #: A stretch moves where it scatters beyond its noise by so many standard errors of its scatter.
 _BEYOND = 4.0
 #: What is left behind the last of them rests where all of it scatters by no more than so many times the noise.

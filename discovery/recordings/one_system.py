@@ -9,8 +9,6 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import declaration_of
 from discovery.recordings.experiment import Experiment
 
-__all__ = ["check_model", "check_one_system"]
-
 _REMEDY = "Give recordings of one system, as load_dataset reads them."
 
 

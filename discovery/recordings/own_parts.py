@@ -17,8 +17,6 @@ from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import RecordPart, Rig
 
-__all__ = ["bridged", "own_parts", "release"]
-
 Reader = Callable[[RecordPart], Recording]
 
 _UNKNOWN = 0.05  # of a signal's standard deviation

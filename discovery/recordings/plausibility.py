@@ -9,8 +9,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import Signals
 
-__all__ = ["check_signals"]
-
 #: Sizes of numbers whose fifth powers can be computed.
 _SMALLEST_NUMBER, _LARGEST_NUMBER = 1e-60, 1e60
 # Steps by which times go back where another trial begins.

@@ -21,8 +21,6 @@ from scipy.sparse.linalg import SuperLU, splu
 from discovery.foundation.arrays import FloatArray
 from discovery.recordings.drive import Drive
 
-__all__ = ["Phase", "fit_phases", "likeliest_roughness"]
-
 _LONGEST_TUNED = 4000  # samples
 
 _STILL = 12  # readings at an end that show whether it is a rest

@@ -7,8 +7,6 @@ from scipy.ndimage import uniform_filter1d
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["lasting_rounding", "quantum", "resolution"]
-
 _CANDIDATES = (0.05, 0.25, 0.5, 0.0)
 _TOLERANCE = 0.05
 _AGREEING = 0.98

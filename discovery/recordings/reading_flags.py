@@ -14,8 +14,6 @@ from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.quantisation import quantum
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 
-__all__ = ["bend_flags", "clean_output", "gap_flags", "swing_flags", "time_flags"]
-
 _JITTER = 0.05  # of a step
 _RARE, _MOST = 0.1, 0.9  # share of the steps
 _BURSTS = 2.0  # mean over median step

@@ -9,8 +9,6 @@ from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
 from discovery.recordings.quantisation import resolution
 
-__all__ = ["estimate_noise", "noise_flags"]
-
 _FEWEST = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise

@@ -31,8 +31,6 @@ from discovery.recordings.time_jitter import estimate_jitter, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
 
-__all__ = ["Recording", "read_recording"]
-
 Bands = list[BandNoise | None]
 
 

@@ -16,19 +16,6 @@ from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table
 from discovery.rigs.rig import Rig
 
-__all__ = [
-    "ARM_OUTPUTS",
-    "ARM_STEMS",
-    "arm_columns",
-    "check_part",
-    "declared_columns",
-    "declarer",
-    "listed",
-    "picked_rows",
-    "suggest",
-    "without_tip",
-]
-
 ARM_STEMS = {"time": "s", "motor_angle": "rad", "tip_x": "m", "tip_y": "m", "tip_angle": "rad", "tip_deflection": "m"}
 ARM_OUTPUTS = (("tip_x", "tip_y"), ("tip_angle",), ("tip_deflection",))
 

@@ -17,8 +17,6 @@ from discovery.recordings.flags import Flag
 from discovery.recordings.time_jitter import left_by_cubics
 from discovery.rigs.rig import Rig
 
-__all__ = ["SteadyClock", "on_its_clock", "steady_clock"]
-
 IntArray = npt.NDArray[np.intp]
 
 _FEWEST = 20  # stamps that all lie on a clock by chance are fewer

@@ -10,8 +10,6 @@ from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.holdout_part import motion_begin
 
-__all__ = ["SEARCHED", "searched_part", "with_flag"]
-
 #: Readings of all recordings together that a search uses, and of one of them at least.
 SEARCHED, _FEWEST = 16_000, 2_000
 #: Where there are no more than so many times these, one fit to the whole costs more than the search saves.

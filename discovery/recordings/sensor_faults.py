@@ -9,8 +9,6 @@ import numpy as np
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.recordings.time_jitter import left_by_cubics
 
-__all__ = ["FlatRuns", "drift", "flat_runs", "spikes"]
-
 _SHORTEST_CLIPPED = 3  # equal readings at the extreme
 _SHORTEST_STUCK = 10  # equal readings elsewhere
 _TRAVEL = 30.0  # quanta or noise sds that the signal covers beside a run, in as many samples

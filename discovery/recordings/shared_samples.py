@@ -11,8 +11,6 @@ from discovery.recordings.copies import copied
 from discovery.recordings.reading_noise import white_noise
 from discovery.recordings.recording import Recording
 
-__all__ = ["shared_samples"]
-
 #: Noise does not repeat so many readings in a row, of which so many differ.
 _ROW, _DIFFERENT = 30, 20
 #: Share of the shorter recording that is repeated by no accident.

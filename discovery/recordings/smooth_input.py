@@ -13,8 +13,6 @@ from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
 
-__all__ = ["build_drive"]
-
 _UPSAMPLING = 8
 
 

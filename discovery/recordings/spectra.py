@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["filled", "spectrum"]
-
 
 def filled(values: FloatArray) -> FloatArray:
     """Return readings, shape (n,), with straight lines across their gaps, which are NaN."""

@@ -7,8 +7,6 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 
-__all__ = ["estimate_jitter", "left_by_cubics", "scatter", "stamp_deviation"]
-
 _FEWEST = 200  # readings, fewer scatter too little to tell their noise from that of their stamps
 _SURE = 4.0  # standard deviations
 _ROUNDED = 2e-3  # of the median step

@@ -13,8 +13,6 @@ from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import slow_fall
 from discovery.rigs.rig import Rig
 
-__all__ = ["check_units", "near_hanging"]
-
 _FULL_TURN = 2.0 * np.pi
 _JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours that lie so near each other [rad]
 _LOST = 1.5 * _FULL_TURN  # a sensor that counts within a turn jumps by less

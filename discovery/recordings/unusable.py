@@ -14,8 +14,6 @@ from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.recording import Recording
 
-__all__ = ["refuse_unusable"]
-
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 _FEWEST = 30
 #: A rod bends where its deflections scatter by more than noise would, over the scatter of their steps.

@@ -14,19 +14,6 @@ from discovery.report.sentences import probability_words
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed, page_prose, values_text
 
-__all__ = [
-    "advice",
-    "cautions",
-    "contradictions",
-    "contradictions_table",
-    "input_of",
-    "moves_table",
-    "reconciliations_table",
-    "separation_table",
-    "told",
-    "undecided",
-]
-
 _PULL = (
     " k_g = √(g_c² + g_s²): the pull of gravity, gravity over length of a simple pendulum. It is negative where "
     "gravity pushes away from where the pendulum swings."

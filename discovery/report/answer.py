@@ -20,8 +20,6 @@ from discovery.report.results import Run
 from discovery.report.sentences import chances, inclusion_words
 from discovery.report.words import compared_groups, effect_name, error_scale, listed
 
-__all__ = ["certainty", "equation_lines", "error_bars", "in_one", "parameter_lines", "where"]
-
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
 #: What a short name of a group of recordings leaves out.

@@ -19,8 +19,6 @@ from discovery.report.style import styled
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import effect_name, listed, sentence
 
-__all__ = ["PAGE", "build_campaign"]
-
 #: Name of the page.
 PAGE = "campaign.html"
 #: Cases in the table of the worst ones, and beyond which the matrix of all is folded.

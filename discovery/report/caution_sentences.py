@@ -9,8 +9,6 @@ from discovery.declarations.registry import effect_name
 from discovery.declarations.units import quoted
 from discovery.foundation.estimate_text import figures
 
-__all__ = ["caution_sentence"]
-
 Record = Mapping[str, Any]
 
 

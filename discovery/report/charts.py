@@ -14,8 +14,6 @@ from discovery.report.figures.motion import channel_name, shown_scale
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
 
-__all__ = ["chart_data"]
-
 #: Samples of a recording that a chart holds.
 _MOST = 12_000
 #: Change between two shown samples over the spread of the signal: twenty samples a period keep its shape.

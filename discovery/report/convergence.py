@@ -8,8 +8,6 @@ from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed, prose
 
-__all__ = ["convergence_sentence", "diagnostics_table"]
-
 _WORDS = {
     "r_hat": "R-hat",
     "ess": "samples",

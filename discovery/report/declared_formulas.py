@@ -13,8 +13,6 @@ from discovery.report.effect_formulas import NEXT, equal, laws
 from discovery.report.mathml import row, symbol
 from discovery.report.mathml_expression import expression
 
-__all__ = ["declared_formulas", "fault_formula", "known_constants", "placed_formula"]
-
 #: What an effect may take from its place, by the beginning of the symbol.
 _THERE = {"k": "stiffness", "xi_at": "damping"}
 

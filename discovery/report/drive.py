@@ -16,8 +16,6 @@ from discovery.report.results import Run
 from discovery.report.style import label
 from discovery.report.tables import name_cell
 
-__all__ = ["drive_symbols", "drive_words"]
-
 
 def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     """Return what stands for the input of a system on a line, by symbol: its gains, and u; nothing without an input.

@@ -14,20 +14,6 @@ from discovery.equations.contributions import radius_of
 from discovery.report.mathml import row, symbol
 from discovery.report.mathml_expression import expression
 
-__all__ = [
-    "LETTERS",
-    "NEXT",
-    "along_the_rod",
-    "coordinate_name",
-    "effect_formula",
-    "equal",
-    "laws",
-    "mode_formula",
-    "rounded_factors",
-    "signed",
-    "together",
-]
-
 #: Letters of the energies, and of the power of a load or a memory; a mode has none.
 LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
 NEXT = '<mo>,</mo><mspace width="1em"/>'

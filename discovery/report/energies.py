@@ -11,8 +11,6 @@ from discovery.report.effect_formulas import LETTERS, along_the_rod, coordinate_
 from discovery.report.mathml import inline, row, symbol
 from discovery.report.mathml_expression import expression
 
-__all__ = ["are_summed", "meanings", "summed"]
-
 _WORDS = {
     "T": "Kinetic energy that the effects add",
     "V": "Potential energy",

@@ -33,8 +33,6 @@ from discovery.report.mathml import block, number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 
-__all__ = ["Formula", "discovered_equation", "model_formulas", "undriven"]
-
 
 @dataclass(frozen=True)
 class Formula:

@@ -16,20 +16,6 @@ from discovery.report.results import Run
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import LAWS, MASSES, effect_name
 
-__all__ = [
-    "declared_parameters",
-    "elastica_table",
-    "final_table",
-    "nuisance_table",
-    "posterior_table",
-    "prior_words",
-    "published",
-    "sampled_parameters",
-    "start_words",
-    "symbol_of",
-    "unit_of",
-]
-
 #: Columns of a summary that tell how well the mean and the quantiles are known from the draws.
 _DIAGNOSTICS = ("r_hat", "ess", "mcse", "ess_tail")
 _ORDER = ("alpha", "beta", "beta/alpha", "gamma")

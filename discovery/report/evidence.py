@@ -16,18 +16,6 @@ from discovery.report.story import fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose
 
-__all__ = [
-    "dependence_table",
-    "distortion_table",
-    "effects_table",
-    "equations_table",
-    "model_error_table",
-    "radius_table",
-    "ranking_table",
-    "residual_table",
-    "terms_table",
-]
-
 #: Equations of each size, and the most likely candidates of each search, that the page shows.
 _EACH, _BEST = 3, 8
 

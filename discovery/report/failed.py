@@ -13,8 +13,6 @@ from discovery.report.scripts import policy, scripts
 from discovery.report.style import Picture
 from discovery.report.words import origin
 
-__all__ = ["failed_context", "failed_pictures"]
-
 
 def failed_pictures(run: Run) -> list[Picture]:
     """Return the pictures of the page: what was recorded."""

@@ -7,8 +7,6 @@ from typing import Any
 
 from discovery.report.numbers import plain
 
-__all__ = ["failure_sentence", "remedy_sentence"]
-
 Record = Mapping[str, Any]
 
 

@@ -9,8 +9,6 @@ from typing import Any
 from discovery.diagnosis.manoeuvre_design import Move
 from discovery.foundation.estimate_text import decimals, estimate_text, figures
 
-__all__ = ["contradiction_sentences", "separation_sentence", "stand_in_sentence"]
-
 Record = Mapping[str, Any]
 #: A value so many standard deviations from its prediction agrees with it.
 _AGREES = 3.0

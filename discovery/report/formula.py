@@ -7,8 +7,6 @@ import re
 from discovery.foundation.errors import InputError
 from discovery.report.mathml import power, row, symbol
 
-__all__ = ["formula"]
-
 _FUNCTIONS = ("sin", "cos", "sign", "tanh", "sqrt")
 
 

@@ -21,8 +21,6 @@ from discovery.report.words import effect_name, origin, sentence, values_text
 from discovery.results.judging import held_group
 from discovery.results.provenance import read_json
 
-__all__ = ["build_index"]
-
 #: The first picture of a page, which stands on its card.
 _PICTURE = re.compile(r'<div class="static">.*?<img src="(data:image/[^"]+)" alt="([^"]*)"', re.DOTALL)
 _PAGES = {

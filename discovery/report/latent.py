@@ -16,8 +16,6 @@ from discovery.report.words import listed
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["dependence_table", "draw_map", "draw_states", "draw_time", "patches_table", "sentences"]
-
 #: Variables in words.
 _WORDS = {
     "deflection": "deflection δ",

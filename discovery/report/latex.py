@@ -6,8 +6,6 @@ from xml.etree.ElementTree import Element, fromstring
 
 from discovery.report.mathml import GREEK
 
-__all__ = ["latex"]
-
 _LETTERS = {letter: f"\\{name}" for name, letter in GREEK.items() if not name.startswith("var")}
 _SIGNS = {
     "−": "-", "∂": "\\partial ", "∑": "\\sum", "∫": "\\int", "…": "\\dots", "×": "\\times ", "·": "\\cdot ",

@@ -8,8 +8,6 @@ from xml.etree.ElementTree import Element, fromstring, tostring
 
 from markupsafe import escape
 
-__all__ = ["GREEK", "WORD", "block", "broken", "inline", "number", "power", "row", "symbol", "total"]
-
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
     "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "varphi": "φ", "psi": "ψ",

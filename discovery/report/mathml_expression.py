@@ -16,8 +16,6 @@ from discovery.declarations.symbols import v2
 from discovery.mechanics import base_names, get_base
 from discovery.report.mathml import power, row, symbol
 
-__all__ = ["expression"]
-
 _NEGATIVE = re.compile("<mn>-([^<]*)</mn>")
 
 

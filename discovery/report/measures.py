@@ -13,8 +13,6 @@ from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import FITS, deflection_unit, effect_name, error_groups, error_scale
 
-__all__ = ["clean_table", "errors_table", "fits_table", "quantities", "recordings_table", "scored_table"]
-
 _ROLES = {"train": "training", "holdout": "held out", "test": "only scored"}
 _WHEN, _MEASURES = ("before", "after"), ("rms", "mean", "peak")
 _SHOWN = (("angle", "mean"), ("radius", "mean"), ("radius", "peak"), ("position", "mean"), ("position", "peak"))

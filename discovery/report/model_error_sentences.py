@@ -9,8 +9,6 @@ from typing import Any
 from discovery.declarations.registry import effect_name
 from discovery.report.numbers import listed, plain, sizes
 
-__all__ = ["as_none", "depends_words", "held_words", "model_error_words", "share_words"]
-
 Record = Mapping[str, Any]
 
 

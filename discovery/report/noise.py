@@ -13,8 +13,6 @@ from discovery.report.results import Run
 from discovery.report.tables import Cell, Table
 from discovery.report.words import effect_name, listed, prose
 
-__all__ = ["honest_table", "noise_differs", "noise_sentence", "noise_table"]
-
 #: Noise models that do not apply to every recording, and why not.
 _NEEDS = {"input": "no recorded input moves what is read", "quantised": "readings do not come in steps"}
 #: Log evidence [nats] by which one noise model must lead another to be preferred: odds of 20 to 1.

@@ -11,27 +11,6 @@ from typing import Any
 from discovery.foundation.estimate_text import decimals, places
 from discovery.foundation.prefixes import prefix_for
 
-__all__ = [
-    "MISSING",
-    "Scale",
-    "chance",
-    "fixed",
-    "in_newtons",
-    "interval",
-    "listed",
-    "near_one",
-    "plain",
-    "power_of_ten",
-    "ratio",
-    "rounded",
-    "scale_for",
-    "scale_for_change",
-    "significant",
-    "sizes",
-    "uncertain",
-    "unit_text",
-]
-
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MINUS = "\N{MINUS SIGN}"

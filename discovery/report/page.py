@@ -40,8 +40,6 @@ from discovery.report.words import clause, effect_name, effect_title, headline, 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["added_effects", "build_report", "embed", "environment", "written"]
-
 #: Letters of the name of a figure's file.
 _LONGEST = 100
 

@@ -7,8 +7,6 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-__all__ = ["paper_numbers"]
-
 
 @cache
 def paper_numbers() -> dict[str, Any]:

@@ -8,17 +8,6 @@ from discovery.report.results import Run
 from discovery.report.tables import Cell, Table
 from discovery.report.words import effect_name, error_scale, listed, prose
 
-__all__ = [
-    "correlation_sentences",
-    "coverage_table",
-    "is_as_asked",
-    "models_table",
-    "pending_sentence",
-    "prior_sentence",
-    "priors_table",
-    "profiles_table",
-]
-
 
 def is_as_asked(run: Run) -> bool:
     """Return whether nothing that was asked for is still to come."""

@@ -20,8 +20,6 @@ from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title
 
-__all__ = ["EffectSource", "effects_used", "methods_used", "sources_table"]
-
 
 @dataclass(frozen=True)
 class EffectSource:

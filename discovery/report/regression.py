@@ -14,8 +14,6 @@ from discovery.report.mathml import block
 from discovery.report.numbers import significant
 from discovery.report.results import Run
 
-__all__ = ["found_terms", "regression_equation", "standing", "three_terms"]
-
 
 def regression_equation(equation: Mapping[str, Any], system: str) -> Markup:
     """Return an equation of the regression with its numbers, as many digits as their intervals deserve."""

@@ -27,8 +27,6 @@ from discovery.rigs.kinds import KINDS
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MODELS", "Run", "Trajectory", "read_run"]
-
 #: Models whose predictions are stored beside the measurement.
 MODELS = ("linear", "before", "after")
 #: Predictions are drawn up to so many times the largest reading.

@@ -9,8 +9,6 @@ from importlib.resources import files
 
 from markupsafe import Markup
 
-__all__ = ["policy", "scripts", "sheet"]
-
 #: Files of `assets` in the order in which they run: the plotting library (MIT licence beside it), and the page's own.
 _SCRIPTS = ("uPlot.iife.min.js", "page.js", "chart.js")
 

@@ -15,19 +15,6 @@ from discovery.report.failure_sentences import failure_sentence
 from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
 from discovery.report.numbers import listed, plain, sizes
 
-__all__ = [
-    "OUTCOMES",
-    "chances",
-    "decision_sentence",
-    "doubts_answer",
-    "effect_sentence",
-    "inclusion_words",
-    "lead_sentence",
-    "probability_words",
-    "refutations",
-    "verdict_sentence",
-]
-
 Record = Mapping[str, Any]
 #: What became of a candidate, in two or three words, by the code of the decision.
 OUTCOMES = {

@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 import re
 
-__all__ = ["slim_png", "slim_svg"]
-
 #: Colours of a picture of lines and text, their blends with the paper included.
 _COLOURS = 40
 _PATH = re.compile(r' d="([^"]+)"')

@@ -12,8 +12,6 @@ from discovery.report.sentences import OUTCOMES, decision_sentence, doubts_answe
 from discovery.report.words import effect_name, effect_title, listed
 from discovery.selection.settings import LoopSettings
 
-__all__ = ["Search", "fate", "named", "searches", "steps"]
-
 #: Head of a step, and its outcome if accepted or not.
 _WORDS = {
     "declare": ("Fitted the declared model", "", "most of the motion is left"),

@@ -14,8 +14,6 @@ from markupsafe import Markup, escape
 from discovery.report.formula import formula
 from discovery.report.mathml import inline, symbol
 
-__all__ = ["Table", "name_cell", "term_cell"]
-
 #: Cells of a page are text or ready markup; those of a CSV file plain values.
 Cell = str | Markup
 #: Characters beyond which a cell of words may break.

@@ -17,8 +17,6 @@ from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.signals.amplitude import backbone
 
-__all__ = ["backbones", "forces", "laws", "lines", "measured_radius", "noise_free", "save_groups", "trajectories"]
-
 
 def save_groups(path: Path, groups: Mapping[str, xr.Dataset]) -> None:
     """Write named groups of arrays to one netCDF file, beside first."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["held_group", "judged_rms"]
-
 
 def held_group(errors: Mapping[str, Any]) -> str:
     """Return the recordings that judge: held out inside the trained deflection, else all held out, else training.

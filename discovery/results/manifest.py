@@ -11,8 +11,6 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.io import DRAFT
 from discovery.foundation.locks import folder_lock
 
-__all__ = ["RESULTS", "SAVING", "check_whole", "hashes", "move_in_place", "remove_unfinished"]
-
 #: Files of a finished run, the one that says that it is finished last.
 RESULTS = (
     "posterior.nc",

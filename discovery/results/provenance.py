@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     # Processes that import this may never read a recording.
     from discovery.recordings.dataset import Dataset
 
-__all__ = ["json_text", "plain", "provenance", "read_json", "restored", "surroundings", "write_json"]
-
 #: What JSON has no numbers for, in the words of ECMAScript: a motion that blew up errs infinitely.
 _INFINITE = {math.inf: "Infinity", -math.inf: "-Infinity"}
 #: Text that could be taken for one of these words, as the name of a recording, gets one more backslash.

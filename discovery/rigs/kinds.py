@@ -8,8 +8,6 @@ from typing import Literal
 
 from discovery.declarations.systems import System
 
-__all__ = ["KINDS", "LINEAR_MODEL", "PAPER_MODEL", "Kind"]
-
 
 @dataclass(frozen=True)
 class Kind:

@@ -17,8 +17,6 @@ from discovery.rigs.rig_lines import RigText
 from discovery.rigs.rig_mistakes import explain
 from discovery.rigs.rig_schema import QuantityTable, RigTable
 
-__all__ = ["check_kind", "check_signals", "quantities_of"]
-
 
 def quantities_of(
     file: RigText, document: Mapping[str, Any]

@@ -35,8 +35,6 @@ from discovery.rigs.rig_schema import RecordsTable, RigTable
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.rigs.rig_system import read_columns, system_of
 
-__all__ = ["read_rig"]
-
 # Standard gravity and its range between places at sea level and mountains, poles and equator.
 _GRAVITY = Quantity(9.80665, 0.02)
 

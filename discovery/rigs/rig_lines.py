@@ -6,8 +6,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["RigText"]
-
 _MARKED = re.compile(r"(?:\s*(?P<key>[\w.]+)\s*=[^#]*#.*?|\s*#\s*)\bFILL IN:?\s*(?P<what>[^;]*)")
 
 

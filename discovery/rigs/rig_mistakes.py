@@ -18,8 +18,6 @@ from discovery.rigs.system_table import ConstantTable
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-__all__ = ["explain"]
-
 
 def explain(file: RigText, error: ValidationError, outer: tuple[str, ...] = (), *, bare: bool = False) -> str:
     """Return one paragraph from pydantic's first complaint, on a key that is not known before one that is missing.

@@ -9,21 +9,6 @@ from pydantic import AfterValidator, Field, FiniteFloat
 
 from discovery.rigs.system_table import SystemTable, Table, Text
 
-__all__ = [
-    "ColumnsTable",
-    "ControllerTable",
-    "InputTable",
-    "ModelTable",
-    "OutputTable",
-    "PartTable",
-    "QuantityTable",
-    "RecordsTable",
-    "RigTable",
-    "TimeTable",
-    "ViewTable",
-]
-
-
 _Positive = Annotated[FiniteFloat, Field(gt=0)]
 
 

@@ -11,8 +11,6 @@ from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, Inpu
 from discovery.rigs.rig_lines import RigText
 from discovery.rigs.rig_schema import ColumnsTable, RigTable
 
-__all__ = ["check_tables", "columns_of", "controller_of", "view_of"]
-
 
 def check_tables(file: RigText, table: RigTable) -> None:
     """Refuse tables that the kind of system does not have, or lacks."""

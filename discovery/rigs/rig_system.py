@@ -27,8 +27,6 @@ from discovery.rigs.rig_schema import RigTable
 from discovery.rigs.rig_signals import columns_of
 from discovery.rigs.system_table import ConstantTable, SystemTable
 
-__all__ = ["read_columns", "ready_made", "system_of", "taken_names"]
-
 _WORD = re.compile(r"[A-Za-z]\w*\Z", re.ASCII)
 #: Names in the text of compiled programs, also with an underscore and more behind them.
 _INTERNAL = (

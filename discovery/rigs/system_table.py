@@ -6,8 +6,6 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-__all__ = ["ConstantTable", "SystemTable"]
-
 Text = Annotated[str, Field(min_length=1)]
 _One = Annotated[dict[str, Text], Field(min_length=1, max_length=1)]
 

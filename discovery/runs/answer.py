@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from discovery.foundation.progress import Progress
     from discovery.posterior.study import PosteriorStudy
 
-__all__ = ["Answer", "Sampled"]
-
-
 #: What follows the answer, in words; and under which names it is in results.json.
 _PARTS = ("the posterior and what it predicts", "the noise models and the evidence of the models")
 _AFTERWARDS = ("posterior", "pending", "noise", "evidence", "elastica")

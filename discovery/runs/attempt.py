@@ -19,9 +19,6 @@ from numpy.random import SeedSequence
 
 from discovery.results.provenance import plain, restored
 
-__all__ = ["Outcome", "TooLong", "Work", "attempt", "case_seed"]
-
-
 #: Seconds after which a process whose work does not heed its limit is ended.
 _GRACE = 10.0
 Work = Callable[[Any, SeedSequence], Mapping[str, Any]]

@@ -21,8 +21,6 @@ from discovery.runs.spread import Outcome, Work, spread
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["campaign", "collect", "rows", "unfinished", "watched"]
-
 #: Rows of a table held at once.
 _ROWS = 1000
 

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 
 from discovery.foundation.progress import Progress, Tell
 
-__all__ = ["Course"]
-
 
 class Course:
     """Tells what a loop does, and during its search the share of its budget of work that is spent.

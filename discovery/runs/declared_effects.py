@@ -16,8 +16,6 @@ from discovery.screening.finite import finite_starts
 from discovery.screening.refits import Refit, finish, held_fixed, refit, relaxed
 from discovery.selection.context import Context
 
-__all__ = ["in_its_units", "sought"]
-
 
 def in_its_units(found: Fit, context: Context, whole: Context) -> tuple[Fit, Context, Context]:
     """Return the first fit and the contexts of a search in units that know the size of the recorded force by it."""

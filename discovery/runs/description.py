@@ -16,8 +16,6 @@ from discovery.recordings.recording import Recording
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.rig import Rig
 
-__all__ = ["describe", "flagged"]
-
 
 def describe(dataset: Dataset) -> dict[str, Any]:
     """Return the rig and its recordings, JSON-ready."""

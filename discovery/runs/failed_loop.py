@@ -23,8 +23,6 @@ from discovery.runs.description import describe, flagged
 from discovery.runs.loop_files import save_curves
 from discovery.selection.decision import Decision
 
-__all__ = ["FailedLoop", "LoopFailure", "failed_loop", "gather_failed_loop"]
-
 #: A motion that grows by more than this many e-foldings in a recording is a hundred times too large at its end.
 _FOLDINGS = float(np.log(100.0))
 

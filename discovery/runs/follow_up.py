@@ -16,9 +16,6 @@ from discovery.selection.context import Context
 from discovery.selection.search import Search
 from discovery.selection.verdict import Named
 
-__all__ = ["contradiction_of", "designs", "separations", "told_apart"]
-
-
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
 _DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
 #: Rivals of one effect for which a manoeuvre is designed.

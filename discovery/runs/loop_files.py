@@ -22,8 +22,6 @@ from discovery.results.provenance import provenance, write_json
 from discovery.runs.description import describe
 from discovery.runs.loop_result import LoopResult
 
-__all__ = ["gather_loop", "models_of", "of_loop", "save_curves", "save_prediction", "to_clean", "write_loop"]
-
 
 def models_of(result: LoopResult) -> dict[str, Any]:
     """Return the models before and after the loop with all that an export needs, see `discovery.export`."""

@@ -29,9 +29,6 @@ from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
 from discovery.selection.verdict import Named
 
-__all__ = ["UPGRADES", "LoopResult", "ModelErrorReport"]
-
-
 #: Better bases, and what the step to each is called when the loop finds it.
 UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 

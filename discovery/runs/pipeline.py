@@ -28,8 +28,6 @@ from discovery.runs.failed_loop import FailedLoop, gather_failed_loop
 from discovery.runs.loop_files import models_of, of_loop, save_curves, to_clean, write_loop
 from discovery.runs.regression_stage import can_discover, discover
 
-__all__ = ["add_posterior", "answer", "run", "save_failed"]
-
 
 def _everywhere(dataset: Dataset, fitted: Fit, train: Sequence[FloatArray]) -> list[FloatArray]:
     """Return predictions of all recordings by a fitted model, initial states of the held-out ones fitted."""

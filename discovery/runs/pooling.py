@@ -10,8 +10,6 @@ from typing import Any
 
 from discovery.posterior.pooled import pool
 
-__all__ = ["pooled_parameters"]
-
 #: Cases that must have a parameter for it to be pooled: the spread of two is hardly known.
 _FEWEST = 3
 

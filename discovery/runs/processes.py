@@ -12,8 +12,6 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-__all__ = ["Died", "Pool", "pool"]
-
 
 class Died(Exception):
     """A process ended before it had done its work."""

@@ -16,9 +16,6 @@ from discovery.recordings.dataset import Dataset
 from discovery.rigs.rig import Rig
 from discovery.runs.stage import stage_seed
 
-__all__ = ["Discovered", "can_discover", "discover"]
-
-
 #: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
 DISCOVERY_SAMPLES = 16_384
 

@@ -22,8 +22,6 @@ from discovery.runs.processes import Died, pool
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["SCHEDULER", "spread"]
-
 #: Environment variable with the address of a Dask scheduler.
 SCHEDULER = "DISCOVERY_SCHEDULER"
 #: How often a case is tried whose worker dies: it may have died of another case's memory.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from numpy.random import SeedSequence
 
-__all__ = ["stage_seed"]
-
 _ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
 
 

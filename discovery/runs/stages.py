@@ -38,20 +38,6 @@ if TYPE_CHECKING:
     from discovery.posterior.noise_choice import NoiseChoice
     from discovery.posterior.study import PosteriorStudy
 
-__all__ = [
-    "Fits",
-    "compared",
-    "continued",
-    "estimate",
-    "loop",
-    "predicted",
-    "sampled",
-    "scored",
-    "studied",
-    "unexplained",
-    "weighed",
-]
-
 
 @dataclass(frozen=True)
 class Fits:

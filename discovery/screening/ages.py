@@ -15,8 +15,6 @@ from discovery.equations.program import Program
 from discovery.estimation.bench import Bench
 from discovery.foundation.arrays import BoolArray, FloatArray
 
-__all__ = ["ages_of", "ages_only", "per_age"]
-
 #: Half of the difference of delays over which a residual is differentiated, in steps, the shortest ones.
 _DIFFERENCE = 1e-3
 #: The same changes are made around every fit of the same recordings.

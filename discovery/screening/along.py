@@ -21,8 +21,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.kernel.compile import numpy_derivative
 
-__all__ = ["starts_along"]
-
 #: Samples over which a recorded motion is smoothed: what noise asks for and how fast the force comes and goes are
 #: unknown beforehand.
 _WINDOWS = (9, 25, 75)

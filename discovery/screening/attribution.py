@@ -29,8 +29,6 @@ from discovery.screening.responses import Grid, Responses, plan, respond
 from discovery.screening.scalar_products import grams
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Candidate", "Shapes", "Start", "White", "grid_of", "screen"]
-
 #: Makes columns (n, k) white under a model error.
 White = Callable[[FloatArray], FloatArray]
 #: Grid of shape parameters scanned for an effect, in declared natural units, where its declaration gives no starts.

@@ -7,8 +7,6 @@ from scipy.optimize import lsq_linear
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["bounded_gains"]
-
 #: Eigenvalue of a correlation matrix below which a direction is rounding alone.
 _FLAT = 1e-12
 

@@ -10,8 +10,6 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.problem import Problem
 from discovery.screening.refits import Refit
 
-__all__ = ["reduced"]
-
 
 def reduced(fitted: Refit, effect: str) -> list[Refit]:
     """Return refits with each simpler law, that the model does not have yet, in the place of one that contains it.

@@ -18,8 +18,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.screening.along import starts_along
 from discovery.screening.attribution import grid_of
 
-__all__ = ["MOST_SHAPES", "FarStart", "declared_starts", "finite_starts"]
-
 #: A start of a refit: effect, its free values, and values of other free parameters that go with them.
 FarStart = tuple[str, FloatArray, Mapping[str, float]]
 #: An effect with values on its grid.

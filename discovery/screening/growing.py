@@ -25,8 +25,6 @@ from discovery.screening.attribution import screen
 from discovery.screening.finite import finite_starts
 from discovery.screening.refits import Refit, refit, settled
 
-__all__ = ["grown", "grows"]
-
 #: Swings of the first parts: of a free decay, of a declared system, of an arm once it moves. A fast ringing is caught
 #: within the shortest only, a slow loss shows in the longer.
 _SWINGS, _SWINGS_OF_A_SYSTEM, _SWINGS_OF_AN_ARM = (5.0,), (2.5, 5.0), (0.5, 1.5)

@@ -10,8 +10,6 @@ from scipy.linalg import orth
 from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate
 
-__all__ = ["likely_pairs", "similarity"]
-
 
 def likely_pairs(scored: Sequence[Candidate], target: FloatArray, keep: int) -> list[tuple[Candidate, Candidate]]:
     """Return the pairs of candidates whose best sensitivities together remove most of a residual, to first order.

@@ -16,8 +16,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate, Start
 from discovery.screening.finite import FarStart
 
-__all__ = ["Refit", "best_of", "finish", "held_fixed", "refit", "refit_pairs", "relaxed", "settle", "settled"]
-
 #: Effects, their free values, sensitivities (zeros: unknown), what goes with them unless it is compensated, and the
 #: starts of the effects of which recordings have values of their own.
 _Start = tuple[tuple[str, ...], FloatArray, FloatArray, Mapping[str, float] | None, tuple[Start, ...]]

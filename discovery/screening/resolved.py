@@ -17,8 +17,6 @@ from discovery.screening.attribution import Candidate
 from discovery.screening.finite import declared_starts
 from discovery.screening.refits import Refit, best_of, refit, settled
 
-__all__ = ["resolved"]
-
 #: Only the best are looked at, by chi-square and by score.
 _LEADING, _PROMISING = 3, 8
 #: A difference of chi-square that matters, at least;

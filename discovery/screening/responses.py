@@ -20,8 +20,6 @@ from discovery.estimation.bench import Bench
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.screening.ages import ages_of, ages_only, per_age
 
-__all__ = ["Grid", "Responses", "plan", "respond"]
-
 
 @dataclass(frozen=True)
 class Grid:

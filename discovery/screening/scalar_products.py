@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.compiled_function import compiled
 
-__all__ = ["grams"]
-
 
 @njit(fastmath={"contract", "reassoc"}, forceinline=True)
 def _product(a, b):

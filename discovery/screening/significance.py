@@ -20,8 +20,6 @@ from discovery.estimation.bench import Bench
 from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate, White
 
-__all__ = ["REPLICATES", "chance_gains", "surrogates"]
-
 REPLICATES = 200
 
 

@@ -22,8 +22,6 @@ from discovery.selection.context import Context
 from discovery.selection.linearise import linearised
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Contender", "contenders", "integrated"]
-
 #: A first-order step that gains more nats than this is made on the trajectories, unless even as much again held out
 #: leaves the set further behind the most likely one than twice so many times the nats of an accepted effect.
 _WORTH, _BEHIND = 1.0, 5.0

@@ -23,8 +23,6 @@ from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
 from discovery.selection.settings import LoopSettings
 
-__all__ = ["Context"]
-
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.
 _CREDIBLE = 2.0
 

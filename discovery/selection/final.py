@@ -15,8 +15,6 @@ from discovery.estimation.step_control import tightened
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
-__all__ = ["finished", "on_mechanics"]
-
 _ITERATIONS = 25
 #: Rounds of more accurate simulators where the solver still shifts an estimate.
 _FINER = 3

@@ -19,8 +19,6 @@ from discovery.recordings.experiment import Experiment
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
 
-__all__ = ["Slopes", "linearised"]
-
 #: Differences are taken over so many standard deviations that the white noise alone would leave.
 _APART = 0.3
 

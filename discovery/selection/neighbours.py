@@ -10,8 +10,6 @@ from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
 from discovery.selection.offers import Offers
 
-__all__ = ["Neighbours"]
-
 #: Sets so many times the nats of an accepted effect behind are integrated by sampling where the set found is.
 _NEAR = 3.0
 

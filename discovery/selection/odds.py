@@ -18,8 +18,6 @@ from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings
 
-__all__ = ["HELD", "Odds", "between_rivals", "candidacy", "odds_of"]
-
 #: Part of the nats that is asked held out, and that what was accepted may lose there.
 HELD = 0.5
 

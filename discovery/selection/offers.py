@@ -21,8 +21,6 @@ from discovery.selection.context import Context
 from discovery.selection.odds import HELD, Odds
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["Offers"]
-
 #: Effects and mechanics of a set.
 _Key = tuple[frozenset[str], str]
 

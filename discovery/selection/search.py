@@ -21,8 +21,6 @@ from discovery.selection.odds import HELD, Odds, candidacy, odds_of
 from discovery.selection.offers import Offers
 from discovery.selection.unknown import Unknown, unknown_force
 
-__all__ = ["Search"]
-
 #: Contenders that are tried in the order of their evidence; records of a decision.
 _TRIED, _TOLD = 3, 12
 #: A refused effect that gains so many times the nats of an accepted one may be half of a pair.

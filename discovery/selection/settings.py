@@ -8,8 +8,6 @@ from math import inf
 from discovery.equations.model import Model
 from discovery.foundation.arguments import check_fields
 
-__all__ = ["Budget", "LoopSettings"]
-
 
 @dataclass(frozen=True)
 class Budget:

@@ -20,8 +20,6 @@ from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
-__all__ = ["Unknown", "unknown_force"]
-
 #: Sizes of the force that are tried, each as likely as another [natural accelerations].
 SIZES = (0.01, 0.1, 1.0)
 _ITERATIONS = 10

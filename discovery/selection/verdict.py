@@ -14,8 +14,6 @@ from discovery.selection.decision import Decision
 from discovery.selection.odds import Odds, between_rivals, odds_of
 from discovery.selection.search import Search
 
-__all__ = ["VERDICTS", "Named", "is_complete", "least_error", "named", "strongest_lead", "verdict_of"]
-
 VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
 
 

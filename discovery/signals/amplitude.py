@@ -9,8 +9,6 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 
-__all__ = ["Backbone", "backbone"]
-
 
 @dataclass(frozen=True)
 class Backbone:

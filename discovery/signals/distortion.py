@@ -27,9 +27,6 @@ from discovery.signals.spectral_lines import MIN_LINES, LineNoise, Lines, line_n
 if TYPE_CHECKING:
     from discovery.recordings.recording import Recording
 
-__all__ = ["analyse_multisine"]
-
-
 IRREGULAR = 0.05  # of a sampling interval: times may be rounded
 SIGNIFICANCE = 1e-3
 MARGIN_DB = 1.0  # noise through a resonance makes its own estimate less certain than white noise would

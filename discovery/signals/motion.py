@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from discovery.rigs.rig import Rig
     from discovery.simulation.grid import DriveLike
 
-__all__ = ["Motion", "State", "motion_of"]
-
 
 class State(NamedTuple):
     """Kinematic state at some times, each of shape (n,): SI units, radians."""

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Basis", "Distortion", "Multisine", "Parity"]
-
 Parity = Literal["odd", "even", "odd or even"]
 Basis = Literal["unexcited lines", "spread over realisations"]
 

@@ -18,17 +18,6 @@ from scipy.optimize import minimize_scalar
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = [
-    "DEGREE",
-    "PenalisedSpline",
-    "SplineFit",
-    "basis_matrix",
-    "difference_matrix",
-    "inverse_band",
-    "uniform_knots",
-    "upper_band",
-]
-
 DEGREE = 5
 """Degree of the spline: its second derivative is still a cubic spline."""
 

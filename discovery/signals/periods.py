@@ -10,8 +10,6 @@ from scipy.signal import find_peaks
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Periods", "find_periods", "period_changes", "settling_of", "whole_periods"]
-
 MISMATCH = 0.01  # of the input's power, between a stretch and its repetition
 
 

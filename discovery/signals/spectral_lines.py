@@ -18,8 +18,6 @@ from scipy.signal.windows import dpss
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.signals.periods import Periods, period_changes
 
-__all__ = ["MIN_LINES", "LineNoise", "Lines", "line_noise", "lines_of", "tones_of"]
-
 MIN_LINES = 8  # within 20 dB of the strongest line; a swinging or stepping drive has fewer
 EXCITED = 0.01  # power of an excited line relative to the strongest
 MAX_SCATTER = 0.3  # of the amplitudes over realisations; random phases change nothing, noise has 0.5

@@ -11,8 +11,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.simulation.grid import Grid
 from discovery.simulation.kernel.compile import numpy_derivative
 
-__all__ = ["classical_step"]
-
 #: Part of the time in which a state forgets: the method is stable up to 2.8, and right by some tenths of that.
 _PART = 1.0
 

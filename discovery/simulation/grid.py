@@ -12,8 +12,6 @@ from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.simulation.pace import Pace
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
-__all__ = ["DriveLike", "Grid"]
-
 
 class DriveLike(Protocol):
     """A smooth input: `discovery.recordings.drive.Drive` or anything that evaluates like it."""

@@ -8,8 +8,6 @@ import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["Pace"]
-
 
 @dataclass(frozen=True)
 class Pace:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-__all__ = ["CLASSICAL", "Method", "dormand_prince"]
-
 
 @dataclass(frozen=True)
 class Method:

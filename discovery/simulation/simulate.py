@@ -19,8 +19,6 @@ from discovery.simulation.kernel.compile import Kernel, compile_kernel
 from discovery.simulation.pace import Pace
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
-__all__ = ["THREADS", "Asked", "Batch", "Misses", "Simulator", "check_finite", "simulated"]
-
 
 def _threads() -> int:
     """Return the number of threads that DISCOVERY_THREADS asks for; up to eight by default."""

@@ -13,8 +13,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.signals.motion import Motion, State
 
-__all__ = ["Candidates", "Term"]
-
 #: Highest degree of the polynomials in the deflection and the rate.
 _DEGREE = 5
 Family = Literal["polynomial", "trigonometric", "dissipative", "input"]

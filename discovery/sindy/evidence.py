@@ -14,8 +14,6 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray
 from discovery.sindy.subset import stopping_size
 
-__all__ = ["CANNOT_TELL", "MISFIT", "Choice", "log_ratio", "loudness"]
-
 CANNOT_TELL = 10.0
 """Rivals within this ratio of likelihoods fit equally."""
 

@@ -24,8 +24,6 @@ from discovery.foundation.sampling import median_step
 from discovery.signals.motion import Motion
 from discovery.sindy.candidates import Candidates, Term
 
-__all__ = ["Library", "Rows", "build_library", "propagate", "response_rows", "stretches"]
-
 #: Samples after which rows start from a new initial state.
 _WINDOW = 4000
 

@@ -22,8 +22,6 @@ from discovery.signals.motion import Motion
 from discovery.sindy.evidence import CANNOT_TELL, log_ratio, loudness
 from discovery.sindy.library import stretches
 
-__all__ = ["RadiusLaw", "RadiusRival", "discover_radius"]
-
 #: Resamples of whole stretches.
 _RESAMPLES = 200
 

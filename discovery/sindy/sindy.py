@@ -25,8 +25,6 @@ from discovery.sindy.library import Library, build_library
 from discovery.sindy.structure import Discovery, Equation, status_of
 from discovery.sindy.subset import best_subsets, residual_sums
 
-__all__ = ["FALSE_ALARM", "PASSIVE", "discover"]
-
 PASSIVE = ("viscous_damping", "structural_damping", "coulomb_friction", "quadratic_drag")
 """Friction takes energy out of the motion: its coefficients are not negative."""
 

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from discovery.signals.differentiate import Smoother
 from discovery.sindy.evidence import MISFIT
 
-__all__ = ["Discovery", "Equation", "status_of"]
-
 _MATTERS = 1e-4  # of the variance: a hundredth of the target's rms
 
 

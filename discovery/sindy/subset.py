@@ -14,8 +14,6 @@ import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 
-__all__ = ["best_subsets", "residual_sums", "stopping_size"]
-
 _KEPT = 100  # equations of each size that are followed through the resamples
 
 

@@ -11,8 +11,6 @@ from discovery.testing.mechanics import MechanicsContract
 from discovery.testing.recovery import check_recovery
 from discovery.testing.states import every_effect
 
-__all__ = ["EffectContract"]
-
 
 class EffectContract(DeclarationContract, MechanicsContract):
     """Tests of effects by law; subclass it in a test module, under a name that starts with ``Test``.

@@ -23,8 +23,6 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base
 from discovery.testing.equations import at_rest, memory_states
 
-__all__ = ["DeclarationContract"]
-
 _KIND_UNITS = {
     "kinetic": "q^2 s^-2",
     "potential": "q^2 s^-2",

@@ -20,19 +20,6 @@ from discovery.mechanics.rod_end import LoadedEnd, loaded_end
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.testing.states import Sample, whole
 
-__all__ = [
-    "Bare",
-    "accelerations",
-    "at_rest",
-    "bare_base",
-    "energy",
-    "evaluator",
-    "loaded_end_of",
-    "memory_states",
-    "slopes_by_sympy",
-    "slopes_of",
-]
-
 #: Slopes (n, k) at a time, for recorded input (3, k), state (n, k) and parameters (p, k).
 Evaluate = Callable[[float, FloatArray, FloatArray, FloatArray], FloatArray]
 

@@ -13,8 +13,6 @@ from discovery.mechanics import get_base
 from discovery.testing.equations import bare_base, slopes_of
 from discovery.testing.states import Sample, derivative, whole
 
-__all__ = ["hinge_residual", "joint_power", "turning_energy"]
-
 
 def _root_torque(base_name: str, sample: Sample) -> FloatArray:
     """Return the moment of the rod at its root (k,), per unit of effective inertia."""

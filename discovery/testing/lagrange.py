@@ -13,8 +13,6 @@ from discovery.mechanics import get_base
 from discovery.testing.equations import bare_base, energy, loaded_end_of
 from discovery.testing.states import Sample, derivative
 
-__all__ = ["elastic_pull", "push_of"]
-
 
 def elastic_pull(base: str, sample: Sample) -> FloatArray:
     """Return the force of the base's own elastic energy on each coordinate."""

@@ -30,8 +30,6 @@ from discovery.testing.hinge import hinge_residual, joint_power, turning_energy
 from discovery.testing.lagrange import elastic_pull, push_of
 from discovery.testing.states import Sample, derivative, every_effect, sample_states, whole, without
 
-__all__ = ["MechanicsContract"]
-
 #: Laws may be shares of these.
 _BESIDE = ("linear_stiffness", "viscous_damping")
 

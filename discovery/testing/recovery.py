@@ -20,8 +20,6 @@ from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 from discovery.testing.states import every_effect
 
-__all__ = ["check_recovery", "recover"]
-
 #: Of the typical size of its prior, the part that an amplitude has.
 _AMPLITUDE = 0.25
 #: Integration step [s]; stable for the fastest memory that the bounds allow, and for the ringing of the rod below.

@@ -14,8 +14,6 @@ from discovery.equations.program import Program, build_program
 from discovery.foundation.arrays import FloatArray
 from discovery.mechanics import base_names, get_base
 
-__all__ = ["Sample", "derivative", "every_effect", "sample_states", "whole", "without"]
-
 #: Of the differences: short against the turns of dry joints and the ringing of four shapes.
 _STEP = 1e-3
 

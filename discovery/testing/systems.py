@@ -20,8 +20,6 @@ from discovery.mechanics.systems import system_base
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
 
-__all__ = ["SystemContract"]
-
 _STATES = 6
 
 

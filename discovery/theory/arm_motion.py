@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from discovery.export import FittedModel
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["ArmMotion", "check_start", "fitted_coupling", "integrate", "move_arm"]
-
 _TOLERANCE = 1e-9
 #: States beyond this size, or so many evaluations within one stretch, count as blown up.
 _LIMIT, _EVALUATIONS = 1e9, 1_000_000

@@ -33,8 +33,6 @@ from discovery.mechanics.rod_end import loaded_end
 from discovery.rigs.rig import Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 
-__all__ = ["Arm", "effective_inertia"]
-
 
 def _kinetic_torque(energy: sp.Expr, second: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
     """Return d/dt dT/d(rate of turn) - dT/d(turn) of an effect's kinetic energy; `second` holds accelerations."""

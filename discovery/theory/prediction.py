@@ -31,8 +31,6 @@ from discovery.theory.elastica.static_law import SMALL_DEFLECTION, StaticLaw, fi
 if TYPE_CHECKING:
     from discovery.rigs.rig import Quantity
 
-__all__ = ["LAWS", "MASSES", "Comparison", "Prediction", "PredictionRow", "predict"]
-
 MASSES = ("as_printed", "rod_counted")
 LAWS = ("static_small", "static_least_squares", "dynamic", "dynamic_effective")
 # As the effects that carry these parameters declare them, q being the radian.

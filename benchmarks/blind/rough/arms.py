@@ -19,8 +19,6 @@ from benchmarks.blind.rough.instruments import INSTRUMENT_ERRORS, instrument_err
 from benchmarks.blind.rough.subject import Subject
 from benchmarks.blind.truth import catalogue_values
 
-__all__ = ["Arm", "draw_arm"]
-
 FloatArray = np.ndarray
 Generator = np.random.Generator
 LAWS = ("taper", "power_friction")

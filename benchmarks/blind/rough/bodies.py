@@ -15,8 +15,6 @@ from benchmarks.blind.rough.ingredient import Action, Ingredient, Readings, log_
 from benchmarks.blind.rough.subject import Subject
 from benchmarks.blind.rough.waves import Waves, draw_waves
 
-__all__ = ["BODIES", "Body", "draw_body"]
-
 FloatArray = NDArray[np.float64]
 Generator = np.random.Generator
 #: Steps in a period of the quickest thing that moves; friction's sign changes within one of them.

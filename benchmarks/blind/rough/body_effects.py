@@ -17,8 +17,6 @@ from benchmarks.blind.rough.ingredient import Action, Ingredient, log_uniform
 if TYPE_CHECKING:
     from benchmarks.blind.rough.bodies import Body
 
-__all__ = ["EFFECTS", "OUTSIDERS", "draw", "names"]
-
 FloatArray = NDArray[np.float64]
 Generator = np.random.Generator
 Draw = Callable[["Body", Generator], Ingredient]

@@ -14,8 +14,6 @@ from benchmarks.blind.rough.instruments import INSTRUMENT_ERRORS, instrument_err
 if TYPE_CHECKING:
     from benchmarks.blind.rough.bodies import Body
 
-__all__ = ["LAWS", "draw", "names"]
-
 Generator = np.random.Generator
 Draw = Callable[["Body", Generator], Ingredient]
 

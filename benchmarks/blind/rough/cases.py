@@ -19,8 +19,6 @@ from benchmarks.blind.rough.refit import Wanted, check_readable, clean_reading, 
 from benchmarks.blind.rough.sizes import RATIO, Errors, Sizer, draw_errors
 from benchmarks.blind.rough.subject import Subject, save
 
-__all__ = ["draw_subject", "write_case"]
-
 #: Effects that are tried for one whose size comes near to the wanted one.
 _TRIALS = 4
 _ENOUGH = 0.7

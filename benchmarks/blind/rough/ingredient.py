@@ -10,8 +10,6 @@ import numpy as np
 from discovery_datasets.disturbances import Disturbance
 from numpy.typing import NDArray
 
-__all__ = ["Action", "Ingredient", "Readings", "log_uniform", "nothing"]
-
 FloatArray = NDArray[np.float64]
 Optics = Callable[[FloatArray, FloatArray], FloatArray]
 Scatter = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]

@@ -16,8 +16,6 @@ from scipy.signal import lfilter
 
 from benchmarks.blind.rough.ingredient import Action, Ingredient, log_uniform
 
-__all__ = ["INSTRUMENT_ERRORS", "instrument_error"]
-
 FloatArray = NDArray[np.float64]
 Generator = np.random.Generator
 Draw = Callable[[Generator, float, float, float], Ingredient]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["KINDS", "SYSTEMS", "kind_and_system"]
-
 #: Of 25 cases, so many of each kind (12 % clean, 12 % outsiders), and of each system.
 KINDS = {"none": 3, "outside": 3, "single": 19}
 SYSTEMS = {"arm": 9, "oscillator": 4, "decay": 3, "pendulum": 4, "bench": 2, "drive": 2, "servo": 1}

@@ -12,8 +12,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-__all__ = ["Wanted", "at_times", "check_readable", "clean_reading", "free_run", "leftover", "prediction_error"]
-
 FloatArray = NDArray[np.float64]
 #: Trajectory error of the fits, as in the exact world.
 TOLERANCE = 2e-5

@@ -15,8 +15,6 @@ from benchmarks.blind.rough.instruments import INSTRUMENT_ERRORS
 from benchmarks.blind.rough.refit import leftover
 from benchmarks.blind.rough.subject import Subject
 
-__all__ = ["JOINT", "RATIO", "Errors", "Sizer", "draw_errors"]
-
 Generator = np.random.Generator
 #: Size of all errors of the model together [noise sds], and that of an effect over it.
 JOINT, RATIO = (0.5, 3.0), (3.0, 16.0)

@@ -11,8 +11,6 @@ import pandas as pd
 
 from benchmarks.blind.rough.ingredient import Action, Ingredient, Readings
 
-__all__ = ["Subject"]
-
 
 class Subject(ABC):
     """A system with its manoeuvres.

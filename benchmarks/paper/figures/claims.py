@@ -11,8 +11,6 @@ from discovery.report.paper import paper_numbers
 from discovery.report.style import BLUE, GREEN, ORANGE, RED, Picture, new_figure, plain_log
 from discovery.report.words import listed
 
-__all__ = ["draw_friction", "draw_ratios"]
-
 _CLAIM = 0.2
 _QUANTITIES = {"position": "tip position", "angle": "tip angle", "radius": "radius"}
 _SIZES = {"mean": "mean", "peak": "largest"}

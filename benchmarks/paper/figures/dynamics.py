@@ -12,8 +12,6 @@ from benchmarks.paper.stand import POSITION_NOISE
 from discovery.report.numbers import significant
 from discovery.report.style import BLUE, GREY, RED, Picture, new_figure, plain_log
 
-__all__ = ["draw_limit", "draw_motion"]
-
 #: How the rod's mass is treated: words, colour and marker.
 _ROD = {"massless": ("rod massless", RED, "^"), "rod counted": ("33/140 of the rod at the tip", BLUE, "o")}
 

@@ -12,8 +12,6 @@ from discovery.report.numbers import significant
 from discovery.report.paper import paper_numbers
 from discovery.report.style import Picture, label, new_figure, plain_log
 
-__all__ = ["draw_angle", "draw_position", "draw_radius"]
-
 
 def _picture(
     name: str,

@@ -14,8 +14,6 @@ from discovery.report.style import BLUE, GREEN, GREY, RED, Picture, new_figure, 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_freed", "draw_ladder"]
-
 #: The manoeuvres on which a model is judged: colour, marker, and place in its row.
 _MANOEUVRES = {"trained": (BLUE, "o", -0.24), "inside": (GREEN, "s", 0.0), "beyond": (RED, "^", 0.24)}
 #: Terms of finding h by parameter.

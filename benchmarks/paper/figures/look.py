@@ -14,8 +14,6 @@ from discovery.report.style import BLUE, GREEN, GREY, LINES, RED, decimate
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["DASHED", "LOOKS", "STRETCHES", "FloatArray", "beside", "curve", "envelope", "marks", "polar"]
-
 FloatArray = NDArray[np.float64]
 
 #: Every model of the paper and the exact arm: colour, dashes and width all differ.

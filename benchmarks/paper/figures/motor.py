@@ -12,8 +12,6 @@ from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR
 from discovery.report.numbers import significant
 from discovery.report.style import BLUE, GREEN, ORANGE, RED, Picture, new_figure, plain_log
 
-__all__ = ["draw_driven", "draw_gear", "draw_torque"]
-
 _LOOKS: dict[str, dict[str, Any]] = {
     "paper’s model": {"color": ORANGE, "linestyle": (0, (1, 1.2)), "linewidth": 1.6},
     "general model, rod counted": {"color": GREEN, "linestyle": (0, (7, 1.2)), "linewidth": 1.2},

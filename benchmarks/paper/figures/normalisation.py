@@ -12,8 +12,6 @@ from discovery.report.style import BLUE, GREEN, ORANGE, RED, Picture, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw"]
-
 _LOOKS: dict[str, dict[str, Any]] = {
     "linear": {"color": ORANGE, "marker": "s", "linestyle": (0, (1, 1.2)), "label": "linear model"},
     "paper, massless rod": {"color": RED, "marker": "^", "linestyle": (0, (4, 1.6)), "label": "paper’s, massless rod"},

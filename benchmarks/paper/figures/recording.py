@@ -9,8 +9,6 @@ from benchmarks.paper.figures.look import FloatArray, beside, polar
 from discovery.report.paper import paper_numbers
 from discovery.report.style import BLUE, Picture, decimate, new_figure
 
-__all__ = ["draw_cartesian", "draw_polar"]
-
 _RECORDED: dict[str, Any] = {"color": "black", "linewidth": 0.8}
 
 

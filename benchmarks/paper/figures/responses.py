@@ -8,8 +8,6 @@ from typing import Any
 from benchmarks.paper.figures.look import FloatArray, curve
 from discovery.report.style import Picture, new_figure, series
 
-__all__ = ["draw"]
-
 _SPAN = 6.0
 _MODELS = ("linear", "cubic", "with_radius")
 #: Number, coordinate and end of the record of each figure.

@@ -16,8 +16,6 @@ from discovery.report.paper import paper_numbers
 from discovery.report.style import GREY, Picture, new_figure
 from discovery.report.words import listed
 
-__all__ = ["draw"]
-
 
 @dataclass(frozen=True)
 class _Row:

@@ -13,8 +13,6 @@ from discovery.report.paper import paper_numbers
 from discovery.report.style import BLUE, GREY, ORANGE, RED, Picture, new_figure
 from discovery.theory.elastica.static_law import SMALL_DEFLECTION, perpendicular_law
 
-__all__ = ["draw_laws", "draw_shapes"]
-
 _DEFLECTIONS = np.array([0.2, 0.4, 0.6, 0.85, 1.2, 1.5])
 _EXACT: dict[str, Any] = {"color": BLUE, "linewidth": 1.4, "label": "elastica"}
 _SERIES: dict[str, Any] = {"color": ORANGE, "linestyle": (0, (4, 1.6)), "linewidth": 1.2}

@@ -15,8 +15,6 @@ from benchmarks.paper.paper_fit import CUBIC, LINEAR, paper_models
 from benchmarks.paper.rest_fit import fit_from_rest
 from benchmarks.paper.stand import Stand, manoeuvre, stand
 
-__all__ = ["claims", "error_ratios", "friction", "static_radius"]
-
 FloatArray = NDArray[np.float64]
 
 SMOOTH = minimum_jerk(1.0, 1.0)

@@ -22,8 +22,6 @@ from discovery.runs.loop_result import LoopResult
 from discovery.signals.motion import motion_of
 from discovery.sindy.sindy import discover
 
-__all__ = ["calibrated_rig", "compare", "comparison"]
-
 FloatArray = NDArray[np.float64]
 
 ALPHA = 8.7907

@@ -17,8 +17,6 @@ from benchmarks.paper.theory.massless_arm.model import GeneralModel
 from benchmarks.paper.theory.massless_arm.simulation import simulate_general
 from discovery.recordings.drive import Drive
 
-__all__ = ["dynamics", "general_arm", "true_drive"]
-
 FloatArray = NDArray[np.float64]
 
 RODS = (0.01245, 0.006, 0.003, 0.0012)

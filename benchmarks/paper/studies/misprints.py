@@ -10,8 +10,6 @@ from discovery_datasets.twin import PAPER_RIG
 from benchmarks.paper.errata import errata
 from benchmarks.paper.stand import manoeuvre, stand
 
-__all__ = ["misprints"]
-
 _SEED = 107
 
 

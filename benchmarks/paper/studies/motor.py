@@ -21,8 +21,6 @@ from discovery.rigs.rig import PAPER_MODEL
 from discovery.theory.arm_motion import move_arm
 from discovery.theory.coupling import Arm
 
-__all__ = ["motor"]
-
 FloatArray = NDArray[np.float64]
 
 _SEED = 109

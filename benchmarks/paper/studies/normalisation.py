@@ -23,8 +23,6 @@ from discovery.declarations.units import dimension
 from discovery.equations.model import Model
 from discovery.estimation.problem import known_values
 
-__all__ = ["normalisation", "time_scale", "transfer"]
-
 _SEED = 105
 
 

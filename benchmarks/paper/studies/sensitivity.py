@@ -12,8 +12,6 @@ from benchmarks.paper.parallel import in_parallel
 from benchmarks.paper.rest_fit import rig_alpha
 from benchmarks.paper.stand import SPEED, Stand, manoeuvre, scaled_rig, stand
 
-__all__ = ["sensitivity"]
-
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6)
 """Speeds of the 1 rad manoeuvre [rad/s]."""
 DURATIONS = (6.0, 10.0, 15.0, 20.0, 25.0, 30.0)

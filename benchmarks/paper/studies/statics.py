@@ -14,8 +14,6 @@ from benchmarks.paper.theory.elastica.series import elastica_series
 from benchmarks.paper.theory.elastica.small_deflection import small_deflection_tip
 from discovery.theory.elastica.static_law import fitted_law, perpendicular_law, usable_deflections
 
-__all__ = ["MATTIASSON", "boundary_value", "statics"]
-
 FloatArray = NDArray[np.float64]
 
 MATTIASSON = ((1.0, 0.30172, 0.05643), (2.0, 0.49346, 0.16064), (5.0, 0.71379, 0.38763), (10.0, 0.81061, 0.55500))

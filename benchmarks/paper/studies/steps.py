@@ -20,8 +20,6 @@ from benchmarks.paper.rest_fit import RestFit, fit_from_rest, rig_values
 from benchmarks.paper.stand import Stand, manoeuvre, stand
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 
-__all__ = ["LADDER", "Rung", "steps"]
-
 _SEED = 103
 _TERMS = ("centrifugal_stiffening", "coriolis_coupling", "radial_inertia", "distributed_mass")
 

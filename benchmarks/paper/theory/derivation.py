@@ -21,15 +21,6 @@ from benchmarks.paper.theory.elastica.shape_series import static_series, taylor
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = [
-    "Inertia",
-    "ThirdOrder",
-    "effective_mass",
-    "free_vibration_beta",
-    "inertia",
-    "third_order",
-]
-
 Rod = Literal["massless", "linear", "bent"]
 
 

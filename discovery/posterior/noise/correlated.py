@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
     from discovery.posterior.instrument import Instrument
 
-__all__ = ["Correlated"]
-
 # Parts of the way from the sampling interval to the record, on a logarithmic scale, from which an estimate starts.
 _STARTS = (0.25, 0.5, 0.75)
 

@@ -16,8 +16,6 @@ from numba import njit
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 
-__all__ = ["FAST", "LANES", "TOGETHER", "exponential", "oscillating", "padded"]
-
 LANES = 32
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 # So many numbers are multiplied before the logarithm of their product is taken.

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from discovery.posterior.instrument import Instrument
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["InputNoise"]
-
 # Smallest angular frequency over the dominant one: a stiffness may be at its bound of zero.
 _SLOWEST = 1e-2
 

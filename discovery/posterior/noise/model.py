@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from discovery.posterior.instrument import Instrument
     from discovery.recordings.experiment import Experiment
 
-__all__ = ["LOG_2PI", "Logistic", "Noise", "NoiseParameter", "seen_by", "share_of"]
-
 LOG_2PI = float(np.log(2 * np.pi))
 
 

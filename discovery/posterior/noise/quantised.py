@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
     from discovery.posterior.instrument import Instrument
 
-__all__ = ["Quantised"]
-
 
 @dataclass(frozen=True)
 class Quantised(Noise):

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
     from discovery.posterior.instrument import Instrument
 
-__all__ = ["StudentT"]
-
 
 @dataclass(frozen=True)
 class StudentT(Noise):

@@ -11,8 +11,6 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 from discovery.posterior.noise.filters import FAST, LANES, TOGETHER, padded
 
-__all__ = ["rounded", "scattered"]
-
 
 @compiled(nogil=True, fastmath=FAST, error_model="numpy")
 def _scattered(residual, factor, total):

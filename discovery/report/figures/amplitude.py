@@ -8,8 +8,6 @@ from discovery.report.results import MODELS, Run
 from discovery.report.style import LINES, Picture, label, new_figure
 from discovery.report.words import deflection_unit
 
-__all__ = ["draw"]
-
 
 def draw(run: Run) -> Picture | None:
     """Return the figure; None where no recording holds a free decay."""

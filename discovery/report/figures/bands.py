@@ -9,8 +9,6 @@ from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import BLUE, GREY, Picture, decimate, label, new_figure
 
-__all__ = ["draw"]
-
 
 def _picture(run: Run, trajectory: Trajectory) -> Picture | None:
     """Return the readings minus the median prediction, in the bands of the reading and of the motion."""

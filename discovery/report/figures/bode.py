@@ -10,8 +10,6 @@ from discovery.report.numbers import unit_text
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import LINES, Picture, label, new_figure, plain_log
 
-__all__ = ["draw", "response"]
-
 #: Segments that a recording is cut into, overlapping by half, and their fewest samples.
 _SEGMENTS, _FEWEST = 6, 128
 #: Part of the strongest line of the input below which it moves too little to tell a response, in power.

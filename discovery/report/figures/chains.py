@@ -11,8 +11,6 @@ from discovery.report.numbers import significant, unit_text
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, Picture, new_figure, quantity_label
 
-__all__ = ["draw"]
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 

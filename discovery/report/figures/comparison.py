@@ -9,8 +9,6 @@ from discovery.report.numbers import scale_for
 from discovery.report.results import Run
 from discovery.report.style import GREY, LINES, Picture, label, new_figure, series, side_label
 
-__all__ = ["draw"]
-
 
 def draw(run: Run) -> Picture | None:
     """Return the first channel of the first held-out recording, of the first one otherwise."""

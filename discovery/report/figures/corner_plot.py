@@ -14,8 +14,6 @@ from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, quantity_label
 from discovery.report.words import prose
 
-__all__ = ["draw"]
-
 _MOST = 8
 _DRAWS = 20_000
 #: Share of a panel at each end that bears no tick.

@@ -9,8 +9,6 @@ from discovery.report.results import Run
 from discovery.report.style import Picture, new_figure, quantity_label
 from discovery.report.words import prose
 
-__all__ = ["draw"]
-
 
 def draw(run: Run) -> Picture | None:
     """Return the matrix of correlation coefficients, each written in its cell."""

@@ -16,8 +16,6 @@ from discovery.report.style import GREY, LINES, Picture, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["correlation", "draw", "fit_per_cent"]
-
 #: Periods of the motion and samples that the lags span at least; the part of the recording that they may not exceed.
 _PERIODS, _FEWEST, _PART = 2.0, 60, 4
 #: Standard normal quantile of a two-sided 99 % band (Ljung, System Identification, 2nd ed., section 16.6).

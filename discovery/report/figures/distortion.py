@@ -8,8 +8,6 @@ from discovery.report.numbers import scale_for
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, ORANGE, RED, SKY, Picture, label, new_figure
 
-__all__ = ["draw"]
-
 _LOOK = {
     "excited": (BLUE, "o", "excited lines"),
     "odd": (RED, "s", "odd lines, not excited"),

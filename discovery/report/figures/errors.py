@@ -12,9 +12,6 @@ from discovery.report.style import BLUE, GREY, RED, Picture, label, new_figure, 
 from discovery.report.words import compared_groups
 from discovery.results.judging import held_group
 
-__all__ = ["draw"]
-
-
 #: Colour, marker, name and place beside its line of each of the two errors.
 _SIDES = ((RED, "s", "before: declared model", -0.13), (BLUE, "o", "after: final model", 0.13))
 

@@ -8,8 +8,6 @@ from discovery.report.results import Run
 from discovery.report.style import BLUE, Picture, new_figure
 from discovery.report.words import prose
 
-__all__ = ["draw"]
-
 _MOST = 12
 
 

@@ -7,8 +7,6 @@ from typing import Any
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREEN, ORANGE, Picture, new_figure
 
-__all__ = ["draw"]
-
 _FORCE = {"color": ORANGE, "linestyle": (0, (4, 1.6))}
 _TORQUE = {"color": GREEN, "linestyle": (0, (1, 1.2))}
 

@@ -13,8 +13,6 @@ from discovery.report.results import Run
 from discovery.report.style import BLUE, GREEN, ORANGE, Picture, label, new_figure
 from discovery.report.words import effect_name, listed
 
-__all__ = ["draw"]
-
 #: Characters of a legend, with four for each line, that one row of a figure holds.
 _ROW = 50
 

@@ -12,8 +12,6 @@ from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, quantity_label
 from discovery.report.words import prose
 
-__all__ = ["draw"]
-
 _BINS = 25
 
 

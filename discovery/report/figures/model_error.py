@@ -9,8 +9,6 @@ from discovery.report.results import Run
 from discovery.report.sentences import verdict_sentence
 from discovery.report.style import BLUE, GREY, RED, Picture, label, new_figure, plain_log
 
-__all__ = ["draw"]
-
 _ROWS = {"before": ("declared model", RED), "after": ("final model", BLUE)}
 #: The axis reaches beyond its sizes by these factors.
 _BELOW, _ABOVE = 0.3, 5.0

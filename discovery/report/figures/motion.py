@@ -8,8 +8,6 @@ from discovery.report.numbers import Scale, scale_for, unit_text
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import BLUE, GREY, RED, Picture, decimate, new_figure, side_label, verbatim
 
-__all__ = ["channel_name", "draw", "draw_deflections", "shown_scale"]
-
 _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection"}
 
 

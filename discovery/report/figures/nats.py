@@ -13,8 +13,6 @@ from discovery.selection.settings import LoopSettings
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["LOSS", "bar", "nats_axis"]
-
 #: Losses beyond this [nats] are drawn at the edge, with an arrow.
 LOSS = -30.0
 #: Gain [nats] from which the axis is logarithmic beyond the odds that decide.

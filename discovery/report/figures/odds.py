@@ -10,8 +10,6 @@ from discovery.report.sentences import chances
 from discovery.report.style import BLUE, ORANGE, Picture, new_figure
 from discovery.report.words import effect_name, listed
 
-__all__ = ["draw"]
-
 
 def draw(run: Run) -> Picture | None:
     """Return the log odds of every effect that was added from the catalogue; None where there is none."""

@@ -10,8 +10,6 @@ from discovery.report.results import Run, Trajectory
 from discovery.report.style import LINES, Picture, label, new_figure
 from discovery.report.words import sentence
 
-__all__ = ["draw", "main_period"]
-
 #: Swings of a recording that are drawn: more would fill the plane.
 _SWINGS = 6
 

@@ -13,8 +13,6 @@ from discovery.report.words import effect_name, listed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw"]
-
 #: Candidates and searches that are drawn; the table has all.
 _MOST, _SEARCHES = 10, 4
 #: Colours of what became of a candidate, and the words for them.

@@ -9,8 +9,6 @@ from discovery.report.numbers import scale_for
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREY, LINES, RED, Picture, decimate, label, new_figure
 
-__all__ = ["draw", "draw_spectrum"]
-
 
 def draw(run: Run) -> Picture | None:
     """Return the residual of the first held-out recording (the first one otherwise), every channel before and after."""

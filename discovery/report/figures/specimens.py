@@ -10,8 +10,6 @@ import numpy as np
 from discovery.report.numbers import unit_text
 from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, quantity_label, verbatim
 
-__all__ = ["draw_specimens"]
-
 #: Parameters that are drawn, cases up to which each is named on the axis, and letters of a name there.
 _PARAMETERS, _NAMED, _LETTERS = 12, 25, 14
 #: Standard deviations of an interval of 95 %.

@@ -15,8 +15,6 @@ from discovery.report.style import BLUE, LINES, Picture, label, new_figure, plai
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw"]
-
 #: Periods of the motion that a zoom shows.
 _ZOOM = 3
 #: Stretches of time of each of which the largest error is shown.

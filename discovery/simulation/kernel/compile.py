@@ -33,8 +33,6 @@ from discovery.simulation.kernel.source import kernel_source
 from discovery.simulation.kernel.text import assignments, printed
 from discovery.simulation.runge_kutta import CLASSICAL, Method, dormand_prince
 
-__all__ = ["Kernel", "compile_kernel", "heard_compiling", "leaps", "numpy_derivative"]
-
 #: No thread may use a module that another is still importing.
 _LOADING = threading.Lock()
 #: Begin of the names of generated modules.

@@ -17,8 +17,6 @@ from collections.abc import Mapping, Sequence
 
 from discovery.simulation.kernel.straight_line import received
 
-__all__ = ["in_rows", "renamed"]
-
 #: Where each number of a state lies between the stages of a step: the label of its row.
 _KEPT = {"y": "Y", "z": "S", "f": "F", "k": "K", "between": "A", "rate": "J", "g": "G", "u": "U", "v": "V"}
 

@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from discovery.simulation.kernel.forgetting import renamed
 from discovery.simulation.runge_kutta import Method
 
-__all__ = ["fused_step"]
-
 _HEAD = "@_inner\n"
 
 

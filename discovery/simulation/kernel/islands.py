@@ -15,8 +15,6 @@ import sympy as sp
 
 from discovery.simulation.kernel.owned_terms import NOBODY, Effects, Piece, Splitter, cost, united
 
-__all__ = ["Loop", "Plan", "plan"]
-
 Assignments = Sequence[tuple[sp.Symbol, sp.Expr]]
 
 

@@ -15,27 +15,6 @@ from numba import njit
 
 from discovery.simulation.kernel.vectormath import atan2, cos, put, sin
 
-__all__ = [
-    "FAST",
-    "PLACES",
-    "begin",
-    "cubic",
-    "hermite",
-    "inner",
-    "keep",
-    "play",
-    "present",
-    "result",
-    "score_late",
-    "score_prompt",
-    "store",
-    "turn",
-    "unread",
-    "wait",
-    "waiting",
-    "workspace",
-]
-
 #: What `at` tells of a kernel: first rows of parameters, states, motion (Y, S, K, F), readings, sums, the largest miss,
 #: times and ages; numbers of parameters, of states, of lanes, and of all.
 PLACES = ("P", "S", "Y", "R", "C", "M", "T", "L", "N_PARAMETERS", "N_STATES", "LANES", "SIZE")

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-__all__ = ["NOBODY", "Effects", "Piece", "Splitter", "cost", "united"]
-
 #: Ids of effects of which any must be present; None for what always runs.
 Effects = frozenset[str] | None
 #: Operations from which an owned part of a sum, or a number that only parameters enter, is worth a name.

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 from discovery.simulation.kernel.straight_line import received
 
-__all__ = ["Layout", "fused_reading", "late_interpolation", "misses", "reading"]
-
 #: Rows of the flat array by what they hold, then by name.
 Layout = Mapping[str, Mapping[str, int]]
 #: Returns the lines of a loop over the lanes, of its body.

@@ -18,8 +18,6 @@ from discovery.simulation.kernel.straight_line import received
 from discovery.simulation.kernel.text import computed, filled
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
-__all__ = ["kernel_source"]
-
 _TEMPLATE = Path(__file__).with_name("template.txt")
 #: Operations below which an effect is evaluated always: loops of its own would cost as much.
 _LEAST = 20

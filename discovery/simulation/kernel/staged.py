@@ -10,8 +10,6 @@ from pathlib import Path
 from discovery.simulation.kernel.forgetting import in_rows
 from discovery.simulation.kernel.text import filled
 
-__all__ = ["staged_step"]
-
 _TEXT = Path(__file__).with_name("stages.txt")
 
 

@@ -17,8 +17,6 @@ from typing import Any
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["received", "straight_line"]
-
 _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,

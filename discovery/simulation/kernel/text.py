@@ -10,8 +10,6 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from discovery.simulation.kernel.owned_terms import Piece
 
-__all__ = ["assignments", "computed", "filled", "printed"]
-
 
 class _Printer(PythonCodePrinter):
     """Prints sympy as Python that both numpy and the compiler read; powers become products."""

@@ -12,8 +12,6 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["atan2", "barrier", "cos", "exp", "put", "rolled", "sin", "sqrt"]
-
 _fast = njit(forceinline=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 
 _TWO_OVER_PI = 2 / math.pi

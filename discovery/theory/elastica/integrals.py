@@ -29,8 +29,6 @@ from scipy.special import elliprd
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
-__all__ = ["TINY", "Bend", "bend", "increasing_root"]
-
 _Equation = Callable[..., tuple[FloatArray, FloatArray]]
 
 _ITERATIONS = 80

@@ -20,8 +20,6 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.theory.elastica.integrals import TINY, bend, increasing_root
 
-__all__ = ["DEFLECTION_MAX", "SMALL_DEFLECTION", "StaticLaw", "fitted_law", "perpendicular_law", "usable_deflections"]
-
 DEFLECTION_MAX = np.pi / 2
 """Largest tip deflection of :func:`perpendicular_law` [rad]; there the force points back along the clamped end."""
 _SMALLEST_DEFLECTION = 1e-3

@@ -13,8 +13,6 @@ from discovery.simulation.grid import DriveLike
 from discovery.theory.arm_motion import check_start, integrate
 from discovery.theory.coupling import Arm
 
-__all__ = ["DrivenMotion", "drive_arm"]
-
 FloatArray = NDArray[np.float64]
 
 

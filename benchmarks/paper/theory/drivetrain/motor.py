@@ -17,8 +17,6 @@ import numpy as np
 
 from discovery.foundation.errors import InputError
 
-__all__ = ["ASSUMED_MOTOR", "Motor", "PositionController"]
-
 
 @dataclass(frozen=True)
 class Motor:

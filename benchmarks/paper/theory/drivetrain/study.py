@@ -36,8 +36,6 @@ from discovery.rigs.rig import PAPER_MODEL, Quantity, Rig
 from discovery.theory.arm_motion import move_arm
 from discovery.theory.coupling import Arm
 
-__all__ = ["GEAR_RATIOS", "PAPER_ARM", "EncoderStudy", "encoder_as_input", "trapezoid_command"]
-
 FloatArray = NDArray[np.float64]
 
 GEAR_RATIOS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)

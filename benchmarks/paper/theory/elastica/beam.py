@@ -11,8 +11,6 @@ from benchmarks.paper.theory.elastica.loads import blockwise, clamp_parameter, f
 from discovery.foundation.errors import InputError
 from discovery.theory.elastica.integrals import bend, increasing_root
 
-__all__ = ["BeamShape", "TipState", "shape_under_load", "tip_under_load"]
-
 FloatArray = npt.NDArray[np.float64]
 
 

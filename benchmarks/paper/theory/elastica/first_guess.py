@@ -17,8 +17,6 @@ from numpy.polynomial.polynomial import polyval2d, polyvander2d
 from benchmarks.paper.theory.elastica.loads import FORCE_MAX, clamp_parameter, fold
 from discovery.theory.elastica.integrals import bend
 
-__all__ = ["first_guess"]
-
 FloatArray = npt.NDArray[np.float64]
 
 # Keeps the root real: on the domain the radial force is above -pi^2 / 4.

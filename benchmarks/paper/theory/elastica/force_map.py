@@ -21,8 +21,6 @@ from benchmarks.paper.theory.elastica.reach import radius_limits
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.theory.elastica.integrals import bend
 
-__all__ = ["PolarForce", "force_components", "load_at_tip"]
-
 FloatArray = npt.NDArray[np.float64]
 
 _ITERATIONS = 30

@@ -11,8 +11,6 @@ import numpy.typing as npt
 from discovery.foundation.errors import InputError
 from discovery.theory.elastica.integrals import TINY, Bend, bend, increasing_root
 
-__all__ = ["FORCE_MAX", "Load", "Slopes", "blockwise", "clamp_parameter", "fold", "slopes"]
-
 FloatArray = npt.NDArray[np.float64]
 
 FORCE_MAX = 1e4

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from benchmarks.paper.theory.elastica.loads import blockwise, clamp_parameter, fold, slopes
 from discovery.theory.elastica.integrals import Bend, bend
 
-__all__ = ["PolarSlopes", "polar_compliance", "polar_force", "polar_slopes"]
-
 FloatArray = npt.NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ from benchmarks.paper.theory.elastica.loads import FORCE_MAX, clamp_parameter, f
 from discovery.foundation.errors import InputError
 from discovery.theory.elastica.integrals import TINY, bend, increasing_root
 
-__all__ = ["radius_limits"]
-
 FloatArray = npt.NDArray[np.float64]
 
 

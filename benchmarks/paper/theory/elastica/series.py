@@ -25,8 +25,6 @@ from discovery.foundation.errors import InputError
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = ["ElasticaSeries", "elastica_series"]
-
 
 @dataclass(frozen=True)
 class ElasticaSeries:

@@ -15,8 +15,6 @@ from benchmarks.paper.theory.elastica.series import elastica_series
 if TYPE_CHECKING:
     import sympy as sp
 
-__all__ = ["StaticSeries", "static_series", "taylor"]
-
 
 @dataclass(frozen=True)
 class StaticSeries:

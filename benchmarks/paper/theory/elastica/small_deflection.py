@@ -15,8 +15,6 @@ import numpy.typing as npt
 from benchmarks.paper.theory.elastica.beam import BeamShape
 from discovery.foundation.errors import InputError
 
-__all__ = ["small_deflection_shape", "small_deflection_tip"]
-
 FloatArray = npt.NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from discovery.mechanics import get_base
 from discovery.simulation.grid import DriveLike
 from discovery.simulation.simulate import Simulator, check_finite
 
-__all__ = ["ROD_SHARE", "TipDistance", "distance_to_rod", "tip_distance"]
-
 FloatArray = npt.NDArray[np.float64]
 
 ROD_SHARE = 33 / 140

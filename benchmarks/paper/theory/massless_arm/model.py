@@ -24,8 +24,6 @@ import numpy.typing as npt
 from benchmarks.paper.theory.massless_arm.potential import tip_potential
 from discovery.foundation.errors import InputError
 
-__all__ = ["GeneralModel", "GeneralMotion", "cartesian_acceleration"]
-
 FloatArray = npt.NDArray[np.float64]
 
 

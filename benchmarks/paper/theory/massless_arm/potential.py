@@ -22,8 +22,6 @@ from numpy.polynomial import chebyshev, legendre
 
 from discovery.foundation.errors import ComputationError
 
-__all__ = ["DEFLECTION_LIMIT", "RADIAL_LIMITS", "TipPotential", "tip_potential"]
-
 FloatArray = npt.NDArray[np.float64]
 
 DEFLECTION_LIMIT = 1.4

@@ -36,8 +36,6 @@ import numpy.typing as npt
 
 from benchmarks.paper.theory.massless_arm.potential import DEFLECTION_LIMIT, RADIAL_LIMITS, TipPotential, tip_potential
 
-__all__ = ["STAGES", "Path", "integrate_tip"]
-
 FloatArray = npt.NDArray[np.float64]
 
 _R = np.sqrt(6.0)

@@ -11,8 +11,6 @@ from benchmarks.paper.theory.massless_arm.radau import STAGES, integrate_tip
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.simulation.grid import DriveLike, Grid
 
-__all__ = ["simulate_general"]
-
 FloatArray = npt.NDArray[np.float64]
 
 _ITERATIONS = 20  # each gains two digits
