@@ -20,9 +20,9 @@ from discovery.declarations.registry import catalogue
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.sentences import OUTCOMES
 from discovery.rigs import rig_schema
-from discovery.rigs.system_table import Table
 from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig_file import read_rig
+from discovery.rigs.system_table import Table
 from discovery.runs.loop_result import ModelErrorReport
 from discovery.selection.decision import Candidacy, Decision
 from discovery.selection.odds import Odds
