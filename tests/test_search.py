@@ -321,6 +321,22 @@ def test_what_laws_idealise_is_there_whatever_the_error() -> None:
     assert _against(0.2, 0.0, 0.1, -60.0) == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize("share", [0.5, 1.0, 2.0])
+def test_beside_laws_an_effect_moves_more_than_they_may_leave(share: float) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    smaller = search.neighbours.without(search.best, "coulomb_friction")
+    # Nothing is held out, and no model error is left.
+    sets = [
+        dataclasses.replace(
+            c, evidence=dataclasses.replace(c.evidence, error=0.0, chi2_held=0.0, count_held=0, nil=-99.0)
+        )
+        for c in (search.best, smaller, search.root)
+    ]
+    moved = np.sqrt((sets[1].chi2 - sets[0].chi2) / (sets[2].chi2 - sets[1].chi2))
+    settings = LoopSettings(law=float(moved / share))
+    assert odds_of(*sets, settings).against_error == pytest.approx(share**2 * settings.nats)
+
+
 @pytest.mark.parametrize(("dry", "code"), [(0.02, "accepted"), (0.0, "training")])
 def test_a_pair_is_accepted_only_if_neither_is_needless(dry: float, code: str) -> None:
     search = begun(context(beta=1.0, f_c=dry))

@@ -3,8 +3,8 @@
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
 the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2; where none is
-likelier, those odds count beside. A share of what laws moved is model error too. Held out it must gain half the nats,
-also by the estimate alone; it stays until it loses them.
+likelier, those odds count beside. It must also move more than the share that accepted laws may leave of what they moved.
+Held out it must gain half the nats, also by the estimate alone; it stays until it loses them.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
         sizes = [_sizes(larger, smaller, root, settings, judged=judged) for judged in (False, True)]
         form, nil = _form(larger, smaller, settings), larger.evidence.nil
         size = max(moved / float(np.hypot(error, laws)) for moved, error, laws in sizes)
-        against = max(_against(moved / form, error, laws, nil) for moved, error, laws in sizes)
+        against = max(_against(moved, form * error, laws, nil) for moved, error, laws in sizes)
     train, held, ahead = (float(np.nan_to_num(v, nan=-np.inf, posinf=np.inf, neginf=-np.inf)) for v in gains)
     return Odds(train, held, ahead, size, against, float(smaller.chi2 - larger.chi2))
 
@@ -101,9 +101,10 @@ def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> floa
 def _sizes(
     larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool
 ) -> tuple[float, float, float]:
-    """Return how far a set moves the residual, the model error that it leaves, and what its laws idealise, all rms.
+    """Return how far a set moves the residual, the model error that it leaves, and what laws are expected to, all rms.
 
     In training, or in training and held-out recordings together: an effect may show in the larger motion of either.
+    One effect could take all that laws leave: where it moves as much as the share `law`, its odds are the nats.
     """
     parts = [(c.chi2, c.refit.problem.bench.n_data, c.evidence.error) for c in (larger, smaller, root)]
     if judged:
@@ -112,7 +113,8 @@ def _sizes(
         parts = [(q + r, n + m, np.sqrt((n * a**2 + m * b**2) / (n + m))) for (q, n, a), (r, m, b) in both]
     (chi2, n_data, error), (without, *_), (bare, *_) = parts
     moved, before = (float(np.sqrt(max(gain, 0.0) / n_data)) for gain in (without - chi2, bare - without))
-    return moved, float(error), max(settings.law_of(larger.model) * before, 1e-12)
+    laws = settings.law_of(larger.model) * before / np.sqrt(2 * settings.nats)
+    return moved, float(error), max(float(laws), 1e-12)
 
 
 def _against(moved: float, error: float, laws: float, nil: float) -> float:

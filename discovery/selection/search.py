@@ -177,6 +177,8 @@ class Search:
             return False
         self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
         self.best, self.root, self.neighbours = other, root, Neighbours(self.context, self.offers, root)
+        for effect in other.added:  # another may have looked like it on what they approximate
+            self._exchange(effect, self.neighbours.without(self.best, effect))
         return True
 
     def _is_complete(self) -> bool:
@@ -217,11 +219,11 @@ class Search:
         return self._take(pliable) or self._take(pairs)
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
-        """Return the refused sets that gain most in training and leave less: each may be half of a pair."""
+        """Return the refused sets that gain in training, leave less and promise most: each may be half of a pair."""
         settings = self.context.settings
-        gains = {c: c.evidence.train - self.best.evidence.train for c in offered if c.chi2 < self.best.chi2}
-        worth = [c for c in gains if gains[c] > _WORTH * settings.nats and self.neighbours.affords(c)]
-        return sorted(worth, key=lambda c: -gains[c])[: settings.budget.beam]
+        gains = {c: odds_of(c, self.best, self.root, settings) for c in offered if c.chi2 < self.best.chi2}
+        worth = [c for c in gains if gains[c].train > _WORTH * settings.nats and self.neighbours.affords(c)]
+        return sorted(worth, key=lambda c: -(gains[c].train + gains[c].predicted))[: settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
         """Make the most likely set that is accepted the best one."""
