@@ -9,35 +9,16 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from discovery.declarations.effect import first_sentence
-from discovery.declarations.registry import catalogue, effect_name, get_effect
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.registry import effect_name as effect_name
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
-from discovery.report.numbers import Scale, listed, power_of_ten, scale_for_change, uncertain, unit_text
+from discovery.report.numbers import Scale, power_of_ten, scale_for_change, uncertain, unit_text
+from discovery.report.numbers import listed as listed
 from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
 from discovery.results.judging import held_group
-
-__all__ = [
-    "FITS",
-    "GEOMETRY_SOURCES",
-    "LAWS",
-    "MASSES",
-    "clause",
-    "compared_groups",
-    "deflection_unit",
-    "effect_name",
-    "effect_title",
-    "error_groups",
-    "error_scale",
-    "headline",
-    "listed",
-    "origin",
-    "page_prose",
-    "prose",
-    "sentence",
-    "values_text",
-]
 
 #: Where the steps of the mechanics come from, which are no entries of the catalogue.
 GEOMETRY_SOURCES = {name: step.cite for name, step in UPGRADES.items()}
