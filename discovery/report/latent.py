@@ -156,7 +156,7 @@ def dependence_table(run: Run) -> Table | None:
         "variables that predict nearly as much as the best."
     )
     head, keys = ("depends on", "predicted share", "p value", ""), ("variables", "share", "p_value", "chosen")
-    return Table("force_dependence", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 3))
+    return Table("force_dependence", caption, head, cells, keys, raw, text=(0, 3))
 
 
 def patches_table(run: Run) -> Table | None:
@@ -177,7 +177,7 @@ def patches_table(run: Run) -> Table | None:
     caption = (
         "Laws of the missing force, run freely on the held-out recordings. A patch describes; it explains nothing."
     )
-    return Table("patches", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 4, 5))
+    return Table("patches", caption, head, cells, keys, raw, text=(0, 1, 4, 5))
 
 
 def sentences(run: Run) -> list[str]:

@@ -41,7 +41,7 @@ def recordings_table(run: Run) -> Table:
         raw.append([" ".join(r[k]) if k == "channels" else r[k] for k in keys])
     largest = f"largest {'deflection' if run.system.has_rod else run.output_name if run.reads_coordinate else 'motion'}"
     head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")
-    return Table("recordings", "Recordings.", header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2))
+    return Table("recordings", "Recordings.", head, cells, keys, raw, text=(0, 1, 2))
 
 
 def _largest(value: float, unit: str) -> str:

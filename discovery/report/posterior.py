@@ -64,7 +64,7 @@ def priors_table(run: Run) -> Table | None:
         "Then the draws reweighted to priors that are all half and twice as wide: how far the mean moves, in posterior "
         "standard deviations, and how the standard deviation changes. Leans: either by more than 0.2."
     )
-    return Table("priors", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
+    return Table("priors", caption, head, cells, keys, raw, text=(0, 1))
 
 
 def prior_sentence(run: Run) -> str:
@@ -90,14 +90,12 @@ def profiles_table(run: Run) -> Table | None:
         ends = [interval(*p["interval"]) if None not in p["interval"] else _open(p["interval"])]
         cells.append([symbol_of(p["name"]), *ends, interval(r["q05"], r["q95"])])
         raw.append([p["name"], *p["interval"], r["q05"], r["q95"]])
-    return Table(
-        "profiles",
-        "90 % intervals of the profile likelihood, errors of the readings taken as independent, and of the posterior.",
-        ("", "profile likelihood", "posterior"),
-        cells,
-        ("name", "profile_low", "profile_high", "q05", "q95"),
-        raw,
+    head = ("", "profile likelihood", "posterior")
+    keys = ("name", "profile_low", "profile_high", "q05", "q95")
+    caption = (
+        "90 % intervals of the profile likelihood, errors of the readings taken as independent, and of the posterior."
     )
+    return Table("profiles", caption, head, cells, keys, raw)
 
 
 def _open(ends: list[float | None]) -> str:
@@ -134,7 +132,7 @@ def coverage_table(run: Run) -> Table | None:
         "Coverage: readings within the 90 % band of the posterior’s free-run predictions, noise included; about 90 % "
         "where model and noise are right. Of what is held out only the initial state was fitted."
     )
-    return Table("coverage", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2))
+    return Table("coverage", caption, head, cells, keys, raw, text=(0, 1, 2))
 
 
 def models_table(run: Run) -> Table | None:
@@ -169,4 +167,4 @@ def models_table(run: Run) -> Table | None:
             f"{effect_name(found['held_out_prefers'])} is best."
         )
     raw = [[m[k] for k in keys] for m in found["models"]]
-    return Table("model_evidence", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
+    return Table("model_evidence", caption, head, cells, keys, raw, text=(0, 1))
