@@ -37,7 +37,7 @@ def say_loop(result: LoopResult) -> None:
 
 def say_failed(content: Mapping[str, Any]) -> None:
     """Say why a declared model has no fit, and what would help."""
-    from discovery.report.failure_sentences import failure_sentence, remedy_sentence
+    from discovery.report.caution_sentences import failure_sentence, remedy_sentence
 
     click.echo(f"verdict: {content['verdict']}")
     click.echo(f"failed: {failure_sentence(content['failure'])}")

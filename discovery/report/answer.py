@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from discovery.report.declared_formulas import known_constants
-from discovery.report.energies import meanings
+from discovery.report.effect_formulas import meanings
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters, unit_of
 from discovery.report.latex import latex

@@ -1,8 +1,8 @@
-"""What effects declare, as formulas: energies, powers, laws, and what the instrument reports."""
+"""What effects declare, as formulas: energies, powers, laws, what the instrument reports; energies with numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import sympy as sp
@@ -11,12 +11,29 @@ from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect
 from discovery.declarations.systems import System
 from discovery.equations.contributions import radius_of
-from discovery.report.mathml import row, symbol
+from discovery.report.mathml import inline, row, symbol
 from discovery.report.mathml_expression import expression
 
 #: Letters of the energies, and of the power of a load or a memory; a mode has none.
 LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
 NEXT = '<mo>,</mo><mspace width="1em"/>'
+#: The energies in words, in their order.
+_WORDS = {
+    "T": "Kinetic energy that the effects add",
+    "V": "Potential energy",
+    "D": "Dissipation",
+    "P": "Power of the loads",
+}
+#: What the symbols of an arm's equation are.
+_MEANINGS = {
+    "T": "is the kinetic energy of the rod and the tip",
+    "U": "the elastic energy of the rod per unit of stiffness",
+    "q_k": "the curvature modes of the rod",
+    "Q_k": "the generalized forces",
+    "v_t": "the speed of the tip",
+    "x_g": "the first moment of the mass along x, in lengths of the arm",
+    "y_g": "that along y",
+}
 
 
 def coordinate_name(system: str) -> str:
@@ -144,3 +161,42 @@ def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u"
         read = effect.read(*read)
     told = ("x_read", "y_read") if arm else names[2:]
     return row(NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(told, read, strict=True)))
+
+
+def meanings(shown: str) -> str:
+    """Return what the symbols mean that are in formulas, as the HTML of a sentence without its end."""
+    parts = {n: symbol(n).removeprefix("<msub>").removesuffix("</msub>") for n in _MEANINGS}
+    return ", ".join(f"{inline(symbol(n))} {words}" for n, words in _MEANINGS.items() if parts[n] in shown)
+
+
+def are_summed(effect: Effect) -> bool:
+    """Return whether what an effect declares is a part of one of the energies."""
+    return effect.kind in LETTERS and effect.kind != "memory" and getattr(effect, "on", None) is None
+
+
+def summed(effects: Sequence[Effect], system: str, values: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Return words and MathML for each energy to which effects that `are_summed` add, with numbers by name."""
+    terms: dict[str, list[str]] = {}
+    for effect in effects:
+        terms.setdefault(LETTERS[effect.kind], []).extend(_terms(effect, coordinate_name(system), values))
+    found = []
+    for letter, (first, *others) in sorted(terms.items(), key=lambda item: list(_WORDS).index(item[0])):
+        # The mechanics have a kinetic energy of their own.
+        whole = symbol("T_0") if letter == "T" else first
+        rest = [first, *others] if letter == "T" else others
+        found.append((_WORDS[letter], equal(symbol(letter), row(whole, *map(signed, rest)))))
+    return found
+
+
+def _terms(effect: Effect, coordinate: str, values: Mapping[str, float]) -> list[str]:
+    declared = effect.expression()  # type: ignore[attr-defined]
+    known = {x: sp.Float(values[x.name]) for x in declared.free_symbols if x.name in values}
+    told = declared.xreplace(known)
+    # A law of another form is read best as it is declared.
+    polynomial = told.is_polynomial(*sorted(told.free_symbols, key=str))
+    told = sp.expand(told) if polynomial else declared
+    parts = [rounded_factors(part) for part in told.as_ordered_terms()]
+    if getattr(effect, "local", False):
+        others = [signed(expression(part, coordinate)) for part in parts[1:]]
+        return [along_the_rod(row(expression(parts[0], coordinate), *others))]
+    return [expression(part, coordinate) for part in parts]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from discovery.report.caution_sentences import failure_sentence, remedy_sentence
 from discovery.report.equations import model_formulas
-from discovery.report.failure_sentences import failure_sentence, remedy_sentence
 from discovery.report.figures import motion
 from discovery.report.measures import recordings_table
 from discovery.report.results import Run

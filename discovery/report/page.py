@@ -11,10 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 from discovery.foundation.arguments import as_path
 from discovery.foundation.io import atomic_write
-from discovery.report import ambiguity, answer, convergence, evidence, latent, measures, noise, posterior, story
+from discovery.report import ambiguity, answer, evidence, latent, measures, noise, posterior, story
 from discovery.report.charts import chart_data
-from discovery.report.drive import drive_words
-from discovery.report.equations import model_formulas
+from discovery.report.equations import (
+    drive_words,
+    found_terms,
+    model_formulas,
+    regression_equation,
+    standing,
+    three_terms,
+)
 from discovery.report.estimates import (
     elastica_table,
     final_table,
@@ -29,7 +35,6 @@ from discovery.report.latex import latex
 from discovery.report.model_error_sentences import model_error_words
 from discovery.report.numbers import interval, significant, uncertain, unit_text
 from discovery.report.references import methods_used, sources_table
-from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
 from discovery.report.scripts import policy, scripts, sheet
 from discovery.report.sentences import effect_sentence, lead_sentence, refutations, verdict_sentence
@@ -154,7 +159,7 @@ def _tables(run: Run) -> dict[str, Table]:
         posterior.profiles_table(run),
         posterior.priors_table(run),
         posterior.coverage_table(run),
-        convergence.diagnostics_table(run),
+        posterior.diagnostics_table(run),
         noise.noise_table(run),
         posterior.models_table(run),
         elastica_table(run) if r.get("elastica") and r["elastica"]["comparison"] else None,
@@ -278,7 +283,7 @@ def _posterior_part(run: Run) -> dict[str, Any]:
         "whole": run.is_whole,
         "noise_differs": noise.noise_differs(run),
         "noise": noise.noise_sentence(run),
-        "converged": convergence.convergence_sentence(run),
+        "converged": posterior.convergence_sentence(run),
         "leans": posterior.prior_sentence(run),
         "correlated": posterior.correlation_sentences(run),
     }

@@ -11,8 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from discovery.report.formula import formula
-from discovery.report.mathml import inline, symbol
+from discovery.report.mathml import formula, inline, symbol
 
 #: Cells of a page are text or ready markup; those of a CSV file plain values.
 Cell = str | Markup
