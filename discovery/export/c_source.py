@@ -12,11 +12,9 @@ from sympy.printing.c import C99CodePrinter
 
 from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import comment, composition, initial_states, origin
 from discovery.export.source import integration_step
-from discovery.export.source_text import input_words
+from discovery.export.source_text import comment, composition, filled, indented, initial_states, input_words, origin
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, needed, program_of
-from discovery.export.templates import filled, indented
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:

@@ -12,9 +12,8 @@ import sympy as sp
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import comment, composition, origin
+from discovery.export.source_text import comment, composition, filled, origin
 from discovery.export.symbolic import program_of
-from discovery.export.templates import filled
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.simulation.kernel.compile import numpy_derivative

@@ -19,9 +19,8 @@ from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.export.c_source import to_c
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import composition, origin
 from discovery.export.source import integration_step
-from discovery.export.templates import filled
+from discovery.export.source_text import composition, filled, origin
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import sympy as sp
 from sympy.printing.str import StrPrinter
 
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import composition, docstring, origin
+from discovery.export.source_text import composition, docstring, origin
 from discovery.export.symbolic import SymbolicModel, in_parts, to_sympy
 
 if TYPE_CHECKING:
