@@ -123,20 +123,11 @@ def feed_forward(
 ) -> FeedForward:
     """Return what a drive or an oscillator must be told for a wanted motion.
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        The model: a body that a command pushes (`oscillator`, `accelerometer`, `servo`), or a recorded force.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source`.
-    largest_rate, largest_position : float
-        Ends of the tables [q/s], [q], positive.
+    Its model is one of a body that a command pushes (`oscillator`, `accelerometer`, `servo`), or of a recorded force;
+    `values` replace numbers of `source`. The tables end at the largest rate [q/s] and the largest position [q].
 
-    Raises
-    ------
-    InputError
-        If nothing pushes the body by a command, the command does not move it, no friction is named, or an end of a
-        table is not positive.
+    InputError if nothing pushes the body by a command, the command does not move it, no friction is named, or an end of
+    a table is not positive.
     """
     found = fitted_model(source, values)
     if not (0 < largest_rate < np.inf and 0 < largest_position < np.inf):

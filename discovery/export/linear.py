@@ -225,32 +225,18 @@ def linearise(
 ) -> LinearModel:
     """Return a model linearised at an operating point.
 
-    The input of an arm, and every other input that is a motion, is its acceleration; its angle and rate are states.
+    The input of an arm, and every other input that is a motion, is its acceleration; its angle and rate are states. The
+    point has a `deflection` [q], that of the equilibrium at the held input otherwise, a `speed` [q/s], at which
+    friction is taken, and the input `held`: the angle of the motor [rad], or the force. `values` replace numbers of
+    `source` [SI, radians]. Standard deviations follow from the covariance of a fit, or from `draws` (k,) of a
+    posterior, by parameter.
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        What to linearise; the covariance of a fit gives standard deviations.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-    deflection : float, optional
-        Of the operating point [q]; its equilibrium at the held input otherwise.
-    speed : float
-        Rate there [q/s]: friction is that at this speed.
-    held : float
-        Input there: the angle of the motor [rad], or the force.
-    amplitude, frequency : float, optional
-        Of a harmonic motion [q], [rad/s]. Forces are then replaced by their describing functions, in phase with the
-        motion and with its rate (A. Gelb and W. E. Vander Velde, Multiple-Input Describing Functions, 1968, section
-        2.2); of systems with one coordinate only.
-    draws : mapping of str to ndarray, shape (k,), optional
-        Draws of a posterior, by parameter, in place of the covariance.
+    Of a harmonic motion with an `amplitude` [q] and a `frequency` [rad/s], in a system with one coordinate, forces are
+    replaced by their describing functions, in phase with the motion and with its rate (A. Gelb and W. E. Vander Velde,
+    Multiple-Input Describing Functions, 1968, section 2.2).
 
-    Raises
-    ------
-    InputError
-        If a parameter has no value, there is no equilibrium, an amplitude comes without a frequency, or a describing
-        function is asked of a system with more than one coordinate.
+    InputError if a parameter has no value, there is no equilibrium, an amplitude comes without a frequency, or a
+    describing function is asked of a system with more than one coordinate.
     """
     found = fitted_model(source, values)
     _refuse_cycle(found.model, amplitude, frequency)
