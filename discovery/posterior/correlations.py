@@ -23,16 +23,9 @@ _REACH, _MOST = 6.0, 60
 
 @dataclass(frozen=True)
 class Correlations:
-    """Correlations of the physical parameters and of the noise.
+    """Correlation coefficients `matrix` (d, d) of the draws of the physical parameters and of the noise, by `names`.
 
-    Parameters
-    ----------
-    names : tuple of str
-        The quantities.
-    matrix : ndarray, shape (d, d)
-        Correlation coefficients of the draws.
-    meanings : mapping of (str, str) to str
-        What two parameters share, of those pairs whose correlation is at least `NOTABLE`, the strongest first.
+    `meanings` says what two parameters share, of pairs whose correlation is at least `NOTABLE`, the strongest first.
     """
 
     names: tuple[str, ...]
@@ -78,16 +71,10 @@ def _meaning(posterior: Posterior, first: str, second: str) -> str:
 
 @dataclass(frozen=True)
 class Autocorrelation:
-    """Autocorrelation functions of the physical parameters and of the noise.
+    """Autocorrelation functions of the physical parameters and of the noise, at `lags` (k,) [steps].
 
-    Parameters
-    ----------
-    lags : ndarray, shape (k,)
-        [steps].
-    functions : mapping of str to ndarray, shape (ensembles, k)
-        Mean over the walkers of each ensemble; 1 at lag 0.
-    tau : mapping of str to float
-        Integrated autocorrelation time [steps].
+    `functions`, by name, are means over the walkers of each ensemble (ensembles, k), 1 at lag 0; `tau` are their
+    integrated autocorrelation times [steps].
     """
 
     lags: FloatArray

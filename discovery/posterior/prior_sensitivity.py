@@ -29,20 +29,10 @@ _FEWEST = 100
 class PriorEffect:
     """Prior against posterior of one parameter, and what other widths of all priors would do to it.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    prior_sd : float
-        Standard deviation of the prior within its bounds [SI].
-    contraction : float
-        1 - var_post / var_prior: 1 where the recordings say all, 0 where the prior does.
-    shift : mapping of float to float
-        By factor: change of the mean, in posterior standard deviations.
-    sd_ratio : mapping of float to float
-        By factor: new standard deviation over the old one.
-    effective : mapping of float to float
-        By factor: share of the draws that still counts.
+    `prior_sd` is the prior's standard deviation within its bounds [SI], `contraction` 1 - var_post / var_prior: 1 where
+    the recordings say all, 0 where the prior does. By factor of the widths: `shift`, the change of the mean in
+    posterior standard deviations, `sd_ratio`, the new standard deviation over the old one, and `effective`, the share
+    of the draws that still counts.
     """
 
     name: str

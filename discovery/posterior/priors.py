@@ -24,17 +24,7 @@ _ATTEMPTS = 100
 
 @dataclass(frozen=True)
 class MarginalPrior:
-    """Prior of one parameter, cut off at its bounds.
-
-    Parameters
-    ----------
-    prior : Prior
-        As declared, or as the rig states it.
-    unit : float
-        Unit of the prior [SI].
-    bounds : tuple of float
-        Lower and upper bound [SI].
-    """
+    """Prior of one parameter, as declared or as the rig states it, in its `unit` [SI], cut off at `bounds` [SI]."""
 
     prior: Prior
     unit: float
@@ -109,12 +99,9 @@ def marginal_priors(target: LogPosterior) -> dict[str, MarginalPrior]:
 
 
 def prior_draws(target: LogPosterior, count: int, rng: Generator) -> dict[str, FloatArray]:
-    """Return independent draws from the priors, cut off at the parameters' bounds.
+    """Return so many independent draws from the priors, cut off at the parameters' bounds, by name in SI units.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (count,)
-        In SI units; quantities whose prior is no distribution, flat without bounds, are left out.
+    Quantities whose prior is no distribution, flat without bounds, are left out.
     """
     problem = target.problem
     noise = [NOISE_PRIOR] * len(target.instruments) + [p.prior for model in target.models for p in model.parameters]

@@ -57,10 +57,7 @@ def replicated(
 ) -> list[Replicated]:
     """Return the fitted readings of recordings beside what draws (k,) of every quantity make of them.
 
-    Raises
-    ------
-    InputError
-        For a recording that was not fitted, or channels whose noise was not sampled.
+    InputError for a recording that was not fitted, or channels whose noise was not sampled.
     """
     for experiment in experiments:
         _check_fitted(posterior, experiment)
