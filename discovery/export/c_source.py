@@ -166,27 +166,12 @@ def to_c(
 ) -> tuple[str, str]:
     """Return a model as C99, a header and a source that need the mathematical library alone and allocate nothing.
 
-    They declare the parameters, ``derivative``, ``reading``, ``lateness``, ``initial_state``, and for a motion
-    ``start``, ``step`` (the kernel's Runge-Kutta step), ``read`` (the instrument, also a late one) and ``simulate``.
+    They are the texts of ``NAME.h`` and ``NAME.c``, and all names in them begin with `name`. They declare the
+    parameters, ``derivative``, ``reading``, ``lateness``, ``initial_state``, and for a motion ``start``, ``step`` (the
+    kernel's Runge-Kutta step), ``read`` (the instrument, also a late one) and ``simulate``. `values` replace those of
+    `source` [SI, radians].
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        What to export.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-    name : str
-        Name of the header, and what all names begin with.
-
-    Returns
-    -------
-    tuple of str
-        Text of ``NAME.h`` and of ``NAME.c``.
-
-    Raises
-    ------
-    InputError
-        If a parameter has no value, or the name is none in C.
+    InputError if a parameter has no value, or the name is none in C.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InputError(f"{name!r} is no name in C; take small letters, digits and underscores, a letter first.")

@@ -111,24 +111,10 @@ def to_fmu(source: FittedModel | Fit | Model, values: Mapping[str, float] | None
     """Return a model as an FMU for co-simulation: the exported C with its interface of FMI 2.0, compiled if possible.
 
     It needs no Python. The library is that of the platform on which it is written, where that has a C compiler; the
-    sources are in the archive for all others.
+    sources are in the archive for all others. The archive is the same for the same model and compiler. `values` replace
+    those of `source` [SI, radians].
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        What to export.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-
-    Returns
-    -------
-    bytes
-        Of the archive, the same for the same model and compiler.
-
-    Raises
-    ------
-    InputError
-        If a parameter has no value, or the compiler fails.
+    InputError if a parameter has no value, or the compiler fails.
     """
     found = fitted_model(source, values)
     header, body = to_c(found)

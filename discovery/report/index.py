@@ -47,12 +47,7 @@ def build_index(folder: Path) -> Path:
 
     Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
     ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side, ``closed_loop``
-    the controllers.
-
-    Raises
-    ------
-    InputError
-        If no subfolder holds results.
+    the controllers. InputError if no subfolder holds results.
     """
     whole = [read_run(p.parent) for p in sorted(folder.glob("*/results.json"))]
     loops = [p.parent for p in sorted(folder.glob("*/loop.json")) if not (p.parent / "results.json").exists()]

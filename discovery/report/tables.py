@@ -22,27 +22,12 @@ _HEAD = 'th scope="col"'
 
 @dataclass(frozen=True)
 class Table:
-    """One table of the page and its CSV file.
+    """One table of the page, and its CSV file with the stem `name`.
 
-    Parameters
-    ----------
-    name : str
-        Stem of the CSV file.
-    caption : str
-        What it holds, units and intervals included.
-    header : tuple of str or Markup
-        Column heads of the page.
-    rows : sequence of sequence of str or Markup
-        Rounded cells.
-    raw_header : tuple of str
-        Column names of the CSV file.
-    raw_rows : sequence of sequence
-        The same numbers unrounded, as the result file has them.
-    text : tuple of int
-        Columns of words, set to the left; the others hold numbers.
-    narrow : tuple of int
-        All columns in the order in which a narrow screen shows them, each row a paragraph; empty for a table that
-        scrolls there.
+    The `caption` says what it holds, units and intervals included. `header` and `rows` are of the page, rounded;
+    `raw_header` and `raw_rows` of the CSV file, as the result file has them. Columns of words, `text`, are set to the
+    left, the others hold numbers. `narrow` are all columns in the order in which a narrow screen shows them, each row a
+    paragraph; empty for a table that scrolls there.
     """
 
     name: str
