@@ -24,11 +24,15 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, GREY = "#CC79A7", "#56B4E9", "#4D4D4D"
+#: A limit, a level or a size beside what is drawn.
+MARK: dict[str, Any] = {"color": GREY, "linestyle": (0, (5, 2)), "linewidth": 1.0}
+#: Dashes of lines that lie on others.
+DASHED, DOTTED = (0, (4, 1.6)), (0, (1, 1.2))
 #: Every model looks the same in every figure: colour, dashes and width all differ.
 LINES: dict[str, dict[str, Any]] = {
     "measured": {"color": "black", "linestyle": "none", "marker": ".", "markersize": 2.5, "label": "measured"},
-    "linear": {"color": ORANGE, "linestyle": (0, (1, 1.2)), "linewidth": 1.3, "label": "linear model"},
-    "before": {"color": RED, "linestyle": (0, (4, 1.6)), "linewidth": 1.2, "label": "before: declared model"},
+    "linear": {"color": ORANGE, "linestyle": DOTTED, "linewidth": 1.3, "label": "linear model"},
+    "before": {"color": RED, "linestyle": DASHED, "linewidth": 1.2, "label": "before: declared model"},
     "after": {"color": BLUE, "linestyle": "-", "linewidth": 1.0, "label": "after: final model"},
 }
 #: Measured points that a panel shows.
