@@ -179,7 +179,8 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
 
 def error_bars(run: Run) -> dict[str, Any]:
     """Return the error of every group before and after, with where each lies between the smallest and the largest."""
-    errors, scale, groups = run.loop["errors"], error_scale(run), compared_groups(run)
+    errors, groups = run.loop["errors"], compared_groups(run)
+    scale = error_scale(errors)
     floor = errors["noise_floor"]
     sizes = {g: [errors[w][g]["rms"] for w in ("before", "after")] for g in groups}
     known = [v for pair in sizes.values() for v in (*pair, floor) if v and math.isfinite(v)]

@@ -146,7 +146,7 @@ def models_table(run: Run) -> Table | None:
     found = run.results.get("evidence")
     if not found:
         return None
-    scale = error_scale(run)
+    scale = error_scale(run.loop["errors"])
     cells: list[list[Cell]] = []
     keys = ("name", "noise", "behind", "error", "pareto_k", "free", "held_out")
     for m in found["models"]:

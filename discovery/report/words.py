@@ -147,9 +147,8 @@ def compared_groups(run: Run) -> dict[str, str]:
     return {group: name for group, name in names.items() if group != "holdout" or "holdout_inside" not in names}
 
 
-def error_scale(run: Run) -> Scale:
-    """Return the unit in which the run's errors are printed."""
-    errors = run.loop["errors"]
+def error_scale(errors: Mapping[str, Any]) -> Scale:
+    """Return the unit in which the errors of a loop are printed."""
     group = held_group(errors)
     return scale_for_change(errors["unit"], *(errors[when][group]["rms"] for when in ("before", "after")))
 
@@ -175,8 +174,8 @@ def headline(run: Run) -> str:
 
 def _errors_in_words(run: Run) -> tuple[str, str, str]:
     """Return the error that is left, the noise floor, and how the error changed."""
-    errors, scale = run.loop["errors"], error_scale(run)
-    group = held_group(errors)
+    errors = run.loop["errors"]
+    group, scale = held_group(errors), error_scale(errors)
     before, after = (scale.text(errors[k][group]["rms"]) for k in ("before", "after"))
     floor = scale.quantity(errors["noise_floor"])
     seen = {
