@@ -13,7 +13,7 @@ from discovery.foundation.arguments import as_path
 from discovery.foundation.io import atomic_write
 from discovery.report import ambiguity, answer, evidence, latent, measures, noise, posterior, story
 from discovery.report.caution_sentences import failure_sentence, remedy_sentence
-from discovery.report.charts import chart_data
+from discovery.report.charts import chart_data, policy, scripts, sheet
 from discovery.report.equations import (
     drive_words,
     found_terms,
@@ -29,7 +29,6 @@ from discovery.report.model_error_sentences import model_error_words
 from discovery.report.numbers import interval, significant
 from discovery.report.references import methods_used, sources_table
 from discovery.report.results import Run, read_run
-from discovery.report.scripts import policy, scripts, sheet
 from discovery.report.sentences import lead_sentence, refutations, verdict_sentence
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
